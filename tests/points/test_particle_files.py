@@ -146,6 +146,15 @@ def scaled(file, _):
     file["Header"].attrs["Scale-factor"] = -1.0
 
 
+def steep(_, gas):
+    gas["Coordinates"].attrs["a-scale exponent"] = -1e6
+
+
+def vast(file, gas):
+    put("Masses", np.full(COUNT, 1e300))(file, gas)
+    gas["Masses"].attrs["a-scale exponent"] = -100.0
+
+
 HOSTILE = {
     "shape": (put("Masses", np.ones(3)), r"'Masses' of the shape \(3,\); it must be \(60,\)"),
     "flat": (put("Coordinates", PLACE[:, :2]), r"it must be \(60, 3\)"),
@@ -158,6 +167,8 @@ HOSTILE = {
     "external": (external, "in other files"),
     "virtual": (virtual, "in other files"),
     "huge": (huge, "over the limit|memory"),
+    "steep": (steep, "the powers"),
+    "vast": (vast, "not finite"),
     "factor": (scaled, "a scale factor of -1"),
 }
 

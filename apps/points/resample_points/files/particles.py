@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from resample.reading.limits import check_file
 from resample_points.data.particles import Particles, particles_of
 from resample_points.files.readers import READERS, read_cloud
@@ -51,7 +53,8 @@ def read_particles(
     check_file(path)
     try:
         if source.suffix.lower() in SUFFIXES:
-            return read_snapshot(source, kind, quantities)
+            with np.errstate(all="ignore"):  # numbers that become infinite are refused
+                return read_snapshot(source, kind, quantities)
         if source.suffix.lower() not in READERS:
             known = ", ".join((*SUFFIXES[:2], *READERS))
             raise ValueError(f"particles are read from {known}")

@@ -95,7 +95,8 @@ class Snapshot:
                 break
         if number_of(self.path, dataset, "Value stored as physical"):
             powers = (0.0, 0.0)
-        factor = self.a ** powers[0] * self.h ** powers[1]
+        with np.errstate(all="ignore"):
+            factor = np.float64(self.a) ** powers[0] * np.float64(self.h) ** powers[1]
         if not 0 < factor < np.inf:
             raise ValueError(f"has {name!r:.80} with the powers {powers} of a and h")
         return float(factor)

@@ -114,20 +114,29 @@ def _sample(
 def _evaluate(record: Doubles, profile: Doubles, box: NDArray[np.int64], picture: Doubles) -> None:
     """Add means of a large column to the pixels of a box; as `_sample` with one sample."""
     x, xx, xy, peak, value = record[X], record[XX], record[XY], record[PEAK], record[VALUE]
+    lean_x, bend_x, is_bent = record[LEAN_X], record[BEND_X], record[BEND_X] > 0.0
     bend, steps = (xx + record[YY]) / 48.0, float(profile.shape[0] - 1)
     has_value = picture.shape[2] > 1
     for row in range(box[0], box[1]):
         dy = row + 0.5 - record[Y]
         half, rest = xy * dy, record[PLACE] + record[YY] * dy * dy
-        width = half * half - xx * (rest - 1.0)
-        if width <= 0.0:
-            continue
-        width = math.sqrt(width)
-        first = max(box[2], math.ceil(x - (half + width) / xx - 0.5))
-        last = min(box[3], math.floor(x + (width - half) / xx - 0.5) + 1)
+        first, last = box[2], box[3]
+        per_row = 1.0 + (record[LEAN_Y] + record[BEND_Y] * dy) * dy
+        if not is_bent:  # only where the square is below 1
+            width = half * half - xx * (rest - 1.0)
+            if width <= 0.0:
+                continue
+            width = math.sqrt(width)
+            first = max(first, math.ceil(x - (half + width) / xx - 0.5))
+            last = min(last, math.floor(x + (width - half) / xx - 0.5) + 1)
         for column in range(first, last):
             dx = column + 0.5 - x
-            at = min(max(rest + (xx * dx + 2.0 * half) * dx, 0.0) * steps, steps - 1e-9)
+            square = max(rest + (xx * dx + 2.0 * half) * dx, 0.0)
+            if is_bent:
+                square /= per_row + (lean_x + bend_x * dx) * dx
+                if square >= 1.0:
+                    continue
+            at = min(square * steps, steps - 1e-9)
             n = int(at)
             share = at - n
             low = profile[n, 0] + bend * profile[n, 1]
@@ -175,10 +184,9 @@ def paint_columns(
             if reach < TINY or (is_plain and reach < SMALL):
                 _share_out(record, quadrant, box, edge, picture)
             else:
-                enough = 2.0 * fineness if record[BEND_X] > 0.0 else fineness
                 smaller = min(record[REACH_X], record[REACH_Y])
-                fine = math.ceil(min(enough / smaller, FINEST))
-                if fine == 1 and record[BEND_X] == 0.0:
+                fine = math.ceil(min(fineness / smaller, FINEST))
+                if fine == 1:
                     _evaluate(record, profile, box, picture)
                 else:
                     _sample(record, profile, box, fine, picture)
