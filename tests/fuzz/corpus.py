@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tests import snapshots
 from tests import splats as splat_files
 from tests.fuzz.grids import grids
 from tests.fuzz.scans import scans
@@ -273,7 +274,19 @@ def stores() -> list[Case]:
         *(Case("volume", files) for files in grids()),
         *gaussians(),
         *(Case("cloud", files) for files in scans()),
+        *(Case("particles", files) for files in particles()),
     ]
+
+
+def particles() -> list[Mapping[str, bytes]]:
+    """Snapshots of every kind, where h5py is installed; columns with masses."""
+    columns = b"x,y,z,mass,h\n" + b"0,1,2,3,0.5\n" * 9
+    if find_spec("h5py") is None:
+        return [{"a.csv": columns}]
+    writers = (snapshots.swift, snapshots.gadget, snapshots.arepo, snapshots.phantom)
+    with tempfile.TemporaryDirectory() as folder:
+        files = [write(Path(folder, f"{n}.h5")).read_bytes() for n, write in enumerate(writers)]
+    return [{"a.csv": columns}, *({"a.h5": content} for content in files)]
 
 
 def gaussians() -> list[Case]:

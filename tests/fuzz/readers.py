@@ -15,6 +15,7 @@ from resample.engine.compiled import entries
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample_points.files.gaussians.reading import read_gaussians
+from resample_points.files.particles import read_particles
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.geometry.matrices import parse_matrix
@@ -73,6 +74,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "matrix": lambda path: parse_matrix(str(path)),
     "cloud": read_cloud,
     "gaussians": read_gaussians,
+    "particles": read_particles,
     "coarse-cloud": lambda path: read_cloud(path, level=1),
     "mesh": load_mesh,
     "scene-mesh": lambda path: read_mesh(str(path)),

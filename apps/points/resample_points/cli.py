@@ -13,19 +13,23 @@ from resample.command.settings import FrameFormat, Serving, Sharing, height_and_
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
+from resample_points.command.density import DensityOptions
 from resample_points.command.gaussians import GaussianOptions
 
 app = App(
     name="resample-points",
-    help="Point clouds and 3D Gaussians: points where they are small on screen, splats where they "
-    "are large."
+    help="Point clouds, 3D Gaussians and particles: points where they are small on screen, splats "
+    "where they are large."
     "\n\nExample: resample-points render scan.ply --camera 40/20/1.5 --up y -o scan.png",
     version=installed_version,
 )
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
-GAUSSIANS = GaussianOptions.usual()
+GAUSSIANS, DENSITY = GaussianOptions.usual(), DensityOptions.usual()
+MapOutput = Annotated[
+    flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
+]
 FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
 FORMER = {  # names that settings files of the release before have
     "render": "resample-warp3d cloud",
@@ -192,6 +196,40 @@ def info(
     facts = facts_in(file)
     lines = (f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else "".join(lines))
+
+
+@app.command
+def density(
+    file: Path,
+    /,
+    *,
+    output: MapOutput,
+    look: Annotated[DensityOptions, flags.Flat] = DENSITY,
+    start: Annotated[CloudStart, flags.Flat] = START,
+    form: Annotated[FrameFormat, flags.Flat] = FORMAT,
+) -> None:
+    """Map the particles of a simulation: column density, means of a quantity, slices.
+
+    Example: resample-points density snapshot.hdf5 --type dark --axis z --size 800 --color-bar
+    -o halo.png
+
+    Parameters
+    ----------
+    file
+        .hdf5 or .h5 of SWIFT, GADGET, AREPO or Phantom (any of several files), or .csv, .npz and
+        other points with columns mass and h.
+    """
+    from resample.command.session import Session
+    from resample.files.writing import check_targets
+    from resample_points.command.density import density_of, write_map
+    from resample_points.command.rendering import check_memory
+
+    shape = form.height_and_width()
+    look.check(output, shape[0], start)
+    check_targets(output)
+    check_memory(shape, output)
+    found = density_of(Session(), file, look, start, shape)
+    write_map(output, found, look, form)
 
 
 @app.command

@@ -63,7 +63,7 @@ class CloudOptions(Choices):
     ] = None
     colormap: Annotated[
         str,
-        Field(description="Colormap for --color-by, one of matplotlib's, such as turbo or tab10."),
+        Field(description="Colormap, one of matplotlib's, such as turbo or tab10."),
     ] = "viridis"
     span: Annotated[
         str | None,

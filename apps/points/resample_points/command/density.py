@@ -1,0 +1,217 @@
+"""Maps of particles for the command line."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from cyclopts import Parameter
+from pydantic import Field
+
+from resample.command.flags import Hyphen, OptionTopic, Switch
+from resample.command.settings import Choices, FrameFormat, Threads
+from resample_points.command.choices import CloudStart
+
+if TYPE_CHECKING:
+    from resample.command.session import Session
+    from resample_points.data.particles import Particles
+    from resample_points.painting.density import DensityMap
+
+NUMBERS = (".npy", ".exr")
+PICTURES = (".png",)
+
+
+class DensityOptions(Choices):
+    """What a map of particles shows."""
+
+    heading: ClassVar[str] = "Look"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    kind: Annotated[
+        str,
+        Parameter(name="--type"),
+        Field(description="Type of the particles of a snapshot: gas, dark, stars, or 0 to 6."),
+    ] = "gas"
+    axis: Annotated[
+        Literal["x", "y", "z"] | None,
+        Field(description="Axis along which is projected. Default: z, unless --camera is given."),
+    ] = None
+    crop: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
+    ] = None
+    kernel: Annotated[
+        Literal["cubic", "wendland", "gaussian"],
+        Parameter(name="--smoothing-kernel"),
+        Field(description="Smoothing kernel: cubic spline, wendland (C2) or gaussian."),
+    ] = "cubic"
+    quantity: Annotated[
+        str | None,
+        Field(
+            description="Quantity whose mean by mass is shown, such as temperature. Default: the "
+            "column density."
+        ),
+    ] = None
+    slice: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Cut by a plane: where along the axis, in scene units or as a share of the "
+            "range (50%); or its depth before the camera."
+        ),
+    ] = None
+    log: Annotated[
+        bool | None,
+        Field(description="Logarithmic scale of colors. Default: for densities."),
+    ] = None
+    span: Annotated[
+        str | None,
+        Parameter(name="--range", allow_leading_hyphen=True),
+        Field(
+            description="Values at the ends of the colormap: low,high, or quantiles such as "
+            "2%,98%. Default: all; of a logarithmic scale at most 5 powers of ten."
+        ),
+    ] = None
+    colormap: Annotated[
+        str, Field(description="Colormap, one of matplotlib's, such as turbo or tab10.")
+    ] = "inferno"
+    color_bar: Annotated[
+        bool, Switch, Field(description="Add a bar to the right: the colors and their values.")
+    ] = False
+    threads: Threads = None
+
+    def check(self, output: Path, height: int, start: CloudStart) -> None:
+        """Refuse invalid options before any work is done."""
+        from resample.colors import check_colormap
+        from resample.measuring.color_bars import check_bar
+        from resample_points.data.selecting import box_of
+        from resample_points.files.snapshots import type_of
+
+        if output.suffix.lower() not in (*PICTURES, *NUMBERS):
+            raise ValueError(
+                f"{output}: maps are written as .png in colors, .exr or .npy in numbers"
+            )
+        type_of(self.kind)
+        box_of(self.crop)
+        check_colormap(self.colormap)
+        start.start()
+        if self.axis is not None and start.model_fields_set:
+            raise ValueError("--axis and --camera are two views; give one of them")
+        if start.model_fields_set and self.crop is not None and self.slice is not None:
+            _number(self.slice)
+        if self.color_bar:
+            check_bar(output, height)
+            if output.suffix.lower() in NUMBERS:
+                raise ValueError(
+                    f"{output}: numbers have no color bar; write a .png, or leave it out"
+                )
+
+
+def density_of(
+    session: "Session",
+    file: Path,
+    options: DensityOptions,
+    start: CloudStart,
+    shape: tuple[int, int],
+) -> "DensityMap":
+    """Read the particles of a command, and make their map."""
+    from resample.engine import jit
+    from resample.words import naming
+    from resample_points.files.particles import read_particles
+    from resample_points.painting.density import column_density
+
+    wanted = () if options.quantity is None else (options.quantity,)
+    with session.stage("read", bar="reading"):
+        particles = read_particles(file, options.kind, quantities=wanted)
+    region = _region(options.crop)
+    with jit.threads(options.threads):
+        with session.stage("prepare", bar="measuring"), naming(file.name):
+            particles = particles.smoothed()
+        with session.stage("paint", bar="painting"), naming(file.name):
+            if start.model_fields_set:
+                particles, view, region = *_before(particles, start, shape, region), None
+                at = None if options.slice is None else _number(options.slice)
+            else:
+                view = options.axis or "z"
+                at = _slice(particles, view, options.slice, region)
+            return column_density(
+                particles,
+                view,
+                size=shape[::-1],
+                kernel=options.kernel,
+                quantity=options.quantity,
+                slice_at=at,
+                region=region,
+            )
+
+
+def _region(crop: str | None) -> Any:
+    """Return the corners of --crop (2, 3), infinite where open; None without it."""
+    import numpy as np
+
+    from resample_points.data.selecting import box_of
+
+    region = np.array([[-np.inf] * 3, [np.inf] * 3])
+    for wanted in box_of(crop):
+        region[:, "xyz".index(wanted.column)] = wanted.ranges[0]
+    return None if crop is None else region
+
+
+def _before(
+    particles: "Particles", start: CloudStart, shape: tuple[int, int], region: Any
+) -> tuple["Particles", Any]:
+    """Return the particles within a region, and a camera that frames them."""
+    import numpy as np
+
+    from resample_points.data.cloud import Cloud
+    from resample_points.scenes import camera_of
+
+    if region is not None:
+        inside = (particles.position >= region[0]) & (particles.position <= region[1])
+        kept = inside.all(axis=1)
+        if not kept.any():
+            raise ValueError("no particle is in the box of --crop")
+        particles = particles.some(kept)
+    nothing = np.empty((0, 3), np.float32)
+    cloud = Cloud(particles.position, nothing, nothing, np.empty(0, np.float32))
+    return particles, camera_of(cloud, shape, start.start())
+
+
+def _slice(particles: "Particles", axis: str, given: str | None, region: Any) -> float | None:
+    """Return where a slice is along an axis; shares are of what is shown."""
+    from resample_points.painting.placing import region_of
+
+    if given is None:
+        return None
+    text = given.strip()
+    if not text.endswith("%"):
+        return _number(text)
+    low, high = region_of(particles, region)[:, "xyz".index(axis)]
+    return float(low + (high - low) * _number(text[:-1]) / 100.0)
+
+
+def _number(text: str) -> float:
+    from resample.words import numbers_in
+
+    return numbers_in("a slice at", text, 1)[0]
+
+
+def write_map(path: Path, found: "DensityMap", options: DensityOptions, form: FrameFormat) -> None:
+    """Write a map: its numbers, or a picture in colors; say its range and units."""
+    from resample.console import say
+    from resample.files.saving import write_png
+    from resample.measuring.color_bars import with_color_bar
+    from resample_points.data.parts import span_in
+    from resample_points.painting.mapping import map_picture
+
+    span = span_in(found.value)
+    if span is None:
+        raise ValueError("no particle is in the picture")
+    if path.suffix.lower() in NUMBERS:
+        found.save(path)
+    else:
+        picture = map_picture(found, colormap=options.colormap, span=options.span, log=options.log)
+        rgba, behind = picture.rgba, form.behind()
+        if options.color_bar:
+            rgba = with_color_bar(rgba, picture.bar(behind), behind)
+        write_png(path, rgba, bits=form.bits, background=behind)
+    say(f"{found.name}: {span[0]:.4g} to {span[1]:.4g} {found.units or 'in units of the file'}")

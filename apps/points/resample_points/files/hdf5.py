@@ -1,0 +1,135 @@
+"""Datasets of HDF5 files, read through h5py (the extra `hdf5`) within limits.
+
+Links to other files, external data and virtual datasets are refused: a file must not make others be
+read.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.reading.limits import check_free, check_items, check_unpacked
+from resample_points.files.parsing import damage, lacking
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+LONGEST = 200  # characters of a text
+FIRST = (0, 512, 1024, 2048)  # bytes at which it may be
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """Open an HDF5 file for reading."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise lacking(path.name, "h5py", error, "hdf5") from None
+    with path.open("rb") as raw:
+        head = raw.read(FIRST[-1] + len(SIGNATURE))
+    if not any(head[first:].startswith(SIGNATURE) for first in FIRST):
+        raise ValueError("is not an HDF5 file")
+    with damage(path):
+        file = h5py.File(path, "r")
+    try:
+        yield file
+    finally:
+        file.close()
+
+
+def names_in(path: Path, group: Any) -> list[str]:
+    """Return the names in a group."""
+    with damage(path):
+        count = len(group)
+    check_items(path.name, count, "datasets in a group")
+    with damage(path):
+        return [str(name) for name in group]
+
+
+def member(path: Path, group: Any, name: str) -> Any:
+    """Return a group or dataset of a group; None if there is none."""
+    import h5py
+
+    with damage(path):
+        link = group.get(name, getlink=True)
+    if link is None:
+        return None
+    if not isinstance(link, h5py.HardLink):
+        raise ValueError(f"has {name!r:.80} as a link, which is not followed; give the file itself")
+    with damage(path):
+        return group[name]
+
+
+def group_in(path: Path, group: Any, name: str) -> Any:
+    """Return a group of a group; None if there is none."""
+    import h5py
+
+    found = member(path, group, name)
+    return found if isinstance(found, h5py.Group) else None
+
+
+def dataset_in(path: Path, group: Any, name: str) -> Any:
+    """Return a dataset of numbers within the limits; None if there is none."""
+    import h5py
+
+    found = member(path, group, name)
+    if not isinstance(found, h5py.Dataset):
+        return None
+    with damage(path):
+        external, is_virtual = found.external, found.is_virtual
+        shape, kind, chunk = found.shape, found.dtype, found.chunks
+        stored = found.id.get_storage_size()
+    if external or is_virtual:
+        raise ValueError(f"has {name!r:.80} in other files; give these")
+    if shape is None or kind.kind not in "iufb":
+        raise ValueError(f"has {name!r:.80} of the type {kind}; numbers can be read")
+    check_unpacked(path.name, int(stored), math.prod(shape) * kind.itemsize)
+    if chunk:
+        check_free(path.name, math.prod(chunk) * kind.itemsize)
+    return found
+
+
+def array_in(path: Path, group: Any, name: str, shape: tuple[int, ...] | None = None) -> Any:
+    """Return an array of a group; None if there is none.
+
+    `shape`: what it must have, where None stands for any number.
+    """
+    found = dataset_in(path, group, name)
+    if found is None:
+        return None
+    if shape is not None and found.shape != shape:
+        raise ValueError(f"has {name!r:.80} of the shape {found.shape}; it must be {shape}")
+    with damage(path):
+        values: NDArray[Any] = found[()]
+    return values
+
+
+def numbers_of(path: Path, owner: Any, name: str) -> NDArray[np.float64] | None:
+    """Return an attribute as numbers (N,); None if there is none, or it is text."""
+    with damage(path):
+        if owner is None or name not in owner.attrs:
+            return None
+        values = np.atleast_1d(np.asarray(owner.attrs[name]))
+    if values.dtype.kind not in "iufb" or values.ndim != 1 or not len(values):
+        return None
+    return values.astype(np.float64)
+
+
+def number_of(path: Path, owner: Any, name: str) -> float | None:
+    """Return an attribute as one number; None if there is none."""
+    values = numbers_of(path, owner, name)
+    return None if values is None else float(values[0])
+
+
+def text_of(path: Path, owner: Any, name: str) -> str:
+    """Return an attribute as text; empty if there is none."""
+    with damage(path):
+        if name not in owner.attrs:
+            return ""
+        value = owner.attrs[name]
+    value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    return text[:LONGEST]
