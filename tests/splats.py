@@ -258,5 +258,5 @@ def zipped(files, method=zipfile.ZIP_STORED):
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", method) as target:
         for name, content in files.items():
-            target.writestr(zipfile.ZipInfo(name), content)  # of 1980, always
+            target.writestr(zipfile.ZipInfo(name), content, method)  # of 1980, always
     return packed.getvalue()
