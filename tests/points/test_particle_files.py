@@ -1,5 +1,6 @@
 """Particles from HDF5 of SWIFT, GADGET, AREPO and Phantom, and from columns; maps by commands."""
 
+import sys
 from functools import partial
 
 import numpy as np
@@ -199,6 +200,13 @@ def test_types_that_are_not_there_are_refused(tmp_path, kind, message):
     path = snapshots.swift(tmp_path / "a.hdf5")
     with pytest.raises(ValueError, match=message):
         read_particles(path, kind)
+
+
+def test_a_missing_h5py_is_named_with_its_extra(tmp_path, monkeypatch):
+    path = snapshots.swift(tmp_path / "a.hdf5")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[hdf5\]'"):
+        read_particles(path)
 
 
 @pytest.fixture

@@ -1,1 +1,1 @@
-"""Point clouds in memory or in files, their columns, colors by a column; 3D Gaussians."""
+"""Point clouds in memory or in files, their columns and colors; 3D Gaussians, particles."""
