@@ -137,7 +137,8 @@ def depths() -> Iterator[str]:
 
 
 def gaussians() -> Iterator[str]:
-    """Commands for 3D Gaussians."""
+    """Commands for 3D Gaussians and particles."""
+    yield "resample-points density particles.npz --size 40 -o out.png"
     for more in (
         "--size 40",
         "--size 40 --order rays",
@@ -192,6 +193,7 @@ def prepare() -> None:
     np.save("map.npy", np.stack([across + 0.1 * down, 0.9 * down], axis=-1).astype(np.float32))
     np.save("flow.npy", np.full((40, 48, 2), 0.7, np.float32))
     _gaussians("gaussians.ply", rng)
+    np.savez("particles.npz", position=rng.random((60, 3)), mass=np.ones(60), h=np.full(60, 0.1))
     depth = 2 + 0.01 * across
     np.save("depth.npy", depth.astype(np.float32))
     cv2.imwrite("depth.png", (1000 * depth).astype(np.uint16))
