@@ -260,3 +260,32 @@ def test_what_does_not_fit_stays_in_its_file(file, monkeypatch):
     monkeypatch.setattr(gaussians, "free_memory", lambda: 60 * 200.0)
     assert ended("render", file, "-o", "parts.png", "--camera", "0/0/0.5", *SMALL) == 0
     assert Path("parts.png").read_bytes() == Path("whole.png").read_bytes()
+
+
+def test_both_eyes_are_shown_beside_each_other(file, capsys):
+    words = ("--camera", "0/0/1", "--background", "black", *SMALL)
+    assert ended("render", file, "-o", "both.exr", "--eyes", "0.4", *words) == 0
+    assert ended("render", file, "-o", "one.exr", *words) == 0
+    both, one = (read_channels(name)["Z"] for name in ("both.exr", "one.exr"))
+    assert both.shape == (36, 96)
+    camera = gaussian_camera(scene(), size=(48, 36), azimuth=0, elevation=0, up="-y")
+    # Mean places in both: what is as far as the middle is apart by the parallax of its depth.
+    depth = float(np.median(one[np.isfinite(one)]))
+    left, right = (read_channels("both.exr")["R"][:, part] for part in (np.s_[:48], np.s_[48:]))
+    moves = range(-12, 13)
+    scores = [np.square(left[:, 12:36] - right[:, 12 - n : 36 - n]).mean() for n in moves]
+    assert abs(moves[int(np.argmin(scores))] - 0.4 * camera.fx / depth) < 2.5
+    around = ("--panorama", "fisheye", "--size", "40x40")
+    message = refused(capsys, "render", file, "-o", "no.png", "--eyes", "1", *around)
+    assert "--eyes is for perspective cameras" in message
+
+
+def test_further_scenes_are_placed_by_a_pose(file):
+    np.savetxt("pose.txt", [[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    write_gaussians(
+        "moved.ply", scene()._replace(position=scene().position + np.float32([9, 0, 0]))
+    )
+    for name, also in (("posed.png", "scene.ply,pose.txt"), ("moved.png", "moved.ply")):
+        assert ended("render", file, "--also", also, "-o", name, *SMALL) == 0
+    one, two = (np.asarray(Image.open(name)).astype(int) for name in ("posed.png", "moved.png"))
+    assert np.abs(one - two).max() <= 1

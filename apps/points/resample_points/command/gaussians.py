@@ -17,6 +17,7 @@ from resample_points.command.choices import CloudOptions, CloudStart
 if TYPE_CHECKING:
     from resample.command.session import Session
     from resample.files.animations import Frames, Shots
+    from resample.types import Doubles
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians
     from resample_points.painting.gaussians import GaussianStyle, StoredGaussians
@@ -78,6 +79,15 @@ class GaussianOptions(Choices):
     largest: Annotated[
         float | None,
         Field(description="Leave out Gaussians of larger standard deviations, scene units."),
+    ] = None
+
+    eyes: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="Distance between the eyes, scene units: both their pictures, side by side "
+            "and each of the size. Default: one picture.",
+        ),
     ] = None
 
     def check(self) -> None:
@@ -185,6 +195,27 @@ class GaussianPictures:
         return aim.model_copy(update={"up": self.gaussians.up or "-y"})
 
     def picture(self, camera: Any, shape: "Shape", background: Any = None) -> Any:
+        """Render a frame, or the frames of both eyes beside each other."""
+        import numpy as np
+
+        from resample.cameras.models import Camera
+
+        apart = self.options.eyes
+        if apart is None:
+            return self._one(camera, shape, background)
+        if not isinstance(camera, Camera):
+            raise ValueError("--eyes is for perspective cameras; leave it out of other pictures")
+        frames = []
+        for side in (0.5, -0.5):  # the left eye has the scene farther to the right
+            pose = camera.world_to_camera.copy()
+            pose[0, 3] += side * apart
+            frames.append(self._one(camera.moved(pose), shape, background))
+        left, right = frames
+        names = ("rgba", "depth", "first_depth", "coverage", "value")
+        pairs = ((name, getattr(left, name), getattr(right, name)) for name in names)
+        return left._replace(**{name: np.concatenate(pair, axis=1) for name, *pair in pairs})
+
+    def _one(self, camera: Any, shape: "Shape", background: Any) -> Any:
         """Render a frame."""
         from resample_points.painting.gaussians import render_gaussians
 
@@ -228,11 +259,23 @@ def gaussians_of(
         stored = None if clouds.also else stored_gaussians(file)
         if stored is not None and stored.count * BYTES > int(SHARE * free_memory()):
             return GaussianPictures(StoredGaussians(stored, crop), options, clouds.threads)
-        scenes = [read_gaussians(name) for name in (file, *map(Path, clouds.also))]
-        whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes)
+        others = [_with_pose(text) for text in clouds.also]
+        scenes = [read_gaussians(name) for name in (file, *(name for name, _ in others))]
+        poses = [None, *(pose for _, pose in others)]
+        whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes, poses)
         with naming(file.name):
             whole = cropped_gaussians(whole, **crop._asdict())
     return GaussianPictures(whole, options, clouds.threads)
+
+
+def _with_pose(text: str) -> "tuple[Path, Doubles | None]":
+    """Split the name of a scene and the file of its pose, if there is one."""
+    from resample.cameras.files import read_pose
+
+    name, comma, pose = text.rpartition(",")
+    if Path(text).exists() or not comma:
+        return Path(text), None
+    return Path(name), read_pose(pose)
 
 
 def free_memory() -> float:
