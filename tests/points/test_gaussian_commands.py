@@ -289,3 +289,25 @@ def test_further_scenes_are_placed_by_a_pose(file):
         assert ended("render", file, "--also", also, "-o", name, *SMALL) == 0
     one, two = (np.asarray(Image.open(name)).astype(int) for name in ("posed.png", "moved.png"))
     assert np.abs(one - two).max() <= 1
+
+
+def test_methods_are_compared_with_many_rays(file, capsys):
+    words = ("--size", "32x24", "--methods", "affine,rays", "--subpixels", "4", "--json")
+    assert ended("compare", file, "-o", "sheet.png", *words) == 0
+    affine, rays = json.loads(capsys.readouterr().out)
+    assert rays["method"] == "rays"
+    assert rays["psnr"] > affine["psnr"] + 10
+    with Image.open("sheet.png") as sheet:
+        assert sheet.width > 3 * 32
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--methods", "gsplat"), "method 'gsplat'; known: trained, distance, rays, bare, affine"),
+        (("-o", "sheet.gif"), "contact sheets are written as .png"),
+        (("--panorama", "fisheye"), "methods are compared in perspective"),
+    ],
+)
+def test_comparisons_that_cannot_be_made_are_refused(file, words, complaint, capsys):
+    assert complaint in refused(capsys, "compare", file, *words)

@@ -171,6 +171,57 @@ def animate(
 
 
 @app.command
+def compare(
+    file: Path,
+    /,
+    *,
+    methods: flags.AppearanceFlag[str] = "affine,trained,rays",
+    aim: Annotated[CloudAim, flags.Flat] = AIM,
+    look: Annotated[CloudOptions, flags.Flat] = CLOUD,
+    gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
+    size: flags.Size = "640x480",
+    output: flags.OptionalOutput = None,
+    as_json: flags.Json = False,
+) -> None:
+    """Compare ways to render 3D Gaussians with 16 x 16 rays per pixel, each in its own order.
+
+    Example: resample-points compare scene.ply --methods affine,trained,rays -o compare.png
+
+    Parameters
+    ----------
+    file
+        3D Gaussians, as in render.
+    methods
+        Methods separated by commas: trained, distance, rays, bare or affine, the usual projection.
+    output
+        Written to: all pictures side by side with enlarged details (.png).
+    """
+    import sys
+
+    from resample.command.session import Session
+    from resample.files.writing import check_targets, rows_as_json
+    from resample.measuring.compare import check_sheet, contact_sheet, plain
+    from resample_points.command.comparing import compare_methods, methods_named
+    from resample_points.command.gaussians import check_kind, gaussians_of
+
+    names, shape = methods_named(methods), height_and_width(size)
+    if output is not None:
+        check_sheet(output)
+        check_targets(output)
+    aim.check()
+    gaussians.check()
+    if not check_kind(file, look, gaussians):
+        raise ValueError(f"{file.name} holds no 3D Gaussians, whose ways are compared here")
+    session = Session()
+    scene = gaussians_of(session, file, look, gaussians)
+    camera = scene.upright(aim).camera_for(scene.framing, shape)
+    rows, pictures = compare_methods(scene, camera, shape, names)
+    if output is not None:
+        contact_sheet(pictures, output)
+    sys.stdout.write(rows_as_json(rows) if as_json else plain(rows))
+
+
+@app.command
 def info(
     file: Path,
     /,
