@@ -759,6 +759,18 @@ def test_a_depth_camera_beside_the_pictures_is_brought_to_it():
     assert np.isinf(found[:, :1]).all()
 
 
+def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(capsys):
+    depth = np.full((24, 32), 2000, np.uint16)
+    depth[8:16, 12:20] = 1000
+    cv2.imwrite("color.png", np.repeat(depth[..., None] / 10, 3, axis=2).astype(np.uint8))
+    cv2.imwrite("beside.png", np.roll(depth, -4, axis=1))  # of the box; the wall moves by 2
+    words = ["--depth-intrinsics", "20,20,16,12", "--depth-pose", pose("beside.txt", 0.2)]
+    moved(*STAY, *words, "--depth-output", "z.npy", depth="beside.png")
+    assert "depth: small gaps filled" in capsys.readouterr().err
+    found = np.load("z.npy")[:, 2:]  # the picture's left border is beyond the depth camera's
+    np.testing.assert_allclose(found, depth[:, 2:] / 1000, rtol=1e-3)
+
+
 def test_a_depth_pose_needs_its_intrinsics(capsys):
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--depth-pose", pose("at.txt")))
     assert "--depth-pose belongs to --depth-intrinsics" in error

@@ -82,7 +82,12 @@ class Refined(NamedTuple):
 
 
 def refine(
-    image: DepthImage, name: str = "auto", *, noise: float | None = None, step: float | None = None
+    image: DepthImage,
+    name: str = "auto",
+    *,
+    noise: float | None = None,
+    step: float | None = None,
+    is_measured: bool = False,
 ) -> Refined:
     """Refine a depth image.
 
@@ -99,6 +104,8 @@ def refine(
         computed maps gaps may be intended.
     noise, step
         As `preparation.prepare` takes them.
+    is_measured
+        Unknown samples were lost, as in depth of another camera: `auto` fills them.
 
     Raises
     ------
@@ -131,6 +138,7 @@ def refine(
         noise = noise_of(nearness, linked(nearness, quantum, 0.0))
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum)
+    findings = findings._replace(is_measured=findings.is_measured or is_measured)
     chosen = findings.remedy if name == "auto" else name
     if name == "auto" and is_enlarged and chosen != "sharpen":
         chosen = "snap"
