@@ -10,13 +10,12 @@ from resample_warp3d.command.inputs import DepthInput
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import (
     REFINES,
-    enlarged,
-    fitted,
     refine,
     window,
 )
 from resample_warp3d.depth.refining.inspecting import OVERSHOOT
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
+from resample_warp3d.depth.refining.resizing import enlarged, fitted
 from resample_warp3d.figures.scenes import generated
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage

@@ -31,7 +31,8 @@ from resample_warp3d.depth.encodings import (
 )
 from resample_warp3d.depth.equation import lens_places, pose_warning
 from resample_warp3d.depth.files import read_depth
-from resample_warp3d.depth.refining.conditioning import Refined, fitted, refine
+from resample_warp3d.depth.refining.conditioning import Refined, refine
+from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 from resample_warp3d.wide import CameraModel, taken_by
@@ -72,8 +73,10 @@ class DepthInput(NamedTuple):
         """Return the refinement for the option `name`; enlarged depth is always refined."""
         if name != "auto" or not self.is_fitted:
             return name
-        from resample_warp3d.depth.refining.inspecting import is_sharpened, known
+        from resample_warp3d.depth.refining.inspecting import is_sharpened, is_sparse, known
 
+        if is_sparse(known(self.image)):
+            return "densify"
         return "sharpen" if is_sharpened(known(self.image)) else "snap"
 
     def refined(self, name: str, noise: float | None = None) -> Refined:

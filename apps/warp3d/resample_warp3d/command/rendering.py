@@ -33,6 +33,7 @@ REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
     "sharpen": "soft edges hardened where the picture has edges, gaps filled",
     "shift": "moved to where the picture has its edges, gaps filled",
+    "densify": "sparse samples interpolated along surfaces of one color",
     "complete": "small gaps filled from their surroundings",
 }
 FEW = 1e-4  # share of the pixels below which holes are not reported
