@@ -771,6 +771,18 @@ def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(capsys):
     np.testing.assert_allclose(found, depth[:, 2:] / 1000, rtol=1e-3)
 
 
+def test_depth_of_every_fourth_row_is_interpolated_and_the_command_says_so(capsys):
+    depth = np.full((24, 32), 2000, np.uint16)
+    depth[:, 12:20] = 1000
+    cv2.imwrite("color.png", np.repeat(depth[..., None] / 10, 3, axis=2).astype(np.uint8))
+    rows = np.zeros_like(depth)
+    rows[1::4] = depth[1::4]
+    cv2.imwrite("rows.png", rows)
+    moved(*STAY, "--depth-output", "z.npy", depth="rows.png")
+    assert "sparse samples interpolated" in capsys.readouterr().err
+    np.testing.assert_allclose(np.load("z.npy"), depth / 1000, rtol=1e-3)
+
+
 def test_a_depth_pose_needs_its_intrinsics(capsys):
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--depth-pose", pose("at.txt")))
     assert "--depth-pose belongs to --depth-intrinsics" in error
