@@ -437,7 +437,7 @@ def test_damaged_files_are_one_line(which, capsys):
 
 def test_a_target_larger_than_the_memory_is_refused_before_any_work(monkeypatch, capsys):
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 30)
-    monkeypatch.setattr("resample_warp3d.command.rendering.refine", None)
+    monkeypatch.setattr("resample_warp3d.command.rendering.sourced", None)
     error = refused(capsys, *render(*RIGHT, "-o", "out.png", "--size", "8000x8000"))
     assert "a picture of 8000 x 8000 pixels needs" in error
 
@@ -757,6 +757,30 @@ def test_a_depth_camera_beside_the_pictures_is_brought_to_it():
     assert np.allclose(found[9:15, 13:19], 1, rtol=1e-3)
     assert np.allclose(found[:6, 4:], 2, rtol=1e-3)
     assert np.isinf(found[:, :1]).all()
+
+
+def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(capsys):
+    depth = np.full((24, 32), 2000, np.uint16)
+    depth[8:16, 12:20] = 1000
+    cv2.imwrite("color.png", np.repeat(depth[..., None] / 10, 3, axis=2).astype(np.uint8))
+    cv2.imwrite("beside.png", np.roll(depth, -4, axis=1))  # of the box; the wall moves by 2
+    words = ["--depth-intrinsics", "20,20,16,12", "--depth-pose", pose("beside.txt", 0.2)]
+    moved(*STAY, *words, "--depth-output", "z.npy", depth="beside.png")
+    assert "depth: small gaps filled" in capsys.readouterr().err
+    found = np.load("z.npy")[:, 2:]  # the picture's left border is beyond the depth camera's
+    np.testing.assert_allclose(found, depth[:, 2:] / 1000, rtol=1e-3)
+
+
+def test_depth_of_every_fourth_row_is_interpolated_and_the_command_says_so(capsys):
+    depth = np.full((24, 32), 2000, np.uint16)
+    depth[:, 12:20] = 1000
+    cv2.imwrite("color.png", np.repeat(depth[..., None] / 10, 3, axis=2).astype(np.uint8))
+    rows = np.zeros_like(depth)
+    rows[1::4] = depth[1::4]
+    cv2.imwrite("rows.png", rows)
+    moved(*STAY, "--depth-output", "z.npy", depth="rows.png")
+    assert "sparse samples interpolated" in capsys.readouterr().err
+    np.testing.assert_allclose(np.load("z.npy"), depth / 1000, rtol=1e-3)
 
 
 def test_a_depth_pose_needs_its_intrinsics(capsys):

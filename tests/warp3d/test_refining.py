@@ -10,13 +10,12 @@ from resample_warp3d.command.inputs import DepthInput
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import (
     REFINES,
-    enlarged,
-    fitted,
     refine,
     window,
 )
 from resample_warp3d.depth.refining.inspecting import OVERSHOOT
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
+from resample_warp3d.depth.refining.resizing import enlarged, fitted
 from resample_warp3d.figures.scenes import generated
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
@@ -346,3 +345,20 @@ def test_a_small_map_is_sharpened_if_it_is_soft_itself(sigma, remedy, scene):
     kind, camera = Kind(("R", "G", "B"), 8, is_encoded=True), Camera.from_fov(60, SIZE, SIZE)
     view = DepthInput(Picture(scene.color, kind), fitted(given), camera, None, is_fitted=True)
     assert view.refine("auto") == remedy
+
+
+def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(rng):
+    """A box that hides a part of the wall from the depth camera only."""
+    camera, beside = camera_at(), camera_at((0.5, 0.0, 0.0))
+    y, x = np.mgrid[:64, :64]
+    depth = np.where((abs(x - 32) < 10) & (abs(y - 32) < 10), 2.0, 5.0)  # as the picture sees it
+    theirs = np.where((abs(x - 16) < 10) & (abs(y - 32) < 10), 2.0, 5.0)
+    found = registered((1 / theirs).astype(np.float32), beside, camera, (64, 64))
+    image = depth_image(found, painted(depth < 3, rng))
+    kind = Kind(("R", "G", "B"), 8, is_encoded=True)
+    view = DepthInput(Picture(image.color, kind), image, camera, None, is_registered=True)
+    refined = view.refined("auto")
+    is_lost = (found <= 0) & (x >= 16)
+    assert (found[is_lost] == 0).sum() > 100
+    assert refined.chosen == "complete"
+    np.testing.assert_allclose(1 / refined.image.nearness[is_lost], 5.0, rtol=1e-3)

@@ -26,7 +26,8 @@ def registered(
 
     Returns
     -------
-    Nearness of the nearest surface that covers most of each pixel; 0 where there is none.
+    Nearness of the nearest surface that covers most of each pixel; 0 where there is none, as in the
+    shadow of what hides a part from the depth camera: `refine="complete"` fills that.
 
     Raises
     ------

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from resample_warp3d.views.together import Joining
 
 RELATIVE = ("relative", "relative-z")
-Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete"]
+Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete", "densify"]
 UNMIXED = ("mcmillan", "mcmillan-zbuffer", "opencv")  # give each pixel the color of one sample
 
 

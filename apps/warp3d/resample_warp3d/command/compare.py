@@ -21,7 +21,7 @@ from resample_warp3d.command.inputs import (
 from resample_warp3d.command.rendering import film_of
 from resample_warp3d.command.target import Aim
 from resample_warp3d.depth.equation import between
-from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.types import Equation, Source
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def _placed(
     """Return the prepared source, the equation of its new view, and the frame's shape."""
     full = seen.image.nearness.shape[0], seen.image.nearness.shape[1]
     target = aim.camera(seen.pinhole, full, reader.eye.convention)
-    source = prepare(seen.image, step=seen.step, refine=seen.refine(refine))
+    source = sourced(seen.refined(refine), noise=None)
     return source, between(seen.pinhole, target), aim.shape(full)
 
 

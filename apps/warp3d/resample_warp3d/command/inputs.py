@@ -31,7 +31,8 @@ from resample_warp3d.depth.encodings import (
 )
 from resample_warp3d.depth.equation import lens_places, pose_warning
 from resample_warp3d.depth.files import read_depth
-from resample_warp3d.depth.refining.conditioning import fitted
+from resample_warp3d.depth.refining.conditioning import Refined, refine
+from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 from resample_warp3d.wide import CameraModel, taken_by
@@ -48,6 +49,7 @@ class DepthInput(NamedTuple):
     camera: Camera | Orthographic
     step: float | None  # smallest step of nearness in the file, if known
     is_fitted: bool = False  # the file's depth had another size
+    is_registered: bool = False  # the depth is another camera's, which does not see all of it
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -71,9 +73,18 @@ class DepthInput(NamedTuple):
         """Return the refinement for the option `name`; enlarged depth is always refined."""
         if name != "auto" or not self.is_fitted:
             return name
-        from resample_warp3d.depth.refining.inspecting import is_sharpened, known
+        from resample_warp3d.depth.refining.inspecting import is_sharpened, is_sparse, known
 
+        if is_sparse(known(self.image)):
+            return "densify"
         return "sharpen" if is_sharpened(known(self.image)) else "snap"
+
+    def refined(self, name: str, noise: float | None = None) -> Refined:
+        """Refine the depth by the option `name`; what another camera did not see is filled."""
+        return refine(
+            self.image, self.refine(name), noise=noise, step=self.step,
+            is_measured=self.is_registered,
+        )  # fmt: skip
 
 
 class Inputs(NamedTuple):
@@ -207,7 +218,10 @@ def view_of(
     image = _depth_image(picture, names, nearness)
     image = image._replace(place=lens_places(camera, shape))
     is_fitted = nearness.shape != shape
-    return DepthInput(picture, image, camera, encoding.quantum(raw), is_fitted=is_fitted)
+    is_registered = meaning.depth_intrinsics is not None
+    return DepthInput(
+        picture, image, camera, encoding.quantum(raw), is_fitted, is_registered=is_registered
+    )
 
 
 def _parallel_view(

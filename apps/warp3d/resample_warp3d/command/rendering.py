@@ -20,7 +20,7 @@ from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
-from resample_warp3d.depth.refining.conditioning import Refined, refine
+from resample_warp3d.depth.refining.conditioning import Refined
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import Equation, Hole, Source, Warped
@@ -33,6 +33,7 @@ REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
     "sharpen": "soft edges hardened where the picture has edges, gaps filled",
     "shift": "moved to where the picture has its edges, gaps filled",
+    "densify": "sparse samples interpolated along surfaces of one color",
     "complete": "small gaps filled from their surroundings",
 }
 FEW = 1e-4  # share of the pixels below which holes are not reported
@@ -88,10 +89,9 @@ def prepared(
 
 def _prepared(view: DepthInput, choice: DepthWarping, given: str) -> Prepared:
     """Prepare a view; report what `--refine auto` did to its depth."""
-    name = view.refine(given)
-    if given == "auto" and choice.unmixed:  # differences of labels have no meaning
-        name = "none"
-    refined = refine(view.image, name, noise=choice.noise, step=view.step)
+    # Differences of labels have no meaning.
+    name = "none" if given == "auto" and choice.unmixed else given
+    refined = view.refined(name, choice.noise)
     if given == "auto" and refined.chosen != "none":
         say(f"depth: {REFINEMENTS[refined.chosen]}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)

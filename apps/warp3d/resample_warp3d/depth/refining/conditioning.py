@@ -26,6 +26,13 @@ from resample_warp3d.depth.refining.inspecting import (
     quantum_of,
     softness_of,
 )
+from resample_warp3d.depth.refining.resizing import (
+    enlarged,
+    fitted,
+    reduced,
+    reduced_known,
+    without_blocks,
+)
 from resample_warp3d.types import DepthImage
 
 if TYPE_CHECKING:
@@ -34,7 +41,7 @@ if TYPE_CHECKING:
 Kinds = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-REFINES = ("auto", "none", "snap", "sharpen", "shift", "complete")
+REFINES = ("auto", "none", "snap", "sharpen", "shift", "complete", "densify")
 REACH = 8  # px, largest distance of voters
 DENSE = 4  # px up to which all samples vote; beyond, every other one
 FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
@@ -44,7 +51,6 @@ UNSURE = 0.05  # weight of samples beside edges
 MOST_ROUNDS = 3  # of voting for unknown samples: 8 px each
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
 AGREED = 0.95  # share of the votes for one surface that an unknown sample needs
-PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
 HARMLESS = 0.5  # px, standard deviation of a blur that does not affect thin objects
 BLURRED = 1.1  # times the deviation found, as the ends of soft edges are missed
 LEAST_SIDE = 32  # px: pictures are not reduced to less
@@ -82,7 +88,12 @@ class Refined(NamedTuple):
 
 
 def refine(
-    image: DepthImage, name: str = "auto", *, noise: float | None = None, step: float | None = None
+    image: DepthImage,
+    name: str = "auto",
+    *,
+    noise: float | None = None,
+    step: float | None = None,
+    is_measured: bool = False,
 ) -> Refined:
     """Refine a depth image.
 
@@ -94,11 +105,14 @@ def refine(
         `auto` looks for defects, and keeps a map whose edges are where colors change. `snap` moves
         hard edges to color edges, `sharpen` hardens soft edges, `shift` moves the whole map by the
         pixels that its edges are off; all also fill gaps up to 24 px from known samples, where
-        colors continue. `complete` only fills gaps, `none` does nothing.
+        colors continue. `complete` only fills gaps, `none` does nothing. `densify` interpolates
+        scattered samples and scan lines along surfaces of similar color.
         `auto` fills only maps of sensors, recognized by noise, quantization or many gaps: in
         computed maps gaps may be intended.
     noise, step
         As `preparation.prepare` takes them.
+    is_measured
+        Unknown samples were lost, as in depth of another camera: `auto` fills them.
 
     Raises
     ------
@@ -131,14 +145,18 @@ def refine(
         noise = noise_of(nearness, linked(nearness, quantum, 0.0))
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum)
+    findings = findings._replace(is_measured=findings.is_measured or is_measured)
     chosen = findings.remedy if name == "auto" else name
-    if name == "auto" and is_enlarged and chosen != "sharpen":
+    if name == "auto" and is_enlarged and chosen not in ("sharpen", "densify"):
         chosen = "snap"
     if chosen == "none":
         return Refined(image, confidence, findings, chosen, quantum)
     task = RefinementTask(
         _scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
     )
+    if chosen == "densify":
+        nearness, confidence = _densified(task, nearness)
+        return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
     nearness, confidence = _repaired(task, chosen, nearness)
     if name != "auto" or findings.is_measured:
         nearness, confidence = _filled(task, nearness, confidence)
@@ -171,7 +189,7 @@ def _repaired(task: RefinementTask, chosen: str, nearness: Floats) -> tuple[Floa
         return _sharpened(task, nearness)
     if chosen == "snap":
         is_coarse = findings.block > 1
-        return _hardened(task, _without_blocks(nearness, findings.block) if is_coarse else nearness)
+        return _hardened(task, without_blocks(nearness, findings.block) if is_coarse else nearness)
     if chosen == "shift":
         nearness = _moved(nearness, findings.shift)
     return nearness, (nearness > 0).astype(np.float32)
@@ -203,12 +221,12 @@ def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
     shape = nearness.shape[0] // scale, nearness.shape[1] // scale
     if scale > 1 and min(shape) >= LEAST_SIDE:
         small = task._replace(
-            color=_reduced(task.color, shape),
+            color=reduced(task.color, shape),
             findings=task.findings._replace(sigma=sigma / scale),
             noise=task.noise / scale,
         )
         blurred = depth_of if task.findings.is_depth else np.array
-        soft = blurred(_reduced_known(blurred(nearness), shape))
+        soft = blurred(reduced_known(blurred(nearness), shape))
         hard, _ = _sharpened(small, soft)
         size, ratio = nearness.shape, (shape[0] / nearness.shape[0], shape[1] / nearness.shape[1])
         whole = enlarged(hard, (size[0], size[1]), ratio)
@@ -247,19 +265,21 @@ def _without_overshoot(task: RefinementTask, nearness: Floats) -> tuple[Refineme
     return task._replace(findings=findings), smooth
 
 
-def _reduced(values: Floats, shape: tuple[int, int]) -> Floats:
-    """Reduce an array (H, W) or (H, W, C) to the means of areas."""
-    import cv2
+def _densified(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+    """Interpolate sparse samples; if they are far apart, in a smaller picture first."""
+    from resample_warp3d.depth.refining.densifying import dense_at, scale_of
 
-    found = cv2.resize(values, shape[::-1], interpolation=cv2.INTER_AREA)
-    return np.ascontiguousarray(found.reshape(*shape, *values.shape[2:]), np.float32)
-
-
-def _reduced_known(values: Floats, shape: tuple[int, int]) -> Floats:
-    """Reduce nearness or depth to the means of what is known, 0 where less than half is."""
-    share = _reduced((values > 0).astype(np.float32), shape)
-    mean = _reduced(values, shape) / np.maximum(share, np.float32(0.5))
-    return np.where(share >= 0.5, mean, np.float32(0))
+    size = nearness.shape[0], nearness.shape[1]
+    scale = scale_of(nearness)
+    shape = max(1, size[0] // scale), max(1, size[1] // scale)
+    if scale == 1:
+        return dense_at(task.color, nearness, MADE_UP)
+    small, agreed = dense_at(reduced(task.color, shape), nearness, MADE_UP)
+    whole = enlarged(small, size, (shape[0] / size[0], shape[1] / size[1]))
+    hard, _ = _hardened(task, whole)
+    return hard, np.where(
+        hard > 0, enlarged(agreed, size, (shape[0] / size[0], shape[1] / size[1])), np.float32(0)
+    )
 
 
 def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
@@ -352,41 +372,3 @@ def _scaled(color: Floats) -> Floats:
         np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0, dtype=np.float64).sum() / 3.0)
     )
     return np.asarray(color / np.float32(max(COLOR_DIFFERENCE * deviation, 1e-6)), np.float32)
-
-
-def fitted(image: DepthImage) -> DepthImage:
-    """Enlarge a depth image's depth to the size of its color."""
-    height, width = image.nearness.shape
-    shape = image.color.shape[0], image.color.shape[1]
-    if (height, width) == shape:
-        return image
-    rows, columns = height / shape[0], width / shape[1]
-    if abs(rows / columns - 1.0) > PROPORTION:
-        raise ValueError(
-            f"color of {shape[1]} × {shape[0]} px does not fit depth of {width} × {height} px; "
-            "give maps of the same frame, with the same aspect ratio"
-        )
-    is_known = np.isfinite(image.nearness) & (image.nearness > 0)
-    nearness = enlarged(np.where(is_known, image.nearness, 0), shape, (rows, columns))
-    return image._replace(nearness=nearness)
-
-
-def _without_blocks(nearness: Floats, side: int) -> Floats:
-    """Interpolate a map of constant blocks between the blocks' centers."""
-    small = nearness[side // 2 :: side, side // 2 :: side]
-    return enlarged(small, (nearness.shape[0], nearness.shape[1]), (1.0 / side, 1.0 / side))
-
-
-def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
-    """Enlarge a map, surface by surface.
-
-    `nearness`: (h, w); 0 where unknown. `scale`: rows and columns of the map per row and column of
-    the result.
-    """
-    from resample_warp3d.depth.refining.kernels.voting import enlarge_rows
-
-    small = np.ascontiguousarray(nearness, np.float32)
-    result = np.empty(shape, np.float32)
-    numbers = np.array([scale[0], 0.5, scale[1], 0.5])
-    enlarge_rows(small, linked(small, quantum_of(small), 0.0), numbers, result)
-    return result

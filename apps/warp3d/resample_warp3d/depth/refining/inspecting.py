@@ -33,6 +33,9 @@ OVERSHOOT = 0.02  # of the jump: edges exceed both of their sides by more in sha
 DISPLACED = 0.8  # of the largest color change near edges: with less at them, edges are displaced
 HOLEY = 1e-3  # share of samples without depth from which they are filled
 RENDERED = 3e-4  # relative nearness: noise and steps up to which depth counts as computed
+SPARSE = 0.3  # share of known samples below which a map may be sparse
+MANY_ALONE = 0.5  # share of samples without neighbours along an axis from which it is
+FEWEST_SAMPLES = 64  # of a sparse map
 MANY_GAPS = 50  # of a map; a sky visible through objects makes fewer
 FEW = 100  # edges; fewer are not evaluated
 CLOSE = 6  # px on each side of an edge where colors are compared with those at it
@@ -63,6 +66,7 @@ class Findings(NamedTuple):
     is_measured: bool  # noisy, quantized or full of gaps: unknown samples were lost, not empty
     overshoot: float = 0.0  # of the jump, by which soft edges exceed both of their sides
     shift: tuple[int, int] = (0, 0)  # px right and down, from the map to the picture
+    is_sparse: bool = False  # scattered samples, or lines of them
 
     @property
     def is_soft(self) -> bool:
@@ -71,7 +75,9 @@ class Findings(NamedTuple):
 
     @property
     def remedy(self) -> str:
-        """Refinement to apply: `snap`, `sharpen`, `shift`, `complete` or `none`."""
+        """Refinement to apply: one of `conditioning.REFINES`, except auto."""
+        if self.is_sparse:
+            return "densify"
         if self.block > 1:
             return "snap"
         if self.is_soft and self.sigma <= (WIDEST if self.overshoot > OVERSHOOT else SOFTEST):
@@ -94,6 +100,9 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     """
     from resample_warp3d.depth.refining.kernels.ramps import Edges
 
+    if is_sparse(nearness):
+        unknown = float(np.mean(nearness <= 0))
+        return NOTHING._replace(unknown=unknown, is_measured=True, is_sparse=True)
     least = max(CLEAR, 10.0 * noise)
     soft, sigma, is_depth, overshoot = softness_of(nearness, noise, step)
     sharp = edges_of(nearness, Edges(1, 1.0, least, 2.0 * step))
@@ -103,6 +112,17 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     return Findings(
         soft, sigma, is_depth, aligned, block_of(nearness), unknown, is_measured, overshoot, shift
     )
+
+
+def is_sparse(nearness: Floats) -> bool:
+    """Whether most samples are unknown, and most known ones are alone along an axis."""
+    is_known = nearness > 0
+    count = np.count_nonzero(is_known)
+    if not FEWEST_SAMPLES <= count < SPARSE * is_known.size:
+        return False
+    around = np.pad(is_known, 1)
+    is_alone = ~(around[:-2, 1:-1] | around[2:, 1:-1]) | ~(around[1:-1, :-2] | around[1:-1, 2:])
+    return bool(np.count_nonzero(is_known & is_alone) > MANY_ALONE * count)
 
 
 def _is_torn(nearness: Floats) -> bool:

@@ -1,0 +1,77 @@
+"""Resize depth maps: to their pictures' size surface by surface, and smaller by means."""
+
+import numpy as np
+
+from resample.types import Floats
+from resample_warp3d.depth.refining.inspecting import is_sparse, linked, quantum_of
+from resample_warp3d.types import DepthImage
+
+PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
+
+
+def fitted(image: DepthImage) -> DepthImage:
+    """Enlarge a depth image's depth to the size of its color."""
+    height, width = image.nearness.shape
+    shape = image.color.shape[0], image.color.shape[1]
+    if (height, width) == shape:
+        return image
+    rows, columns = height / shape[0], width / shape[1]
+    if abs(rows / columns - 1.0) > PROPORTION:
+        raise ValueError(
+            f"color of {shape[1]} × {shape[0]} px does not fit depth of {width} × {height} px; "
+            "give maps of the same frame, with the same aspect ratio"
+        )
+    is_known = np.isfinite(image.nearness) & (image.nearness > 0)
+    nearness = np.where(is_known, image.nearness, np.float32(0))
+    if is_sparse(nearness):
+        return image._replace(nearness=spread(nearness, shape))
+    nearness = enlarged(nearness, shape, (rows, columns))
+    return image._replace(nearness=nearness)
+
+
+def without_blocks(nearness: Floats, side: int) -> Floats:
+    """Interpolate a map of constant blocks between the blocks' centers."""
+    small = nearness[side // 2 :: side, side // 2 :: side]
+    return enlarged(small, (nearness.shape[0], nearness.shape[1]), (1.0 / side, 1.0 / side))
+
+
+def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
+    """Enlarge a map, surface by surface.
+
+    `nearness`: (h, w); 0 where unknown. `scale`: rows and columns of the map per row and column of
+    the result.
+    """
+    from resample_warp3d.depth.refining.kernels.voting import enlarge_rows
+
+    small = np.ascontiguousarray(nearness, np.float32)
+    result = np.empty(shape, np.float32)
+    numbers = np.array([scale[0], 0.5, scale[1], 0.5])
+    enlarge_rows(small, linked(small, quantum_of(small), 0.0), numbers, result)
+    return result
+
+
+def spread(nearness: Floats, shape: tuple[int, int]) -> Floats:
+    """Move the samples of a sparse map to the pixels of another size that contain their centers."""
+    row, column = np.nonzero(nearness)
+    found = np.zeros(shape, np.float32)
+    rows, columns = (
+        ((place + 0.5) * size / count).astype(np.int64)
+        for place, size, count in zip((row, column), shape, nearness.shape, strict=True)
+    )
+    found[rows, columns] = nearness[row, column]
+    return found
+
+
+def reduced(values: Floats, shape: tuple[int, int]) -> Floats:
+    """Reduce an array (H, W) or (H, W, C) to the means of areas."""
+    import cv2
+
+    found = cv2.resize(values, shape[::-1], interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(found.reshape(*shape, *values.shape[2:]), np.float32)
+
+
+def reduced_known(values: Floats, shape: tuple[int, int]) -> Floats:
+    """Reduce nearness or depth to the means of what is known, 0 where less than half is."""
+    share = reduced((values > 0).astype(np.float32), shape)
+    mean = reduced(values, shape) / np.maximum(share, np.float32(0.5))
+    return np.where(share >= 0.5, mean, np.float32(0))
