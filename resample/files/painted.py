@@ -13,6 +13,7 @@ from resample.reading.pictures import complaint_of, opened
 from resample.types import Floats
 
 CHANNELS = ("R", "G", "B", "A", "Z", "ZBack")
+LEAST = 1e-4  # transmittance below which nothing behind counts as visible
 
 
 class DepthSlab(NamedTuple):
@@ -25,6 +26,21 @@ class DepthSlab(NamedTuple):
 
 # Samples of a slab: pixels (N,), row × width + column, and values (N, 6) by `CHANNELS`.
 _PixelPart = tuple[NDArray[np.int64], Floats]
+
+
+def between(front: Floats, shown: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what a slab holds (H, W, 4), from the picture up to its far plane.
+
+    `shown`: the picture up to its near plane, to which the slab is added.
+
+    A pixel's mean transmittance of several slabs is not the product of their means: where an edge
+    runs through slabs painted separately, they would occlude too much. So a slab is a difference.
+    """
+    left = 1 - shown[..., 3:]
+    more = np.divide(front - shown, left, out=np.zeros(front.shape), where=left > LEAST)
+    more = np.maximum(more, 0) * (more[..., 3:] > 0)
+    more[..., 3] = np.minimum(more[..., 3], 1)
+    return more
 
 
 def check_deep(path: Path) -> None:

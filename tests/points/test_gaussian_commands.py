@@ -311,3 +311,23 @@ def test_methods_are_compared_with_many_rays(file, capsys):
 )
 def test_comparisons_that_cannot_be_made_are_refused(file, words, complaint, capsys):
     assert complaint in refused(capsys, "compare", file, *words)
+
+
+def test_deep_pictures_composite_to_the_flat_one(file, capsys):
+    from tests.deep import read_deep
+
+    words = ("--camera", "0/0/1", "--subpixels", "2", *SMALL)
+    assert ended("render", file, "-o", "deep.exr", "--deep", "6", *words) == 0
+    assert ended("render", file, "-o", "flat.exr", *words) == 0
+    flat = read_channels("flat.exr")
+    samples = read_deep("deep.exr")
+    assert max(len(pixel) for row in samples for pixel in row) > 2
+    for y, x in [(18, 24), (10, 20), (25, 30), (18, 12)]:
+        light = np.zeros(4)
+        for sample in samples[y][x]:
+            light += (1 - light[3]) * sample[:4]
+        expected = [flat[name][y, x] for name in "RGBA"]
+        np.testing.assert_allclose(light, expected, atol=2e-3)
+    message = refused(capsys, "render", file, "-o", "no.exr", "--deep", "3", "--eyes", "1")
+    assert "--deep is for one picture in the order of depth" in message
+    assert ".exr" in refused(capsys, "render", file, "-o", "no.png", "--deep", "3")

@@ -1,6 +1,6 @@
 """Render 3D Gaussians and films of them for the command line."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from resample_points.command.choices import CloudOptions, CloudStart
 if TYPE_CHECKING:
     from resample.command.session import Session
     from resample.files.animations import Frames, Shots
+    from resample.files.painted import DepthSlab
     from resample.types import Doubles
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians
@@ -90,9 +91,20 @@ class GaussianOptions(Choices):
         ),
     ] = None
 
+    deep: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=1024,
+            description="Write a deep .exr with this many slabs of depth instead of one layer.",
+        ),
+    ] = None
+
     def check(self) -> None:
         """Refuse invalid options before any work is done."""
         self.style()
+        if self.deep is not None and (self.eyes is not None or self.order not in (None, "depth")):
+            raise ValueError("--deep is for one picture in the order of depth; leave others out")
 
     def style(self) -> "GaussianStyle":
         """Return the style that `render_gaussians` takes."""
@@ -232,10 +244,39 @@ class GaussianPictures:
 
     def write(self, path: Path, camera: Any, form: FrameFormat) -> None:
         """Render a frame, and write it."""
+        from resample.files.painted import check_deep, write_deep
         from resample.files.saving import write_frame
+
+        if self.options.deep is not None:
+            check_deep(path)
+            write_deep(path, self._slabs(camera, form.height_and_width(), self.options.deep))
+            return
 
         frame = self.picture(camera, form.height_and_width(), form.behind())
         write_frame(path, frame, bits=form.bits, background=form.behind())
+
+    def _slabs(self, camera: Any, shape: "Shape", count: int) -> "Iterator[DepthSlab]":
+        """Yield slabs front to back, each of the Gaussians whose centers lie in it."""
+        import numpy as np
+
+        from resample.files.painted import DepthSlab, between
+        from resample_points.data.gaussians import Gaussians, some_gaussians
+
+        scene = self.gaussians
+        if not isinstance(scene, Gaussians) or not hasattr(camera, "view"):
+            raise ValueError("--deep is for scenes in memory, and not for panoramas; leave it out")
+        view = camera.view()
+        depth = scene.position @ view.rotation[2] + view.translation[2]
+        ahead = depth[depth > view.near]
+        ends = np.quantile(ahead, np.linspace(0, 1, count + 1)) if ahead.size else np.zeros(2)
+        shown = np.zeros((*shape, 4))
+        for near, far in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+            if not (depth <= far).any():
+                continue
+            front = replace(self, gaussians=some_gaussians(scene, depth <= far))
+            more = between(front.picture(camera, shape).rgba, shown)
+            shown += (1 - shown[..., 3:]) * more
+            yield DepthSlab(near, far, more.astype(np.float32))
 
 
 def gaussians_of(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.files.painted import DepthSlab, write_deep
+from resample.files.painted import DepthSlab, between, write_deep
 from resample.painting.choices import MEASURING
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View
@@ -18,7 +18,6 @@ from resample_volume.voxels.framing import corners
 Painter = Callable[[AnyCamera], Frame]
 
 MOST = 1024
-LEAST = 1e-4  # transmittance below which nothing behind counts as visible
 BESIDE = 1e-6  # fraction of the depth range added at both ends
 
 
@@ -67,12 +66,7 @@ def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, place
 
 
 def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthSlab]:
-    """Yield slabs front to back that composite to the picture up to each one's far plane.
-
-    A pixel's mean transmittance of several slabs is not the product of their means: where an edge
-    runs through slabs painted separately, they would occlude too much. So a slab is the difference
-    of the pictures up to its far and its near plane.
-    """
+    """Yield slabs front to back that composite to the picture up to each one's far plane."""
     first, shown = float(planes[0]), None
     for near, far in zip(planes[:-1].tolist(), planes[1:].tolist(), strict=True):
         front = paint(DepthClippedCamera(camera, first, far)).rgba
@@ -81,9 +75,6 @@ def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthS
             shown = np.zeros(front.shape)
         else:
             alone = paint(DepthClippedCamera(camera, near, far)).rgba
-        left = 1 - shown[..., 3:]
-        more = np.divide(front - shown, left, out=np.zeros(front.shape), where=left > LEAST)
-        more = np.maximum(more, 0) * (alone[..., 3:] > 0) * (more[..., 3:] > 0)
-        more[..., 3] = np.minimum(more[..., 3], 1)
-        shown += left * more
+        more = between(front, shown) * (alone[..., 3:] > 0)
+        shown += (1 - shown[..., 3:]) * more
         yield DepthSlab(near, far, more.astype(np.float32))
