@@ -39,7 +39,6 @@ class PeakOpacity(NamedTuple):
     """Opacities peak × exp(−i² / 2) of Gaussians."""
 
     most: Single  # greatest opacity
-    nothing: Single = np.float32(0)
 
 
 class DepthOpacity(NamedTuple):
