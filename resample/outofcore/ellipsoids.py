@@ -9,21 +9,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from resample.cameras.models import AnyCamera
+from resample.engine.shaped.records import WIDTH
 from resample.outofcore.windows import WindowTask, split_windows
 from resample.painting.scenes.plans import Window, check_size
 from resample.painting.scenes.scene import Clock
 from resample.painting.shaped.ellipsoids import (
     EllipsoidSource,
-    ShapedCanvas,
     ShapedPicture,
     ShapedScene,
     ShapedStyle,
+    empty_canvas,
     in_window,
 )
 from resample.types import Floats, Statistics
 from resample.watching import Progress
 
-BYTES = 26 * 4 + 16 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
+BYTES = 4 * WIDTH + 16 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
 NOTHING = np.zeros(0, np.int32)
 
 
@@ -79,13 +80,12 @@ def paint_parts(
 
     tasks = split_windows(size, scene.tile(), bounds)
     clock.lap("project")
-    canvas, painted, loaded = ShapedCanvas.empty(size), 0, 0
+    canvas, painted = empty_canvas(size), 0
     for done, task in enumerate(tasks):
-        records = _gathered(scene, task)
+        records = scene.records(task.window, task.samples)
         clock.lap("project")
         painted += scene.paint(records, task.window, canvas)
         clock.lap("paint")
-        loaded = max(loaded, len(records))
         if progress is not None:
             progress((done + 1) / len(tasks))
     counts = Statistics(sum(source.sizes()), 0, painted, 0, scene.finest(), clock.seconds)
@@ -102,15 +102,3 @@ def _counted(scene: ShapedScene, counted: np.ndarray) -> Iterator[Floats]:
 def _shown(scene: ShapedScene, window: Window) -> int:
     """Count the ellipsoids that a window shows."""
     return sum(len(in_window(records, window)) for records in scene.projected())
-
-
-def _gathered(scene: ShapedScene, task: WindowTask) -> Floats:
-    """Records of a window, in an array that is allocated once."""
-    from resample.engine.shaped.records import WIDTH
-
-    held, done = np.empty((task.samples, WIDTH), np.float32), 0
-    for records in scene.projected():
-        shown = in_window(records, task.window)
-        held[done : done + len(shown)] = shown
-        done += len(shown)
-    return held[:done]

@@ -19,11 +19,11 @@ from resample.engine.shaped.canvas import (
     SHARE,
     SIDE,
     SIZE,
-    Line,
     Open,
     PaintedShapes,
     clear,
     lay,
+    line_at,
     write_tile,
 )
 from resample.engine.shaped.lists import TileLists
@@ -31,26 +31,12 @@ from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, re
 from resample.engine.shaped.records import (
     BLUE,
     BOTTOM,
-    D_X,
-    D_XX,
-    D_XY,
-    D_Y,
-    D_YY,
     GREEN,
     LEFT,
     LIMIT,
-    N_1,
-    N_X,
-    N_XX,
-    N_XY,
-    N_Y,
-    N_YY,
     PEAK,
     RED,
     RIGHT,
-    T_1,
-    T_X,
-    T_Y,
     TOP,
     X,
     Y,
@@ -155,7 +141,6 @@ def _composite(
     left, top, right, bottom = record[LEFT], record[TOP], record[RIGHT], record[BOTTOM]
     own = record[PEAK], record[LIMIT], np.float32(near)
     light = record[RED], record[GREEN], record[BLUE]
-    one = np.float32(1)
     for row in range(SIDE):
         bits = is_open[row]
         if bits == np.uint32(0):
@@ -171,18 +156,7 @@ def _composite(
                 k = base + np.uint64(lane)
                 x, y = canvas[k + ACROSS], canvas[k + DOWN]
                 dx, dy = x - record[X], y - record[Y]
-                line = Line(
-                    dx,
-                    record[N_1] + dy * (record[N_Y] + dy * record[N_YY]),
-                    record[N_X] + dy * record[N_XY],
-                    record[N_XX],
-                    one + dy * (record[D_Y] + dy * record[D_YY]),
-                    record[D_X] + dy * record[D_XY],
-                    record[D_XX],
-                    record[T_1] + dy * record[T_Y],
-                    record[T_X],
-                )
-                alpha, t = response_at(opacity, line, dx, (x, y), own)
+                alpha, t = response_at(opacity, line_at(record, dx, dy), dx, (x, y), own)
                 # Depths are distances; what is not on the face has none.
                 far = t * canvas[k + LENGTH]
                 lay(canvas, k, alpha, far if alpha > np.float32(0) else np.float32(0), light)

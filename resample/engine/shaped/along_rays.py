@@ -30,7 +30,7 @@ from resample.engine.shaped.canvas import (
     write_tile,
 )
 from resample.engine.shaped.lists import TileGrid, TileLists
-from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, response_at
+from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, response_at, tile_at
 from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, WIDTH
 from resample.types import Floats, Single
 
@@ -165,13 +165,7 @@ def paint_along_rays(
     rings = ring, number, state, lanes
     flat = records.reshape(-1)
     for tile in tasks(counter, lists.start.size - 1):
-        row, column = tile // grid.columns, tile % grid.columns
-        spot = TilePlace(
-            grid.left + column * grid.side,
-            grid.top + row * grid.side,
-            np.float32(1.0 / fine),
-            np.float32(near),
-        )
+        origin, spot = tile_at(grid, tile, fine, near)
         clear(canvas, is_open)
         state[:] = 0
         end = lists.start[tile + 1]
@@ -182,4 +176,4 @@ def paint_along_rays(
             if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
                 break
         _finish(canvas, rings, records)
-        write_tile(canvas, (row * grid.side, column * grid.side), fine, picture)
+        write_tile(canvas, origin, fine, picture)

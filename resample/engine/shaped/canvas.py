@@ -132,12 +132,11 @@ def columns_of(record: Floats, spot: TilePlace) -> tuple[int, int]:
 
 
 @inner_step
-def line_of(record: Floats, spot: TilePlace, row: int) -> Line:
-    """Evaluate a record's polynomials as far as a row determines them."""
-    dy = np.float32(spot.top + (row + 0.5) * float(spot.step) - float(record[Y]))
+def line_at(record: Floats, start: Single, dy: Single) -> Line:
+    """Evaluate a record's polynomials as far as dy, px below its reference, determines them."""
     one = np.float32(1)
     return Line(
-        np.float32(spot.left + 0.5 * float(spot.step) - float(record[X])),
+        start,
         record[N_1] + dy * (record[N_Y] + dy * record[N_YY]),
         record[N_X] + dy * record[N_XY],
         record[N_XX],
@@ -147,6 +146,14 @@ def line_of(record: Floats, spot: TilePlace, row: int) -> Line:
         record[T_1] + dy * record[T_Y],
         record[T_X],
     )
+
+
+@inner_step
+def line_of(record: Floats, spot: TilePlace, row: int) -> Line:
+    """Evaluate a record's polynomials along a row of sub-pixels."""
+    start = np.float32(spot.left + 0.5 * float(spot.step) - float(record[X]))
+    dy = np.float32(spot.top + (row + 0.5) * float(spot.step) - float(record[Y]))
+    return line_at(record, start, dy)
 
 
 @inner_step

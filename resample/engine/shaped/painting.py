@@ -161,6 +161,14 @@ def _composite(
                 lay(canvas, base + np.uint64(lane), alpha, t, light)
 
 
+@inner_step
+def tile_at(grid: TileGrid, tile: int, fine: int, near: float) -> tuple[tuple[int, int], TilePlace]:
+    """Row and column of a tile's first pixel in its picture, and its place on the screen."""
+    top, left = tile // grid.columns * grid.side, tile % grid.columns * grid.side
+    step, nearest = np.float32(1.0 / fine), np.float32(near)
+    return (top, left), TilePlace(grid.left + left, grid.top + top, step, nearest)
+
+
 @parallel_kernel
 def paint_shapes(
     counter: Counter,
@@ -180,13 +188,7 @@ def paint_shapes(
     canvas, is_open = np.empty(SIZE, np.float32), np.empty(SIDE, np.uint32)
     flat = records.reshape(-1)
     for tile in tasks(counter, lists.start.size - 1):
-        row, column = tile // grid.columns, tile % grid.columns
-        spot = TilePlace(
-            grid.left + column * grid.side,
-            grid.top + row * grid.side,
-            np.float32(1.0 / fine),
-            np.float32(near),
-        )
+        origin, spot = tile_at(grid, tile, fine, near)
         clear(canvas, is_open)
         end = lists.start[tile + 1]
         for k in range(lists.start[tile], end):
@@ -195,4 +197,4 @@ def paint_shapes(
             _composite(canvas, is_open, records[lists.member[k]], spot, opacity)
             if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
                 break
-        write_tile(canvas, (row * grid.side, column * grid.side), fine, picture)
+        write_tile(canvas, origin, fine, picture)

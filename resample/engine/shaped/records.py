@@ -123,15 +123,17 @@ def _compensation(spread: Covariance, x: float, y: float, per: float, dilation: 
 
 
 @inner_step
-def _is_beside(center: Vector, spread: Covariance, slope: float, axis: int, sign: float) -> bool:
-    """Whether an ellipsoid lies beyond an edge of the frame, a plane through the eye.
+def _is_beside(
+    center: Vector, spread: Covariance, limit: float, slope: float, axis: int, sign: float
+) -> bool:
+    """Whether an ellipsoid up to i² = `limit` lies beyond an edge of the frame, through the eye.
 
     `slope`: of that plane, along x (`axis` 0) or y (1). `sign`: −1 for the left or upper edge.
     """
     along = center[0] if axis == 0 else center[1]
     own, mixed = (spread.xx, spread.xz) if axis == 0 else (spread.yy, spread.yz)
     reach = own - 2.0 * slope * mixed + slope * slope * spread.zz
-    return bool(sign * (along - slope * center[2]) > math.sqrt(max(reach, 0.0)))
+    return bool(sign * (along - slope * center[2]) > math.sqrt(max(limit * reach, 0.0)))
 
 
 @inner_kernel
@@ -156,18 +158,10 @@ def _set_bounds(
     # Tangents from the eye; there are none where the ellipsoid meets the eye's plane.
     ahead = z * z - limit * spread.zz
     if not (z > 0.0 and ahead > 1e-9 * z * z):
-        whole = Covariance(
-            limit * spread.xx,
-            limit * spread.xy,
-            limit * spread.xz,
-            limit * spread.yy,
-            limit * spread.yz,
-            limit * spread.zz,
-        )
-        is_left = _is_beside(center, whole, -cx / fx, 0, -1.0)
-        is_above = _is_beside(center, whole, -cy / fy, 1, -1.0)
-        is_right = _is_beside(center, whole, (options.width - cx) / fx, 0, 1.0)
-        is_below = _is_beside(center, whole, (options.height - cy) / fy, 1, 1.0)
+        is_left = _is_beside(center, spread, limit, -cx / fx, 0, -1.0)
+        is_above = _is_beside(center, spread, limit, -cy / fy, 1, -1.0)
+        is_right = _is_beside(center, spread, limit, (options.width - cx) / fx, 0, 1.0)
+        is_below = _is_beside(center, spread, limit, (options.height - cy) / fy, 1, 1.0)
         record[LEFT], record[RIGHT], record[TOP], record[BOTTOM] = -BEYOND, BEYOND, -BEYOND, BEYOND
         if is_left or is_above or is_right or is_below:
             record[RIGHT] = -BEYOND
@@ -360,7 +354,8 @@ def _project_one(
     record[LEFT], record[RIGHT] = 1.0, -1.0
     # Skip what is too faint, or lies behind the near plane whatever its rotation.
     weight = float(shaped.weight[n])
-    if not weight > (options.faintest if options.is_peak else 0.0):
+    faintest = options.faintest if options.is_peak else 0.0
+    if not weight > faintest:
         return
     center = _place_in(turn, view, shaped.position, n)
     z, away = center[2], math.sqrt(dot(center, center))
@@ -383,7 +378,7 @@ def _project_one(
         weight = _weight_of(weight, (0.0, 0.0, away), _turned(facing, axes), scale, view, options)
     else:
         weight = _weight_of(weight, center, axes, scale, view, options)
-    if not weight > (options.faintest if options.is_peak else 0.0):
+    if not weight > faintest:
         return
     if wider > 0.0:
         scale = (

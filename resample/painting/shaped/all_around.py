@@ -15,12 +15,12 @@ from resample.painting.shaped.ellipsoids import (
     Ellipsoids,
     EllipsoidSource,
     InMemory,
-    ShapedCanvas,
     ShapedOrder,
     ShapedPicture,
     ShapedScene,
     ShapedStyle,
     check_ellipsoids,
+    empty_canvas,
 )
 from resample.types import Doubles, Floats, Indices, Statistics, View
 from resample.watching import Progress
@@ -119,7 +119,7 @@ def paint_around(
     joined = np.concatenate(records)
     start = np.cumsum([0, *(len(member) for member in members)])
     whole = TileLists(start, np.concatenate(members).astype(np.int32))
-    canvas, side = ShapedCanvas.empty(size), SIDE // fine
+    canvas, side = empty_canvas(size), SIDE // fine
     step = max(1, STRIP // (size[1] * fine * fine * side)) * side
     for first in range(0, size[0], step):
         last = min(first + step, size[0])

@@ -34,6 +34,7 @@ from resample.types import (
 from resample.watching import Progress, told
 
 if TYPE_CHECKING:
+    from resample.engine.shaped.canvas import PaintedShapes
     from resample.engine.shaped.lists import TileGrid, TileLists
     from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
     from resample.engine.shaped.records import ShapedOptions
@@ -214,7 +215,7 @@ def paint_ellipsoid_parts(
     records = scene.records()
     scene = scene.measured([records])
     clock.lap("project")
-    canvas = ShapedCanvas.empty(size)
+    canvas = empty_canvas(size)
     painted = scene.paint(records, (0, 0, size[1], size[0]), canvas, progress)
     clock.lap("paint")
     count = sum(source.sizes())
@@ -246,22 +247,13 @@ def frame_of(picture: ShapedPicture) -> Frame[Statistics]:
     return Frame(rgba, depth, first, coverage, counts)
 
 
-class ShapedCanvas(NamedTuple):
-    """Arrays of a picture, see `ShapedPicture`."""
+def empty_canvas(size: tuple[int, int]) -> "PaintedShapes":
+    """Return a transparent picture (height, width)."""
+    from resample.engine.shaped.canvas import PaintedShapes
 
-    rgba: Floats
-    depth: Floats
-    median: Floats
-    first_depth: Floats
-    coverage: Floats
-
-    @classmethod
-    def empty(cls, size: tuple[int, int]) -> "ShapedCanvas":
-        """Return a transparent picture (height, width)."""
-        far = (np.full(size, np.inf, np.float32) for _ in range(3))
-        depth, median, first = far
-        rgba, coverage = np.zeros((*size, 4), np.float32), np.zeros(size, np.float32)
-        return cls(rgba, depth, median, first, coverage)
+    depth, median, first = (np.full(size, np.inf, np.float32) for _ in range(3))
+    rgba, coverage = np.zeros((*size, 4), np.float32), np.zeros(size, np.float32)
+    return PaintedShapes(rgba, depth, median, first, coverage)
 
 
 class ShapedScene(NamedTuple):
@@ -330,21 +322,26 @@ class ShapedScene(NamedTuple):
         project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
         return in_window(records, (0, 0, self.size[1], self.size[0]))
 
-    def records(self) -> Floats:
-        """Records of all that the picture shows, in an array that is allocated once."""
+    def records(self, window: Window | None = None, most: int | None = None) -> Floats:
+        """Records of all that the picture, or a window of it, shows; `most`: if it is known.
+
+        Their array is allocated once.
+        """
         from resample.engine.shaped.records import WIDTH
 
-        held, done = np.empty((sum(self.source.sizes()), WIDTH), np.float32), 0
+        most = sum(self.source.sizes()) if most is None else most
+        held, done = np.empty((most, WIDTH), np.float32), 0
         for records in self.projected():
-            held[done : done + len(records)] = records
-            done += len(records)
+            shown = records if window is None else in_window(records, window)
+            held[done : done + len(shown)] = shown
+            done += len(shown)
         return held[:done]
 
     def paint(
         self,
         records: Floats,
         window: Window,
-        canvas: ShapedCanvas,
+        canvas: "PaintedShapes",
         progress: Progress | None = None,
     ) -> int:
         """Paint a window of whole tiles; return how many ellipsoids it shows."""

@@ -197,14 +197,14 @@ class GaussianPictures:
             return fingerprint(*scene.file.shape_of(slice(None)))
         return fingerprint(*scene[:6])
 
-    def upright(self, aim: Aimed) -> Aimed:
-        """Return cameras with the scene's own axis up, unless another is given.
+    @property
+    def up(self) -> str:
+        """The scene's axis up; files that say nothing have y down, as photographs are laid out."""
+        return self.gaussians.up or "-y"
 
-        Files that say nothing have y down, as photographs are laid out.
-        """
-        if "up" in aim.model_fields_set:
-            return aim
-        return aim.model_copy(update={"up": self.gaussians.up or "-y"})
+    def upright(self, aim: Aimed) -> Aimed:
+        """Return cameras with the scene's own axis up, unless another is given."""
+        return aim if "up" in aim.model_fields_set else aim.model_copy(update={"up": self.up})
 
     def picture(self, camera: Any, shape: "Shape", background: Any = None) -> Any:
         """Render a frame, or the frames of both eyes beside each other."""

@@ -87,8 +87,13 @@ def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussian
             *(what, left_out, len(known)),
         )
         whole = some_gaussians(whole, known)
-    norm = np.sqrt(np.einsum("nk,nk->n", whole.rotation, whole.rotation))
-    return whole._replace(rotation=whole.rotation / norm[:, None])
+    return with_unit_rotations(whole)
+
+
+def with_unit_rotations(gaussians: Gaussians) -> Gaussians:
+    """Return Gaussians with quaternions of length 1."""
+    norm = np.sqrt(np.einsum("nk,nk->n", gaussians.rotation, gaussians.rotation))
+    return gaussians._replace(rotation=gaussians.rotation / norm[:, None])
 
 
 def _part(gaussians: Gaussians, name: str, shape: tuple[int, ...]) -> Floats:

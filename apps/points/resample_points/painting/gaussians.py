@@ -13,7 +13,7 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
-from resample.colors import from_srgb
+from resample.colors import from_srgb, to_srgb
 from resample.painting.scenes.plans import shape_of
 from resample.painting.shaped.ellipsoids import (
     FINEST,
@@ -29,9 +29,9 @@ from resample_points.data.gaussians import (
     Crop,
     Gaussians,
     are_drawable,
-    checked_gaussians,
     kept_by,
     some_gaussians,
+    with_unit_rotations,
 )
 from resample_points.geometry.framing import FIELD, framed
 from resample_points.painting.bending import CloudView, ProjectedCamera
@@ -189,12 +189,9 @@ class StoredGaussians:
         made = self.file.part(slice(part * PART, (part + 1) * PART))
         known = are_drawable(made)
         made = made if known.all() else some_gaussians(made, known)
-        kept = kept_by(made, self.crop) if len(made.opacity) else np.zeros(0, np.bool_)
+        kept = kept_by(made, self.crop)
         made = made if kept.all() else some_gaussians(made, kept)
-        if not len(made.opacity):
-            return Ellipsoids(*made[:4], made.color)
-        made = checked_gaussians(made)
-        return GaussianParts(made).load_all(view)
+        return GaussianParts(with_unit_rotations(made)).load_all(view)
 
 
 def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
@@ -319,8 +316,6 @@ def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
 
 def developed(picture: ShapedPicture, background: Sequence[float] | None) -> Frame:
     """Return a picture of display values in linear light, over a background if there is one."""
-    from resample.colors import to_srgb
-
     rgba, alpha = picture.rgba, picture.rgba[..., 3:]
     if background is not None:
         behind = to_srgb(np.asarray(background, np.float32))

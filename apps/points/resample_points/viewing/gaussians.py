@@ -18,7 +18,7 @@ from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import FileView, path_file
 from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
 from resample.watching import Cancel, Progress, cancellable
-from resample_points.command.choices import CloudAim, CloudOptions, start_of
+from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import (
     SHARED,
     GaussianOptions,
@@ -110,7 +110,7 @@ class GaussianPainter:
         scene = self.scene(look, options)
         aim = scene.upright(aim)
         with path_file(KEYFRAMES, keyframes) as file:
-            viewpoints = path_of(str(file), None, RATE, start_of(aim.camera, aim.up))
+            viewpoints = path_of(str(file), None, RATE, aim.start())
         cameras = cameras_of(scene.framing, viewpoints, shape, steady=aim.steady)
         behind = form.behind() or (0.0, 0.0, 0.0)
         write_film(path, gaussian_film(scene, cameras, shape, behind), RATE, progress=progress)
@@ -142,7 +142,6 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     def described() -> dict[str, Any]:
         look, options, *_ = checked(given)
         scene = first.scene(look, options)
-        up = scene.gaussians.up or "-y"
         return {
             "title": path.name,
             "subtitle": f"{scene.count:,} Gaussians",
@@ -150,7 +149,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
             "package": "resample_points",
             "inputs": [str(path)],
-            "settings": {"camera": "30/20/1", "up": up, "steady": True, **given},
+            "settings": {"camera": "30/20/1", "up": scene.up, "steady": True, **given},
         }
 
     return FileView(first, described, checked, left_out=LEFT_OUT)
