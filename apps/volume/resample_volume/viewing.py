@@ -14,6 +14,7 @@ from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.opening import is_address
 from resample.outofcore.caching import Memo, memoizing
+from resample.painting.choices import Projection
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.scene.scenes import LITTLE, Quality
@@ -32,7 +33,7 @@ from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.media.appearance import Appearance, named_transfer, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
@@ -40,7 +41,7 @@ from resample_volume.space.annotations import annotated
 from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
-from resample_volume.voxels.visible import lattice_of
+from resample_volume.voxels.visible import lattice_of, unit_of
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
@@ -247,7 +248,22 @@ class VolumePainter:
             (float(value_at(place, self.volume.scale)), color, opacity)
             for place, color, opacity in points_of(transfer, survey(self.volume).span)
         ]
-        return {"points": points, "transfer": spelled(points), "unit": transfer.opacity_unit}
+        name, projection = request.choices.transfer, request.resampler.projection
+        return {
+            "points": points,
+            "transfer": spelled(points),
+            "unit": transfer.opacity_unit,
+            "usual": unit_of(named_transfer(name, self.volume, projection), self.volume),
+            "windowed": self._takes_window(name, projection),
+        }
+
+    def _takes_window(self, name: str, projection: Projection) -> bool:
+        """Return whether a window spreads a look; others are in data units already."""
+        try:
+            named_transfer(name, self.volume, projection, survey(self.volume).span)
+        except ValueError:
+            return False
+        return True
 
     def _request(self, settings: Settings) -> _VolumeRequest:
         look, resampling, beside, picture = chosen(settings, SHOWN)

@@ -18,6 +18,7 @@ import { history } from "./history.js";
 import { magnifier } from "./magnifier.js";
 import { BEGIN, orbit, VIEWS } from "./orbit.js";
 import { theme } from "./theme.js";
+import { tuning } from "./tuning.js";
 import { walk } from "./walk.js";
 
 const STILL = 160; // ms after the last gesture, from which on the whole picture is asked for
@@ -53,7 +54,7 @@ export function show(el, connect) {
 
   const options = fields(page), look = histogram(page), beside = compare(page), past = history(page);
   const glass = magnifier(page), cuts = bounds(page), exports = exporting(page), fill = filling(page);
-  const light = theme(el, () => look.draw());
+  const tuned = tuning(page, look), light = theme(el, () => look.draw());
   const badge = made("span", { class: "badge", id: "badge" }, "…");
   const views = menu("views", "View from…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
   const saves = menu("save", "Save…", "Save the picture", ["PNG", "EXR"], (name) => say("save", { suffix: `.${name.toLowerCase()}` }));
@@ -147,11 +148,18 @@ export function show(el, connect) {
     if (value === undefined || value === null || value === "") delete page.settings[key];
     else page.settings[key] = value;
     options.put(key);
+    if (key === "camera" || key === "up") options.put("light"); // which may be at the eye
+  }
+
+  // The histogram and the sliders below
+  function drawn() {
+    look.draw();
+    tuned.shown();
   }
 
   function changed(key, value, moving = false) {
     put(key, value);
-    if (key === "window" || key === "transfer") look.draw();
+    if (key === "window" || key === "transfer") drawn(); else tuned.shown();
     placed();
     wish(moving);
   }
@@ -176,7 +184,7 @@ export function show(el, connect) {
     if (!page.about) return;
     page.settings = given;
     options.putAll();
-    look.draw();
+    drawn();
     placed();
     wish(false);
   }
@@ -216,13 +224,12 @@ export function show(el, connect) {
     document.title = title;
     side.replaceChildren(
       made("h1", {}, title), made("div", { class: "subtitle" }, subtitle ?? ""),
-      ...(page.about.histogram ? [look.element, made("div", { class: "hint" },
-        "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window."),
-      look.tools] : []),
+      ...(page.about.histogram ? [look.element, look.under, look.tools, tuned.element, made("div", { class: "hint" },
+        "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window.")] : []),
       ...options.build(),
     );
     look.offer(names?.transfer ?? []);
-    look.draw();
+    drawn();
   }
 
   function told(given) {
@@ -234,7 +241,7 @@ export function show(el, connect) {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";
       cuts.picked(given.found);
     }
-    if (given.kind === "told" && given.what === "points") look.curve(given.told);
+    if (given.kind === "told" && given.what === "points") { look.curve(given.told); tuned.shown(); }
     if (given.kind === "exported") exports.exported(given.texts);
   }
 
