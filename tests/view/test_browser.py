@@ -176,7 +176,9 @@ def test_points_of_the_look_are_dragged_typed_added_and_taken_away(page: Any) ->
     def drag() -> None:  # the last point, which is opaque
         page.mouse.move(box["x"] + box["width"] - 2, box["y"] + 3)
         page.mouse.down()
-        page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * (box["height"] - BELOW), steps=4)
+        page.mouse.move(
+            box["x"] + 0.6 * box["width"], box["y"] + 0.5 * (box["height"] - BELOW), steps=4
+        )
         page.mouse.up()
 
     assert differs(page, drag)

@@ -21,7 +21,16 @@ from resample.scene.scenes import LITTLE, Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import FileView, path_file
-from resample.view.views import PagePicture, Settings, Size, chosen, is_free, settings_of
+from resample.view.views import (
+    PagePicture,
+    Point,
+    Settings,
+    Size,
+    chosen,
+    is_free,
+    projection_of,
+    settings_of,
+)
 from resample.watching import Cancel, Progress
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
@@ -37,8 +46,9 @@ from resample_volume.media.appearance import Appearance, named_transfer, transfe
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
+from resample_volume.slicing import profile, slice_levels, slice_planes
 from resample_volume.space.annotations import annotated
-from resample_volume.space.lines import measure
+from resample_volume.space.lines import measure, unit_of_space
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of, unit_of
@@ -123,15 +133,7 @@ class VolumePainter:
     def _view(self, request: _VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
         """Return the projection from points around the volume's center, scene units, to pixels."""
         camera, volume = self._placed_view(request, size, quality)
-        view, middle = camera.view(), centered(volume)[1]
-        return {
-            "rotation": view.rotation.tolist(),
-            "translation": (view.translation + view.rotation @ middle).tolist(),
-            "focal": view.focal.tolist(),
-            "principal": view.principal.tolist(),
-            "perspective": view.perspective,
-            "size": size,
-        }
+        return projection_of(camera.view(), size, centered(volume)[1])
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
@@ -238,6 +240,30 @@ class VolumePainter:
             **_measured(picks, self.volume),
         }
 
+    def slice(
+        self,
+        size: Size,
+        plane: str,
+        voxel: tuple[int, int, int],
+        window: tuple[float, float] | None,
+    ) -> PagePicture:
+        """Return a slice, see `resample.view.views.Slicing`."""
+        found = {one.name: one for one in slice_planes(self.volume)}.get(plane)
+        if found is None:
+            raise ValueError(f"slice {plane!r:.40}; give axial, coronal or sagittal")
+        count = self.volume.values.shape[::-1]
+        if not all(0 <= n < most for n, most in zip(voxel, count, strict=True)):
+            raise ValueError(f"voxel {voxel} of {count}; give indices from 0")
+        levels = slice_levels(self.volume, found, voxel[found.across], size, window)
+        value = float(value_at(self.volume.values[voxel[::-1]], self.volume.scale))
+        return PagePicture(levels, False, {"value": f"{value:.6g}"})
+
+    def measure(self, start: Point, end: Point) -> dict[str, Any]:
+        """Return values along a line, see `resample.view.views.Slicing`."""
+        found = profile(self.volume, start, end)
+        values = [value if np.isfinite(value) else None for value in found.values.tolist()]
+        return {"distance": found.distance, "unit": found.unit, "values": values}
+
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
         """`points` of the look, see `resample.view.views.Knowing`."""
         if what != "points":
@@ -327,6 +353,10 @@ def volume_view(
                 "lattice": lattice_of(volume).tolist(),
                 "middle": centered(volume)[1].tolist(),
             },
+            "slices": [plane._asdict() for plane in slice_planes(volume)],
+            "spacing": np.asarray(volume.spacing).tolist(),
+            "unit": unit_of_space(volume),
+            "measures": True,
             "histogram": _histogram(volume, known.span),
         }
 

@@ -275,5 +275,5 @@ export function histogram(page) {
   const forget = () => { asked = ""; known = null; };
   const offer = (names) => looks.replaceChildren(
     made("option", { value: "" }, "Looks…"), ...["auto", ...names].map((one) => made("option", { value: one }, one)));
-  return { element, under, tools, draw, ask, curve, forget, offer, ends, spread, usual: () => known?.usual };
+  return { element, under, tools, draw, ask, curve, forget, offer, ends, spread, places: () => ends().map(scale().to), usual: () => known?.usual };
 }
