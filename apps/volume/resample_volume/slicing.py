@@ -1,5 +1,6 @@
 """Orthogonal slices of a volume as gray pictures, and values along a line."""
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +29,8 @@ class SlicePlane(NamedTuple):
     down_sign: int  # -1: indices grow upward
 
 
-class Profile(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LineProfile:
     """Values along a line."""
 
     distance: float  # scene units
@@ -112,7 +114,7 @@ def _range(values: NDArray[np.float32], is_known: NDArray[np.bool_]) -> tuple[fl
     return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
 
 
-def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> Profile:
+def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> LineProfile:
     """Return the values between two points, interpolated linearly.
 
     Parameters
@@ -141,4 +143,4 @@ def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> Profile:
     )
     is_outside = ((place < -0.5) | (place > size - 0.5)).any(axis=1)
     values = np.where(is_outside, np.nan, value_at(found, volume.scale))
-    return Profile(float(np.linalg.norm(ends[1] - ends[0])), unit_of_space(volume), values)
+    return LineProfile(float(np.linalg.norm(ends[1] - ends[0])), unit_of_space(volume), values)
