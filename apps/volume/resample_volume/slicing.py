@@ -1,7 +1,7 @@
 """Orthogonal slices of a volume as gray pictures, and values along a line."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,8 @@ PER_VOXEL = 2  # values along a line, per voxel that it passes
 SLICES = (("axial", 2, 0, 1, 1, 1), ("coronal", 1, 0, 2, 1, -1), ("sagittal", 0, 1, 2, 1, -1))
 
 
-class SlicePlane(NamedTuple):
+@dataclass(frozen=True)
+class SlicePlane:
     """Orientation of orthogonal slices; axes are those of voxels, 0: x."""
 
     name: str  # axial, coronal or sagittal
