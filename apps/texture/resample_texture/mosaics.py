@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from resample.showable import array_of
 from resample.types import Doubles
 from resample_texture.arguments import PREMULTIPLIED, Places, check_shape, geometry_of, whole_pair
 from resample_texture.geometry.mappings import (
@@ -87,6 +88,12 @@ class Coadded(NamedTuple):
     mean: NDArray[Any]  # (h, w) or (h, w, C), of what covers a pixel; not a number where nothing
     weight: Doubles  # as `mean`: sum of weights times the shares of the pixel that they cover
     variance: Doubles | None  # as `mean`, of the mean; not a number where nothing covers a pixel
+
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `mean`."""
+        return array_of(self.mean, dtype, copy)
 
 
 def coadd(

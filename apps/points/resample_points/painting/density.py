@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.painting.scenes.plans import shape_of
+from resample.showable import array_of
 from resample.types import Doubles
 from resample_points.data.particles import Particles
 from resample_points.data.smoothing import kernel_of
@@ -47,6 +48,12 @@ class DensityMap:
     value: Doubles  # (H, W); of a mean of a quantity NaN where no particle reaches
     name: str  # column density, density, or the quantity
     units: str
+
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `value`."""
+        return array_of(self.value, dtype, copy)
 
     def save(self, path: str | Path) -> None:
         """Write the numbers: `.npy` in float64, `.exr` in float32; rows go from top to bottom."""
