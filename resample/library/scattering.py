@@ -7,7 +7,7 @@ its mass: sums of masses per pixel are the coverage, and values are means weight
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -92,7 +92,7 @@ class Scatter:
     array([0.  , 0.  , 1.  , 0.  , 0.25, 0.25, 0.  , 0.  ], dtype=float32)
     """
 
-    method: str = "hybrid"
+    method: Literal["hybrid", "points", "splats"] = "hybrid"
     pixel_filter: PixelFilter | str = "area"
 
     def __post_init__(self) -> None:

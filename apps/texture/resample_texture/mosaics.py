@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -103,7 +103,7 @@ def coadd(
     *,
     weights: Sequence[Any] | None = None,
     variances: Sequence[Any] | None = None,
-    interpolation: str = "nearest",
+    interpolation: Literal["nearest", "bilinear"] = "nearest",
     threads: int | None = None,
 ) -> Coadded:
     """Add pictures up in one frame: their mean by weight, as drizzle and reproject make it.

@@ -12,9 +12,9 @@ from numpy.typing import DTypeLike, NDArray
 from resample.showable import Showable, array_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.geometry.shifts import Edge
+from resample_texture.geometry.shifts import AnyEdge, Edge
 
-__all__ = ["Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
+__all__ = ["AnyEdge", "Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
 
 
 class _Warped(NamedTuple):

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 
@@ -76,11 +76,11 @@ class Hybrid:
     filter: Any = "area"
     interpolation: Any = "area-spline"
     quality: float = 1.5
-    magnified: str = "cells"
+    magnified: Literal["cells", "splats"] = "cells"
     total: bool = False
     clamp: bool = False
     error: float | None = None
-    average: str = "always"
+    average: Literal["always", "shrinking"] = "always"
 
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
