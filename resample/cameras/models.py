@@ -8,7 +8,7 @@ W / 2, not at (W − 1) / 2 as in OpenCV's matrices.
 import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,10 @@ class LensModel(StrEnum):
 
     PINHOLE = "pinhole"  # radial, tangential and thin-prism distortion, tilt: most lenses
     FISHEYE = "fisheye"  # distance as a function of the angle: very wide lenses
+
+
+AnyConvention = Convention | Literal["corner", "opencv"]
+AnyLens = LensModel | Literal["pinhole", "fisheye"]
 
 
 class AnyCamera(Protocol):
@@ -86,7 +90,7 @@ class Camera:
     world_to_camera: Doubles = field(default_factory=_identity)
     distortion: Doubles | None = None
     near: float = 0.0
-    model: LensModel | str = LensModel.PINHOLE
+    model: AnyLens = LensModel.PINHOLE
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", _intrinsics(self.matrix))
@@ -109,7 +113,7 @@ class Camera:
         *,
         skew: float = 0.0,
         distortion: ArrayLike | None = None,
-        convention: Convention | str = Convention.CORNER,
+        convention: AnyConvention = Convention.CORNER,
     ) -> "Camera":
         """Camera from focal lengths, principal point and skew, px.
 
@@ -141,7 +145,7 @@ class Camera:
         matrix: ArrayLike,
         distortion: ArrayLike | None = None,
         *,
-        model: LensModel | str = LensModel.PINHOLE,
+        model: AnyLens = LensModel.PINHOLE,
     ) -> "Camera":
         """Camera from the results of `cv2.calibrateCamera` or `cv2.fisheye.calibrate`.
 
@@ -200,9 +204,7 @@ class Camera:
         """Camera with another pose."""
         return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
 
-    def with_lens(
-        self, distortion: ArrayLike, model: LensModel | str = LensModel.PINHOLE
-    ) -> "Camera":
+    def with_lens(self, distortion: ArrayLike, model: AnyLens = LensModel.PINHOLE) -> "Camera":
         """The same camera with a lens of these coefficients."""
         return replace(self, distortion=np.asarray(distortion, np.float64), model=model)
 

@@ -4,6 +4,7 @@ A camera looks along +z with x to the right and y down.
 """
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,9 @@ from resample.types import Doubles
 ROUNDED = 2e-4  # largest error of R Rᵀ from rounding to four decimals
 QUATERNION = 1e-3  # largest error of a quaternion's length from rounding to three decimals
 OPENGL_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+UpAxis = Literal["x", "y", "z", "-x", "-y", "-z"]
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> Doubles:
@@ -50,7 +54,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
 
 
 def orbit(
-    target: ArrayLike, distance: float, azimuth: float, elevation: float, up: str = "z"
+    target: ArrayLike, distance: float, azimuth: float, elevation: float, up: UpAxis = "z"
 ) -> Doubles:
     """Pose (4, 4) of a camera on a sphere around `target`.
 

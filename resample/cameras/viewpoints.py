@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias, cast
 import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera, Orthographic
-from resample.cameras.poses import look_at, orbit
+from resample.cameras.poses import UpAxis, look_at, orbit
 from resample.types import Doubles
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -73,7 +73,7 @@ class Orbit:
     elevation: float = 20.0
     zoom: float = 1.0
     fov: float = 30.0
-    up: str = "z"
+    up: UpAxis = "z"
     pan: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -197,7 +197,7 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")
 
 
-def orbit_of(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Orbit | None:
+def orbit_of(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Orbit | None:
     """Parse angles of the command line; None if the text holds none, but perhaps names a file.
 
     `fov`: field of view along the picture's shorter side in degrees, unless a file has it; 0:

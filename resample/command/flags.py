@@ -26,6 +26,7 @@ from cyclopts import Group, Parameter
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
 
 
@@ -136,7 +137,7 @@ def under(heading: str) -> Parameter:
     return Parameter(group=Group(heading, sort_key=HEADINGS.index(heading)))
 
 
-def viewpoint(camera: str, fov: float, up: str) -> "Viewpoint":
+def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
     """Read a viewpoint; only one that is no angles loads the readers of camera files."""
     from resample.cameras.viewpoints import orbit_of
 

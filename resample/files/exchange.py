@@ -3,7 +3,7 @@
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from resample.colors import from_srgb, mapped
 from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.opening import Address, place_of
-from resample.showable import Behind
+from resample.showable import Behind, ChannelOrder, Showable
 from resample.types import Floats, Frame, Statistics
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 TAKEN = (
     "an array (H, W) or (H, W, C), nested lists, a path, an address of zarr, an image of Pillow's "
-    "or SimpleITK's, or an xarray.DataArray"
+    "or SimpleITK's, an xarray.DataArray, or a result such as a Frame"
 )
 ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
 MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
@@ -37,8 +37,9 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
 
     `given`: an array of real numbers of any layout and byte order, masked, memory-mapped or lazy;
     nested lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
-    SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x. Result: masked
-    arrays stay masked. Arrays that need no conversion are not copied.
+    SimpleITK image; an `xarray.DataArray` with rows along y and columns along x; or a result, whose
+    `image` or `rgba` is taken. Result: masked arrays stay masked. Arrays that need no conversion
+    are not copied.
     """
     return picture_and_encoding(given, name)[0]
 
@@ -52,6 +53,8 @@ def picture_and_encoding(
     """
     if isinstance(given, str | PathLike | Address):
         return _read(given)
+    if isinstance(given, Showable):
+        return _light_or_values(given), None
     library = type(given).__module__.partition(".")[0]
     if library == "PIL":
         array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
@@ -84,6 +87,12 @@ def _array(given: Any, name: str) -> NDArray[Any]:
         return np.asanyarray(given)
     except ValueError:
         raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+
+
+def _light_or_values(given: Any) -> NDArray[Any]:
+    """Premultiplied light of a frame; image of a warped picture."""
+    array: NDArray[Any] = given.rgba if isinstance(given, Frame) else given.image
+    return array
 
 
 def _of_itk(image: Any, name: str) -> NDArray[Any]:
@@ -127,12 +136,20 @@ def _behind(background: Behind) -> Color | None:
     return red, green, blue
 
 
-def levels_of(result: Any, of: str, *, background: Behind = None) -> NDArray[np.uint8]:
+def levels_of(
+    result: Any, of: str, *, background: Behind = None, order: ChannelOrder = "rgb"
+) -> NDArray[np.uint8]:
     """8-bit levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
+    if order not in get_args(ChannelOrder):
+        raise ValueError(f"order {order!r}; give {' or '.join(get_args(ChannelOrder))}")
     if of != "color":
         light = _false_colors(result, of)
-        return screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
-    return screen_levels(light_of(result), background=_behind(background))
+        levels = screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
+    else:
+        levels = screen_levels(light_of(result), background=_behind(background))
+    if order == "bgr":
+        return np.ascontiguousarray(levels[..., [2, 1, 0, 3][: levels.shape[2]]])
+    return levels
 
 
 def image_of(result: Any, of: str, *, background: Behind = None) -> "Image":

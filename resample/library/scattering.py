@@ -7,14 +7,15 @@ its mass: sums of masses per pixel are the coverage, and values are means weight
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.painting.scenes.plans import check_size
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.registry import build
+from resample.showable import array_of
 from resample.types import Doubles, Floats
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
@@ -43,6 +44,12 @@ class Scattering(NamedTuple):
 
     value: Floats  # (H, W) or (H, W, C) mean of the samples' values; NaN where there is none
     coverage: Floats  # (H, W) px² that samples cover in each pixel, summed
+
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `value`."""
+        return array_of(self.value, dtype, copy)
 
 
 class _VisibleSamples(NamedTuple):
@@ -85,7 +92,7 @@ class Scatter:
     array([0.  , 0.  , 1.  , 0.  , 0.25, 0.25, 0.  , 0.  ], dtype=float32)
     """
 
-    method: str = "hybrid"
+    method: Literal["hybrid", "points", "splats"] = "hybrid"
     pixel_filter: PixelFilter | str = "area"
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from resample_texture.geometry.mappings import (
     TargetRegion,
 )
 from resample_texture.geometry.matrices import homography
+from resample_texture.texels.encoding import AnyAlpha
 from resample_texture.types import Edge, Method
 
 LARGEST_PICTURE = 1 << 30  # pixels; a larger size is taken for a mistake
@@ -134,7 +135,8 @@ def check_shape(shape: tuple[int, int]) -> None:
         )
 
 
-PREMULTIPLIED = "premultiplied"
+PREMULTIPLIED: Literal["premultiplied"] = "premultiplied"
+Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
 
 
 def check_layout(image: NDArray[Any]) -> None:
@@ -158,7 +160,7 @@ def check_sums(dtype: np.dtype[Any], method: Method) -> None:
         raise ValueError(f"sums do not fit {dtype}; give floats: image.astype('float32')")
 
 
-def fill_for(fill: complex | str | None, image: Any, alpha: str | None, method: Method) -> Any:
+def fill_for(fill: Fill | None, image: Any, alpha: AnyAlpha | None, method: Method) -> Any:
     """Return the value of pixels without any; None: the picture is multiplied by its coverage.
 
     Values of floats and of masked arrays are measurements, unless they have opacity or are totals.

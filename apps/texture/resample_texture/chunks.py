@@ -14,10 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.cameras.models import AnyConvention
 from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
 from resample_texture.arguments import (
     REFLECT_101,
+    Fill,
     Places,
     check_sums,
     edge_named,
@@ -31,7 +33,8 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.types import Method, Warped
+from resample_texture.texels.encoding import AnyAlpha
+from resample_texture.types import AnyEdge, Method, Warped
 
 SIDE = 1024  # px of chunks, unless the target has its own chunks
 
@@ -83,12 +86,12 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     *,
     out: Any = None,
     side: int | tuple[int, int] | None = None,
-    edge: str = "transparent",
-    convention: str = "corner",
+    edge: AnyEdge = "transparent",
+    convention: AnyConvention = "corner",
     inverse: bool = False,
     linear_light: bool | None = None,
-    alpha: str | None = None,
-    fill: complex | str | None = None,
+    alpha: AnyAlpha | None = None,
+    fill: Fill | None = None,
     total: bool | None = None,
     threads: int | None = None,
 ) -> Any:
@@ -249,7 +252,7 @@ def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
 
 
 def _drawn(
-    source: Any, drawing: Drawing, *, linear_light: bool | None, alpha: str | None
+    source: Any, drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None

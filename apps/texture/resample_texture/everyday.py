@@ -17,7 +17,8 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.types import Method, Warped
+from resample_texture.texels.encoding import AnyAlpha
+from resample_texture.types import AnyEdge, Method, Warped
 from resample_texture.warping import warp
 
 
@@ -26,9 +27,9 @@ def resize(
     shape: tuple[int, int],
     *,
     method: str | Method = "hybrid",
-    edge: str = "clamp",
+    edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     **choices: Any,
 ) -> Warped:
     """Resize a picture so that it fills the target exactly.
@@ -72,9 +73,9 @@ def scale(
     factor: float | tuple[float, float],
     *,
     method: str | Method = "hybrid",
-    edge: str = "clamp",
+    edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     **choices: Any,
 ) -> Warped:
     """Scale a picture by an exact factor; its size is rounded to whole px.
@@ -114,9 +115,9 @@ def rotate(
     shape: tuple[int, int] | None = None,
     *,
     method: str | Method = "hybrid",
-    edge: str = "transparent",
+    edge: AnyEdge = "transparent",
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     **choices: Any,
 ) -> Warped:
     """Rotate a picture counterclockwise about its center; multiples of 90° copy values.
@@ -276,10 +277,8 @@ def _drawn(
         is_here = shows(ray)
         around = ndimage.binary_dilation(is_here, np.ones((3, 3), np.bool_))
         place = np.where(around[..., None], places(ray), np.nan)
-        lookup, edge = (
-            BackwardMap(place[..., 0], place[..., 1]),
-            "wrap" if is_endless else "transparent",
-        )
+        lookup = BackwardMap(place[..., 0], place[..., 1])
+        edge: AnyEdge = "wrap" if is_endless else "transparent"
         part = warp(image, lookup, form, edge=edge, roi=roi, **choices)
         if made is None:
             made = part

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.cameras.models import AnyConvention
 from resample.files.exchange import picture_and_encoding
 from resample.painting.scenes.plans import shape_of
 from resample.scene.previews import PER, enlarged
@@ -29,9 +30,9 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.encoding import Encoding, decoded
+from resample_texture.texels.encoding import AnyAlpha, Encoding, decoded
 from resample_texture.texels.pyramid import shrunk
-from resample_texture.types import Edge, Method, Previewed, Warped
+from resample_texture.types import AnyEdge, Edge, Method, Previewed, Warped
 from resample_texture.warping import warp
 
 # Options of final pictures that previews accept but ignore, and their names in `warp`.
@@ -67,7 +68,7 @@ class PictureScene(AnyScene):
     """
 
     def __init__(
-        self, given: Any, *, linear_light: bool | None = None, alpha: str | None = None
+        self, given: Any, *, linear_light: bool | None = None, alpha: AnyAlpha | None = None
     ) -> None:
         self.image, is_encoded = picture_and_encoding(given)
         if linear_light is None:
@@ -82,8 +83,8 @@ class PictureScene(AnyScene):
         *,
         size: tuple[int, int] | None = None,
         method: str | Method = "hybrid",
-        edge: str = "transparent",
-        convention: str = "corner",
+        edge: AnyEdge = "transparent",
+        convention: AnyConvention = "corner",
         inverse: bool = False,
         quality: Quality = "final",
         cancel: Cancel | None = None,
@@ -131,8 +132,8 @@ class PictureScene(AnyScene):
         matrix: ArrayLike | Geometry | Places,
         *,
         size: tuple[int, int] | None = None,
-        edge: str = "transparent",
-        convention: str = "corner",
+        edge: AnyEdge = "transparent",
+        convention: AnyConvention = "corner",
         inverse: bool = False,
     ) -> NDArray[np.int32]:
         """Return the texel at each pixel's center.

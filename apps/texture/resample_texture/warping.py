@@ -5,8 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.cameras.models import AnyConvention
 from resample.files.exchange import picture_and_encoding
+from resample.profiles.filters import PixelFilter
+from resample.profiles.interpolation import Interpolation
 from resample_texture.arguments import (
+    Fill,
     Places,
     check_layout,
     check_shape,
@@ -21,8 +25,9 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
+from resample_texture.texels.encoding import AnyAlpha
 from resample_texture.texels.gaps import masked
-from resample_texture.types import Method, Warped
+from resample_texture.types import AnyEdge, Method, Warped
 
 
 def warp(  # noqa: PLR0913 - what a user may say about a warp
@@ -31,17 +36,17 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     shape: tuple[int, int],
     method: str | Method = "hybrid",
     *,
-    filter: Any = None,  # noqa: A002
-    interpolation: Any = None,
+    filter: PixelFilter | str | None = None,  # noqa: A002
+    interpolation: Interpolation | str | None = None,
     quality: float | None = None,
     total: bool | None = None,
-    edge: str = "transparent",
-    convention: str = "corner",
+    edge: AnyEdge = "transparent",
+    convention: AnyConvention = "corner",
     inverse: bool = False,
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     nodata: complex | None = None,
-    fill: complex | str | None = None,
+    fill: Fill | None = None,
     roi: tuple[int, int, int, int] | None = None,
     threads: int | None = None,
     out: NDArray[Any] | None = None,

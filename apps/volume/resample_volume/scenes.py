@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.scene.previews import PER, Shrunk, enlarged_frame
-from resample.scene.scenes import AnyScene, Quality
+from resample.scene.scenes import AnyScene, Quality, is_quick
 from resample.types import Frame
 from resample.watching import Cancel, Progress
 from resample_volume.classification.labels import Labels
@@ -151,7 +151,7 @@ class Scene(AnyScene):
         look, camera, size, resampler, quality, fit
             As of `render`.
         """
-        is_preview = quality == "preview"
+        is_preview = is_quick(quality)
         subject, eye, _ = self._prepared(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
 
@@ -236,6 +236,8 @@ class Scene(AnyScene):
         is_preview: bool = False,
     ) -> tuple[Subject, AnyCamera, Resampler]:
         """Return subject, camera and renderer of a picture."""
+        if fit not in get_args(Fit):
+            raise ValueError(f"fit {fit!r}; known: {', '.join(get_args(Fit))}")
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         if is_preview:

@@ -17,6 +17,7 @@ from resample.types import Doubles, Floats
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.painting import explained as wide_explained
 from resample_warp3d.painting import painted
@@ -44,7 +45,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     size: tuple[int, int] | None = None,
     noise: float | None = None,
     step: float | None = None,
-    refine: str = "auto",
+    refine: Refine = "auto",
     fill: bool | Filling = False,
     threads: int | None = None,
 ) -> Warped:
@@ -125,7 +126,7 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     method: str | Method = "hybrid",
     *,
     filter: str | PixelFilter | None = None,  # noqa: A002
-    refine: str = "auto",
+    refine: Refine = "auto",
     fill: bool | Filling = False,
     threads: int | None = None,
 ) -> Warped:

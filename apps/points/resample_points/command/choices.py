@@ -23,6 +23,7 @@ from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
     from resample_points.data.cloud import Cloud
     from resample_points.data.selecting import Wanted
@@ -250,7 +251,7 @@ def panorama_of(name: str | None) -> Any:
     return ProjectedCamera(registry.build("projections", name))
 
 
-def start_of(camera: str, up: str, fov: float | None = None) -> "Viewpoint":
+def start_of(camera: str, up: "UpAxis", fov: float | None = None) -> "Viewpoint":
     """Read a cloud's viewpoint; angles get the default field of view of clouds."""
     from resample_points.geometry.framing import FIELD
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.poses import orbit
+from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
@@ -93,7 +93,7 @@ def framed(
     azimuth: float = 0.0,
     elevation: float = 0.0,
     distance: float | None = None,
-    up: str = "z",
+    up: UpAxis = "z",
     fov: float = FIELD,
 ) -> Camera | Orthographic:
     """Return a camera that frames a cloud.
@@ -150,7 +150,7 @@ def framed_together(
     *,
     size: tuple[int, int],
     angles: Sequence[tuple[float, float]],
-    up: str = "z",
+    up: UpAxis = "z",
     fov: float = FIELD,
 ) -> list[Camera]:
     """Return cameras at one distance from a cloud's center that all show the whole cloud.

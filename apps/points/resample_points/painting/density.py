@@ -7,16 +7,17 @@ column_density(snapshot, "z", size=(800, 800)).value
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.painting.scenes.plans import shape_of
+from resample.showable import array_of
 from resample.types import Doubles
 from resample_points.data.particles import Particles
-from resample_points.data.smoothing import kernel_of
+from resample_points.data.smoothing import KernelName, kernel_of
 from resample_points.painting.placing import (
     PlacedParticles,
     along_axis,
@@ -48,6 +49,12 @@ class DensityMap:
     name: str  # column density, density, or the quantity
     units: str
 
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `value`."""
+        return array_of(self.value, dtype, copy)
+
     def save(self, path: str | Path) -> None:
         """Write the numbers: `.npy` in float64, `.exr` in float32; rows go from top to bottom."""
         from resample.files.facts.metadata import FileMetadata
@@ -71,10 +78,10 @@ class DensityMap:
 
 def column_density(
     particles: Particles,
-    view: str | Camera | Orthographic,
+    view: Literal["x", "y", "z"] | Camera | Orthographic,
     *,
     size: tuple[int, int],
-    kernel: str = "cubic",
+    kernel: KernelName = "cubic",
     quantity: str | None = None,
     slice_at: float | None = None,
     region: ArrayLike | None = None,

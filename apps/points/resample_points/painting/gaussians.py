@@ -7,7 +7,7 @@ frame = render_gaussians(gaussians, gaussian_camera(gaussians, size=(800, 600)),
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -95,8 +95,10 @@ class GaussianStyle:
     True
     """
 
-    appearance: GaussianAppearance | str = GaussianAppearance.TRAINED
-    order: ShapedOrder | str | None = None
+    appearance: GaussianAppearance | Literal["trained", "bare", "affine"] = (
+        GaussianAppearance.TRAINED
+    )
+    order: ShapedOrder | Literal["depth", "distance", "rays"] | None = None
     trained_focal: float | None = None
     subpixels: int | None = None
     near: float | None = None

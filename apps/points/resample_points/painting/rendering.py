@@ -7,7 +7,7 @@ frame = render_cloud(cloud, framed(cloud, size=(640, 480), azimuth=30), size=(64
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -93,7 +93,7 @@ class CloudStyle:
     """
 
     point_size: float = 1.0
-    light: Shading | str | None = None
+    light: Shading | Literal["none", "headlight"] | None = None
     cull: bool = False
     subpixels: int = 4
     near: float = 0.0

@@ -29,7 +29,7 @@ from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLEC
 from resample_texture.differentiable.kernels.points import InterpolatedSource
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
 from resample_texture.texels.forward import EDGES
-from resample_texture.types import Edge
+from resample_texture.types import AnyEdge, Edge
 
 Integers = NDArray[np.int64]
 Places = MatrixPlaces | MapPlaces
@@ -67,7 +67,7 @@ class LinearWarp:
     """
 
     interpolation: Any = "area-spline:limit=none"
-    edge: str = "transparent"
+    edge: AnyEdge = "transparent"
     quality: float = 1.0
     threads: int | None = None
 

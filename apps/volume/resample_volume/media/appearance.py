@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from resample.lazy import old_members
 from resample.memory import available_memory
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
-GRADIENT = "central"  # if none is asked for
+Gradient = Literal["central", "sobel"]
+GRADIENT: Gradient = "central"  # if none is asked for
 SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
@@ -60,7 +61,7 @@ class Appearance:
 
     transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
     light: Light | None = field(default_factory=Light)  # None: colors as they are
-    gradient: str = GRADIENT  # or sobel
+    gradient: Gradient = GRADIENT  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
     classification: Classification = Classification.AUTO
     labels: "Labels | None" = None

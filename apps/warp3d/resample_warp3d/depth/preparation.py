@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from resample.types import Floats
-from resample_warp3d.depth.refining.conditioning import Refined
+from resample_warp3d.depth.refining.conditioning import Refine, Refined
 from resample_warp3d.depth.refining.conditioning import refine as conditioned
 from resample_warp3d.depth.refining.inspecting import known, linked, noise_of
 from resample_warp3d.types import AS_GIVEN, DepthImage, Links, Source
@@ -23,7 +23,7 @@ def prepare(
     *,
     noise: float | None = None,
     step: float | None = None,
-    refine: str = "auto",
+    refine: Refine = "auto",
 ) -> Source:
     """Prepare a depth image.
 

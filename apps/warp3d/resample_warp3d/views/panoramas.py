@@ -17,6 +17,7 @@ from resample.cameras.models import Camera
 from resample.cameras.panoramic import rays_at, turn
 from resample.types import Doubles, Floats, Indices
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.types import DepthImage
 from resample_warp3d.views.together import Agreed, Joining, PosedSource, agreed
 from resample_warp3d.warping import as_light
@@ -33,7 +34,7 @@ def panorama(
     world_to_camera: ArrayLike | None = None,
     *,
     noise: float | None = None,
-    refine: str = "auto",
+    refine: Refine = "auto",
 ) -> Agreed:
     """Prepare a panorama for `resample_warp3d.render_together` with `SEAMLESS`.
 
