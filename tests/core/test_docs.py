@@ -24,6 +24,7 @@ LINKED = [
     ROOT / "README.md",
     *(p for p in PAGES if p.suffix == ".md"),
     *ROOT.glob("apps/*/README.md"),
+    *ROOT.glob("notes/*.md"),
 ]
 SCRIPTS = sorted((ROOT / "examples").glob("gallery/*/plot_*.py"))
 TUTORIALS = sorted((ROOT / "examples" / "tutorials").glob("plot_*.py"))
@@ -133,6 +134,8 @@ def test_an_example_tells_the_command_that_makes_the_same(script):
 
 def fault(path, line):
     """What is wrong with a command, or nothing."""
+    if within := re.search(r"\$\((.+?)\)", line):  # a command whose output is a file's name
+        return fault(path, within[1]) or fault(path, line.replace(within[0], "file"))
     program, *words = shlex.split(line, comments=True)
     if program == "python":
         return "" if (ROOT / words[0]).exists() else f"{path}: {words[0]} is not there"
@@ -147,6 +150,34 @@ def fault(path, line):
     except (CycloptsError, ImportError) as error:
         return f"{path.relative_to(ROOT)}: {line}: {error}"
     return ""
+
+
+def test_a_command_within_a_command_is_checked_too():
+    assert not fault(DOCS, "resample-volume render $(resample-volume fetch engine) -o a.png")
+    assert "fetsh" in fault(DOCS, "resample-volume render $(resample-volume fetsh engine) -o a.png")
+
+
+def test_the_front_page_is_short_with_one_figure_and_one_table():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 900
+    assert text.count("![") == 1
+    assert len(re.findall(r"^\|[-|]+\|$", text, re.MULTILINE)) == 1
+
+
+@pytest.mark.parametrize("page", ["quality", "performance"])
+def test_measurements_are_one_page_and_say_what_prints_them(page):
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    assert len(text.replace("|", " ").split()) <= 1300
+    for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        assert re.search(r"python -m|make |benchmarks\.", part), part.partition("\n")[0]
+
+
+def test_modules_that_the_measurements_name_are_there():
+    for page in (ROOT / "README.md", DOCS / "quality.md", DOCS / "performance.md"):
+        text = page.read_text(encoding="utf-8")
+        for name in re.findall(r"(?<![./])((?:tests\.)?benchmarks(?:\.\w+)?)", text):
+            place = ROOT / name.replace(".", "/")
+            assert place.is_dir() or place.with_suffix(".py").exists(), name
 
 
 def test_options_that_no_command_has_are_found():
