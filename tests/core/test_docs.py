@@ -10,10 +10,11 @@ from cyclopts import CycloptsError
 
 from resample.samples.finding import expanded
 from tests.commands import ended
+from tools import command_pages
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-BUILT = ("_build", "gallery", "tutorials", "generated")  # folders that `make docs` writes
+BUILT = ("_build", "gallery", "tutorials", "generated", "commands")  # written by `make docs`
 PAGES = sorted(
     path
     for suffix in ("md", "rst")
@@ -103,7 +104,8 @@ def test_every_page_is_in_the_tree_once():
 
 @pytest.mark.parametrize("path", LINKED, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_relative_links_and_pictures_exist(path):
-    links = re.findall(r"\]\(([^)\s]+)\)", prose(path))
+    links = re.findall(r"\]\(([^)\s]+)\)|^:img-top: (.+)$", prose(path), re.MULTILINE)
+    links = [link for pair in links for link in pair if link]
     missing = [
         link
         for link in links
@@ -209,6 +211,40 @@ def test_every_command_of_the_docs_parses():
     found = list(commands())
     assert len(found) > 120
     assert [said for path, line in found if (said := fault(path, line))] == []
+
+
+GENERATED = pytest.mark.sweep(kept_by="test_a_command_has_a_page_with_all_of_its_options")
+
+
+@pytest.mark.parametrize(
+    "program",
+    ["resample", *(pytest.param(name, marks=GENERATED) for name in command_pages.PROGRAMS[1:])],
+)
+def test_a_command_has_a_page_with_all_of_its_options(program):
+    app, generated = command_pages.app_of(program), command_pages.pages([program])
+    names = command_pages.names_of(program, app)
+    assert set(generated) == {"index", f"{program}/index", *(f"{program}/{one}" for one in names)}
+    for name in names:
+        shown = [one for one in app[name].assemble_argument_collection() if one.show]
+        options = {word for one in shown for word in one.names if word.startswith("--")}
+        missing = {word for word in options if word not in generated[f"{program}/{name}"]}
+        assert not {word for word in missing if not word.startswith(("--no-", "--empty-"))}
+    for text in generated.values():
+        for line in re.findall(r"^\$ (.+)$", text, re.MULTILINE):
+            assert not fault(DOCS / program, line)
+
+
+def test_examples_in_help_are_blocks_of_command_pages():
+    assert command_pages.with_examples("A.\n\nExample: resample plugins\nfilters\n\nB.\n") == (
+        "A.\n\n```console\n$ resample plugins filters\n```\n\nB.\n"
+    )
+
+
+def test_pages_that_no_command_has_any_more_are_removed(tmp_path):
+    (tmp_path / "gone.md").write_text("# gone\n")
+    command_pages.write(tmp_path, ["resample"])
+    assert not (tmp_path / "gone.md").exists()
+    assert (tmp_path / "resample" / "plugins.md").exists()
 
 
 def runs_as_it_stands(line):
