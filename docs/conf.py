@@ -156,9 +156,23 @@ def write_formula(page, node):
     raise nodes.SkipNode
 
 
+def name_notes(app, name, source):  # noqa: ARG001 - Sphinx's
+    """Name lab notes, which are no part of the site, where pages link to them."""
+    source[0] = re.sub(r"\[([^\]]+)\]\(\.\./(notes/[^)]*)\)", r"\1 (`\2` in the source)", source[0])
+
+
+def write_command_pages(app):
+    """Write a page per command from their definitions."""
+    from tools.command_pages import write
+
+    write(Path(app.srcdir) / "commands")
+
+
 def setup(app):
     """Connect what is done to docstrings; ours before numpydoc's."""
     sys.path.insert(0, str(ROOT))
     app.connect("autodoc-process-docstring", tell_fields, priority=400)
+    app.connect("source-read", name_notes)
+    app.connect("builder-inited", write_command_pages)
     app.add_html_math_renderer("mathml", (write_formula, None), (write_formula, None))
     app.connect("autodoc-skip-member", skip_fields)
