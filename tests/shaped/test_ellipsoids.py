@@ -218,6 +218,17 @@ def test_parts_within_a_budget_have_the_bits_of_all(subpixels, most, windows):
     assert picture.statistics.subpixels == whole.statistics.subpixels
 
 
+@pytest.mark.parametrize("subpixels", [None, 2])
+@pytest.mark.parametrize("ahead", [True, False])
+def test_parts_that_fit_are_projected_once(subpixels, ahead):
+    given, style = gaussians(800, seed=11), ShapedStyle(subpixels=subpixels)
+    away = np.float32([0, 0, 0] if ahead else [0, 0, -100])
+    parts = Parts(given._replace(position=given.position + away), 150)
+    picture, windows = paint_parts(parts, EYE, SIZE, style, memory=900 * BYTES)
+    assert (parts.loaded, windows) == (len(parts.sizes()), 1)
+    assert picture.rgba.any() == ahead
+
+
 def test_a_tile_beyond_the_budget_is_refused():
     given = gaussians(800, seed=11)
     with pytest.raises(ValueError, match="more than fit in the allowed memory; give more memory"):

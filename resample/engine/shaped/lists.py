@@ -24,6 +24,7 @@ class TileGrid(NamedTuple):
     side: int  # px
     columns: int
     rows: int
+    fine: int  # sub-pixels per side of a pixel
 
 
 class TileLists(NamedTuple):

@@ -345,22 +345,22 @@ class ShapedScene(NamedTuple):
         progress: Progress | None = None,
     ) -> int:
         """Paint a window of whole tiles; return how many ellipsoids it shows."""
-        from resample.engine.shaped.along_rays import paint_along_rays
+        from resample.engine.shaped.along_rays import WAITING
         from resample.engine.shaped.canvas import PaintedShapes
         from resample.engine.shaped.lists import TileGrid, front_to_back
         from resample.engine.shaped.painting import paint_shapes
 
-        (x0, y0, x1, y1), side = window, self.tile()
-        grid = TileGrid(x0, y0, side, -(-(x1 - x0) // side), -(-(y1 - y0) // side))
+        (x0, y0, x1, y1), side, fine = window, self.tile(), self.finest()
+        grid = TileGrid(x0, y0, side, -(-(x1 - x0) // side), -(-(y1 - y0) // side), fine)
         order = front_to_back(records)
         if not order.size:
             return 0
         part = [array[y0:y1, x0:x1] for array in canvas]
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
-        paint = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
+        waiting = WAITING if self.style.order is ShapedOrder.RAYS else None
         lists = _listed(records, order, grid)
         with nullcontext() if progress is None else told(progress):
-            paint(records, lists, grid, self.finest(), self.view.near, self.opacity(), whole)
+            paint_shapes(records, lists, grid, self.view.near, self.opacity(), waiting, whole)
         for mine, painted in zip(part, whole, strict=True):
             if mine is not painted:
                 mine[...] = painted
