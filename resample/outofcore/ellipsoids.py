@@ -22,7 +22,7 @@ from resample.painting.shaped.ellipsoids import (
 from resample.types import Floats, Statistics
 from resample.watching import Progress
 
-BYTES = 4 * WIDTH + 16 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
+BYTES = 4 * WIDTH + 8 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
 NOTHING = np.zeros(0, np.int32)
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from resample_points.scenes import Shape
 
 SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
-BYTES = 320  # per Gaussian in memory, with what a picture needs of it
+BYTES = 280  # per Gaussian in memory, with what a picture needs of it
 FEW = 100_000  # most Gaussians of previews
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
