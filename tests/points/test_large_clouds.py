@@ -15,7 +15,9 @@ from resample.memory import allowing
 from resample.memory.mapped import array_in_file, is_in_file
 from resample_points import cli
 from resample_points.command.choices import CloudOptions
-from resample_points.command.rendering import film_of, frames_of, scene_of
+from resample_points.command.gaussians import GaussianOptions
+from resample_points.command.kinds import FileOptions, frames_of
+from resample_points.command.rendering import scene_of
 from resample_points.data import parts
 from resample_points.data.cloud import Cloud
 from resample_points.data.coloring import colored
@@ -324,11 +326,12 @@ def test_a_command_says_that_memory_does_not_hold_a_cloud_and_paints_it(
 def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monkeypatch, caplog):
     scene = scene_of(Session(), scan, CloudOptions(no_cache=True))
     cameras = [framed(scene.scene.surfels, size=(32, 24), azimuth=angle) for angle in (0, 90)]
-    film = film_of(scene, cameras, (24, 32), (0.0, 0.0, 0.0))
+    film = scene.film(cameras, (24, 32), (0.0, 0.0, 0.0))
     monkeypatch.setattr(parts, "PER_POINT", 10**6)
     with allowing("3GiB"), caplog.at_level("INFO", "resample"):
         share_memory(Sharing(workers=2))
-        elsewhere = frames_of(scan, scene.options, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
+        options = FileOptions(scene.options, GaussianOptions())
+        elsewhere = frames_of(scan, options, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
     assert "and 1.00 GiB may be used: they are in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))

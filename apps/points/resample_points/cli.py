@@ -13,7 +13,7 @@ from resample.command.settings import FrameFormat, Serving, Sharing, height_and_
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
-from resample_points.command.density import DensityOptions
+from resample_points.command.density import DensityOptions, ParticleOptions
 from resample_points.command.gaussians import GaussianOptions
 
 app = App(
@@ -27,6 +27,7 @@ app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
 GAUSSIANS, DENSITY = GaussianOptions.usual(), DensityOptions.usual()
+PARTICLES = ParticleOptions.usual()
 MapOutput = Annotated[
     flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
 ]
@@ -67,7 +68,8 @@ def render(
     from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
     from resample.watching import told
-    from resample_points.command.gaussians import check_kind, gaussians_of
+    from resample_points.command.gaussians import gaussians_of
+    from resample_points.command.kinds import FileOptions, SceneKind, kind_of
     from resample_points.command.rendering import check_index, check_memory, scene_of
 
     check_suffix(output)
@@ -75,7 +77,10 @@ def render(
     shape = form.height_and_width()
     aim.check()
     gaussians.check()
-    if check_kind(file, look, gaussians):
+    kind = kind_of(file, FileOptions(look, gaussians))
+    if kind is SceneKind.PARTICLES:
+        raise ValueError(f"{file.name} holds particles, which `resample-points density` maps")
+    if kind is SceneKind.GAUSSIANS:
         check_targets(output)
         check_memory(shape, output)
         session = Session()
@@ -111,18 +116,20 @@ def animate(
     size: flags.Size = "640x480",
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
+    particles: Annotated[ParticleOptions, flags.Flat] = PARTICLES,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
-    """Move a camera around a point cloud or 3D Gaussians.
+    """Move a camera around a point cloud, 3D Gaussians or the particles of a simulation.
 
     Example: resample-points animate scan.ply --camera 0/20/1 --up y -o orbit.mp4
 
     Parameters
     ----------
     file
-        As in render.
+        As in render; or particles as in density: snapshots, and other points with --type,
+        --quantity, --smoothing-kernel or --log.
     path
         Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
@@ -133,39 +140,25 @@ def animate(
     from resample.command.workers import at_work, check_sharing, share_memory
     from resample.console import linear_color
     from resample.files.animations import check_film
-    from resample_points.command import rendering
-    from resample_points.command.gaussians import (
-        check_kind,
-        frames_of_gaussians,
-        gaussian_film,
-        gaussians_of,
-    )
+    from resample_points.command.kinds import FileOptions, check_film_options, frames_of, scene_in
+    from resample_points.command.rendering import PATHS, check_memory, path_of
     from resample_points.scenes import cameras_of
 
-    shape = height_and_width(size)
+    shape, chosen = height_and_width(size), FileOptions(look, gaussians, particles)
     check_film(output, fps)
     check_sharing(sharing)
     start.start()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    gaussians.check()
-    rendering.check_memory(shape, output, sharing.workers or 0)
-    if check_kind(file, look, gaussians):
-        scene = gaussians_of(Session(), file, look, gaussians)
-        start = scene.upright(start)
-        viewpoints = rendering.path_of(path, frames, fps, start.start())
-        cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
-        film = gaussian_film(scene, cameras, shape, behind)
-        again = partial(frames_of_gaussians, file, look, gaussians, cameras, shape, behind)
-        with at_work(sharing, look.threads) as crew:
-            write_shared(output, film, again, crew, fps=fps, resume=resume)
-        return
-    look.check(output, shape[0])
-    viewpoints = rendering.path_of(path, frames, fps, start.start())
+    check_memory(shape, output, sharing.workers or 0)
+    check_film_options(file, chosen, output, shape[0])
+    viewpoints = path_of(path, frames, fps, start.start())
     share_memory(sharing)
-    cloud = rendering.scene_of(Session(), file, look)
-    cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=start.steady)
-    film = rendering.film_of(cloud, cameras, shape, behind)
-    again = partial(rendering.frames_of, file, look, cameras, shape, behind)
+    scene = scene_in(Session(), file, chosen)
+    if path in PATHS:
+        viewpoints = path_of(path, frames, fps, scene.upright(start).start())
+    cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
+    film = scene.film(cameras, shape, behind)
+    again = partial(frames_of, file, chosen, cameras, shape, behind)
     with at_work(sharing, look.threads) as crew:
         write_shared(output, film, again, crew, fps=fps, resume=resume)
 
@@ -202,7 +195,8 @@ def compare(
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_points.command.comparing import compare_methods, methods_named
-    from resample_points.command.gaussians import check_kind, gaussians_of
+    from resample_points.command.gaussians import gaussians_of
+    from resample_points.command.kinds import FileOptions, SceneKind, kind_of
 
     names, shape = methods_named(methods), height_and_width(size)
     if output is not None:
@@ -210,7 +204,7 @@ def compare(
         check_targets(output)
     aim.check()
     gaussians.check()
-    if not check_kind(file, look, gaussians):
+    if kind_of(file, FileOptions(look, gaussians)) is not SceneKind.GAUSSIANS:
         raise ValueError(f"{file.name} holds no 3D Gaussians, whose ways are compared here")
     session = Session()
     scene = gaussians_of(session, file, look, gaussians)
@@ -272,7 +266,8 @@ def density(
     """
     from resample.command.session import Session
     from resample.files.writing import check_targets
-    from resample_points.command.density import density_of, write_map
+    from resample_points.command.density import write_map
+    from resample_points.command.particles import density_of
     from resample_points.command.rendering import check_memory
 
     shape = form.height_and_width()

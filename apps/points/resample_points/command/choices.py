@@ -1,7 +1,7 @@
 """Options of commands for point clouds."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -181,6 +181,9 @@ class CloudStart(Choices):
     def start(self) -> "Viewpoint":
         """Return the viewpoint; raises if it is invalid."""
         return start_of(self.camera, self.up, self.fov)
+
+
+Aimed = TypeVar("Aimed", bound=CloudStart)
 
 
 class CloudAim(CloudStart):

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.2  # scene units: training leaves out centers before this depth
-PART = 1 << 18  # Gaussians whose colors are found together
+PART = 1 << 16  # Gaussians whose colors are found together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
 FRAMED = 20_000  # Gaussians that cameras are framed around, about
 TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
