@@ -92,7 +92,8 @@ class Viewable(Protocol):
         `function` (`picture`) of inputs and options; if there is a `film` through keyframes, its
         `command`, the name of their `file`, the options that they set (`steered`), those it has
         (`options`; default all) and, if needed, the frames from `each` keyframe to the next;
-        `controls` from `controls_of`; initial `settings`; other renderers (`rivals`) by name,
+        `controls` from `controls_of`; initial `settings`, whose camera may be changed so that the
+        object `fills` the picture; other renderers (`rivals`) by name,
         with the reason if one is unavailable; `names` that options may have, by option; and data
         of its page, such as a `histogram`.
         """
@@ -190,6 +191,11 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
             if field in model.model_fields_set and value is not None:
                 found[option_of(type(model), field)] = _plain(value)
     return found
+
+
+def is_free(choices: Sequence[Choices]) -> bool:
+    """Return whether no camera was given, so that a page may choose one that the object fills."""
+    return not settings_of(choices).keys() & {"camera", "intrinsics", "panorama"}
 
 
 def _plain(value: Any) -> Any:

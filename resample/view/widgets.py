@@ -123,6 +123,7 @@ class Viewer(anywidget.AnyWidget):
             send = partial(self._say, page)
             self._sessions[page] = PageSession(self._view, send, begun=lambda: self.settings)
             about = {**self._view.about, "settings": self.settings, "width": self._size[0]}
+            about["fills"] = False  # the settings are those of the notebook
             await send(json.dumps({"kind": "about", **about}))
         elif content.get("kind") == "closed":
             await self._forget(page)

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(
 )
 TIME = 60_000  # ms; kernels may have to be compiled
 BEGIN = (
-    AppearanceChoices(transfer="vessels"),
+    AppearanceChoices(transfer="vessels", camera="30/20/1"),
     PictureFormat(background="#203040"),
 )  # nothing shows through
 SHOWN = """() => {
@@ -46,7 +46,7 @@ def tab() -> Iterator[Any]:
     view = volume_view("vessel-tree:size=24", begin=BEGIN)
     with served(view) as place, sync_api.sync_playwright() as play:
         browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        tab, faults = browser.new_page(viewport={"width": 700, "height": 420}), []
+        tab, faults = browser.new_page(viewport={"width": 900, "height": 480}), []
         tab.on("pageerror", lambda error: faults.append(str(error)))
         tab.set_default_timeout(TIME)
         tab.goto(place.address)

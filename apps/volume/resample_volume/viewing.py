@@ -20,7 +20,7 @@ from resample.scene.scenes import LITTLE, Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import FileView, path_file
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, is_free, settings_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
@@ -300,6 +300,7 @@ def volume_view(
             "inputs": [name],
             "fixed": settings_of([source]),
             "settings": settings,
+            "fills": is_free(begin),
             "rivals": {VTK: _absence()},
             "names": {
                 "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],

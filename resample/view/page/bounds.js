@@ -303,5 +303,11 @@ export function bounds(page) {
     placed();
   }
 
-  return { buttons: [crop, clip, add, remove], begin, placed, framed, picked };
+  // Without handles and lines
+  function reset() {
+    for (const one of [crop, clip]) if (isOn(one)) turned(one);
+    measured = [];
+  }
+
+  return { buttons: [crop, clip, add, remove], begin, placed, framed, picked, reset };
 }

@@ -1,17 +1,40 @@
-// Drags, wheel and keys on the picture: what they mean is the steering's; a click picks, and Enter
-// picks what is in the middle.
+// Drags, wheel, two fingers and keys on the picture: what they mean is the steering's; a click picks,
+// and Enter picks what is in the middle.
+
+// Two fingers zoom about what is between them, and move it.
+function pinch(page) {
+  const fingers = new Map();
+  const middle = () => {
+    const [a, b] = [...fingers.values()];
+    return { x: (a.x + b.x) / 2, y: (a.y + b.y) / 2, apart: Math.hypot(a.x - b.x, a.y - b.y) };
+  };
+  return {
+    isTwo: () => fingers.size === 2,
+    put: (event) => fingers.set(event.pointerId, { x: event.clientX, y: event.clientY }),
+    gone: (event) => fingers.delete(event.pointerId),
+    moved: (event) => {
+      const before = middle();
+      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      const now = middle();
+      page.steering?.panned(now.x - before.x, now.y - before.y);
+      if (before.apart > 1 && now.apart > 1) page.steering?.zoomed(now.apart / before.apart, now);
+    },
+  };
+}
 
 export function gestures(page) {
   const { canvas } = page;
+  const fingers = pinch(page);
   let dragged = null, travelled = 0;
 
   canvas.addEventListener("pointerdown", (event) => {
-    if (!event.isPrimary) return; // a second finger
     canvas.setPointerCapture(event.pointerId);
-    dragged = [event.clientX, event.clientY];
-    travelled = 0;
+    fingers.put(event);
+    dragged = event.isPrimary ? [event.clientX, event.clientY] : null;
+    travelled = event.isPrimary ? 0 : Infinity; // two fingers pick nothing
   });
   canvas.addEventListener("pointermove", (event) => {
+    if (fingers.isTwo()) { fingers.moved(event); return; }
     if (!dragged || !event.isPrimary) return;
     const dx = event.clientX - dragged[0], dy = event.clientY - dragged[1];
     dragged = [event.clientX, event.clientY];
@@ -22,16 +45,19 @@ export function gestures(page) {
   });
   canvas.addEventListener("pointerup", (event) => {
     if (dragged && travelled < 3 && page.about) page.say("pick", page.placeOf(event));
+  });
+  canvas.addEventListener("lostpointercapture", (event) => {
+    fingers.gone(event);
     dragged = null;
   });
-  canvas.addEventListener("lostpointercapture", () => { dragged = null; });
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
-    page.steering?.zoomed(Math.exp(-event.deltaY / 600));
+    page.steering?.zoomed(Math.exp(-event.deltaY / 600), { x: event.clientX, y: event.clientY });
   }, { passive: false });
+  canvas.addEventListener("dblclick", (event) => page.steering?.toggled?.({ x: event.clientX, y: event.clientY }));
   canvas.addEventListener("keydown", (event) => {
-    if (event.target !== canvas) return; // a handle's
+    if (event.target !== canvas || event.ctrlKey || event.metaKey) return; // a handle's
     const step = 12, by = {
       ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step],
     }[event.key];
@@ -42,6 +68,8 @@ export function gestures(page) {
       const { width, height } = page.size();
       page.say("pick", { x: width / 2, y: height / 2 });
     } else if (event.key === "Home") page.steering?.home();
+    else if (event.key === "0") page.fitted();
+    else if (event.key === "1" && page.steering?.exact) page.steering.exact();
     else return;
     event.preventDefault();
   });

@@ -11,14 +11,19 @@ import { corners } from "./corners.js";
 import { download, hung, made } from "./elements.js";
 import { exporting } from "./exports.js";
 import { fields } from "./fields.js";
+import { filling } from "./fill.js";
 import { gestures } from "./gestures.js";
 import { histogram } from "./histogram.js";
+import { history } from "./history.js";
 import { magnifier } from "./magnifier.js";
-import { orbit, VIEWS } from "./orbit.js";
+import { BEGIN, orbit, VIEWS } from "./orbit.js";
+import { theme } from "./theme.js";
 import { walk } from "./walk.js";
 
 const STILL = 160; // ms after the last gesture, from which on the whole picture is asked for
-const LARGEST = 1024; // px of a side that is asked for
+const SHARP = 1024; // px of a side up to which pixels of the screen are asked for, beyond those of the page
+const LARGEST = 1400; // px of a side that is asked for; of pictures, which begin 1:1, more
+const LARGEST_PICTURE = 2048;
 const STEERINGS = { orbit, corners, walk };
 
 // What the viewer sends: words, or bytes with words about them before them.
@@ -43,26 +48,43 @@ export function show(el, connect) {
   const panes = made("div", { class: "panes" }, canvas);
   const page = {
     el, canvas, image, panes, picked, about: null, settings: {}, steering: null,
-    size, placeOf, note, say, wish, put, changed, replaced,
+    size, placeOf, note, say, wish, put, changed, replaced, fitted,
   };
 
-  const options = fields(page), look = histogram(page), beside = compare(page);
-  const glass = magnifier(page), cuts = bounds(page), exports = exporting(page);
+  const options = fields(page), look = histogram(page), beside = compare(page), past = history(page);
+  const glass = magnifier(page), cuts = bounds(page), exports = exporting(page), fill = filling(page);
+  const light = theme(el, () => look.draw());
   const badge = made("span", { class: "badge", id: "badge" }, "…");
-  const views = made("select", { "aria-label": "View from", id: "views" },
-    made("option", { value: "" }, "View from…"), ...VIEWS.map((v) => made("option", { value: v }, v)));
-  const bar = made("div", { class: "bar" }, badge, views, ...cuts.buttons, ...beside.buttons, glass.button, exports.keyframe, exports.button,
-    made("button", { id: "save-png", onclick: () => say("save", { suffix: ".png" }) }, "PNG"),
-    made("button", { id: "save-exr", onclick: () => say("save", { suffix: ".exr" }) }, "EXR"),
-    made("button", { id: "reset", onclick: () => replaced({ ...page.about?.settings }) }, "Reset"));
+  const views = menu("views", "View from…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
+  const saves = menu("save", "Save…", "Save the picture", ["PNG", "EXR"], (name) => say("save", { suffix: `.${name.toLowerCase()}` }));
+  const fit = made("button", { id: "fit", title: "All of it, as large as the window has room for (0)", onclick: fitted }, "Fit");
+  const exact = made("button", { id: "exact", title: "One texel for each pixel (1, or a double-click)", onclick: () => page.steering.exact() }, "1:1");
+  const bar = made("div", { class: "bar" },
+    ...past.buttons, views, fit, exact, ...cuts.buttons, ...beside.buttons, glass.button,
+    made("span", { class: "push" }), exports.keyframe, exports.button, saves,
+    made("button", { id: "reset", title: "As it began", onclick: reset }, "Reset"), light.button);
   const side = made("aside", { class: "side" });
-  el.append(made("div", { class: "stage" }, panes, bar), side, exports.dialog);
+  canvas.append(badge);
+  el.append(bar, made("div", { class: "stage" }, panes), side, exports.dialog);
+  light.put();
+
+  // A list of things to do, by a name each.
+  function menu(id, text, label, names, chosen) {
+    const list = made("select", { id, "aria-label": label }, made("option", { value: "" }, text),
+      ...names.map((one) => made("option", { value: one }, one)));
+    list.addEventListener("change", () => {
+      if (list.value) chosen(list.value);
+      list.value = "";
+    });
+    return list;
+  }
 
   // Sizes and places: of the picture, px
 
   function size() {
-    const box = page.steering.frame(), most = LARGEST / Math.max(box.width, box.height, 1);
-    const scale = Math.min(window.devicePixelRatio || 1, most);
+    const box = page.steering.frame(), long = Math.max(box.width, box.height, 1), ratio = window.devicePixelRatio || 1;
+    const scale = page.steering.exact ? Math.min(ratio, LARGEST_PICTURE / long)
+      : Math.max(Math.min(ratio, SHARP / long), Math.min(1, LARGEST / long));
     return {
       width: Math.max(8, Math.round(box.width * scale)),
       height: Math.max(8, Math.round(box.height * scale)),
@@ -88,21 +110,29 @@ export function show(el, connect) {
     if (!page.about) return;
     number += 1;
     link.send(JSON.stringify({ kind, number, settings: page.settings, ...size(), ...more }));
+    return number;
   }
 
   // One picture is under way at a time; of what is wished meanwhile the last is remembered.
   function wish(moving) {
     if (!page.about) return;
     clearTimeout(timer);
+    fill.stopped();
     canvas.setAttribute("aria-busy", "true");
-    if (moving) timer = setTimeout(() => wish(false), STILL);
+    if (moving) timer = setTimeout(rested, STILL);
     if (waiting && moving) { again = true; return; }
     waiting = true;
     wishedSize = spelledSize();
-    if (!moving) whole = { ...page.settings };
+    if (!moving) {
+      whole = { ...page.settings };
+      past.recorded();
+    }
     say("draw", { moving, ...beside.wished(moving) });
     latest = number;
   }
+
+  // Nothing has moved for a while; of a drag that goes on, the picture alone is whole.
+  function rested() { wish(false); }
 
   // The answer to a wish has come; it may be the last.
   function answered(head) {
@@ -126,6 +156,22 @@ export function show(el, connect) {
     wish(moving);
   }
 
+  // The object is as large as the picture has room for.
+  function fitted() {
+    if (!page.about) return;
+    if (!page.steering.filled) { (page.steering.fitted ?? page.steering.home)(); return; }
+    canvas.setAttribute("aria-busy", "true");
+    fill.begun(() => changed("camera", page.settings.camera));
+  }
+
+  // As it began, handles and marks included
+  function reset() {
+    if (!page.about) return;
+    cuts.reset();
+    picked.textContent = "";
+    replaced(page.steering.atStart?.() ?? { ...page.about.settings });
+  }
+
   function replaced(given) {
     if (!page.about) return;
     page.settings = given;
@@ -144,13 +190,25 @@ export function show(el, connect) {
     page.steering.begin?.();
     cuts.begin();
     canvas.setAttribute("aria-label", `Picture: ${page.steering.hint}`);
-    views.hidden = gesture !== "orbit";
+    views.hidden = !page.steering.filled;
+    exact.hidden = !page.steering.exact;
     exports.keyframe.hidden = !given.film;
     beside.offer(given.rivals);
-    replaced(isBack ? page.settings : { ...given.settings });
+    const opens = () => replaced(isBack ? page.settings : page.steering.atStart?.() ?? { ...given.settings });
+    if (!isBack && given.fills && given.settings.camera === BEGIN) filled(opens); else opens();
     build();
     page.steering.resized?.();
     placed();
+  }
+
+  // The camera that it begins with is found.
+  function filled(then) {
+    page.settings = { ...page.about.settings };
+    canvas.setAttribute("aria-busy", "true");
+    fill.begun(() => {
+      page.about.settings.camera = page.settings.camera;
+      then();
+    });
   }
 
   function build() {
@@ -169,7 +227,7 @@ export function show(el, connect) {
 
   function told(given) {
     if (given.kind === "about") begin(given);
-    if (given.kind === "error") { answered(given); note(given.text, "message"); }
+    if (given.kind === "error") { fill.failed(given.number); answered(given); note(given.text, "message"); }
     if (given.kind === "other") beside.failed(given.text);
     if (given.kind === "notice") note(given.text, "message notice");
     if (given.kind === "picked") {
@@ -183,6 +241,7 @@ export function show(el, connect) {
   function framed(head, bytes) {
     if (head.kind === "file") { note("", "message"); download(head.name, bytes); return; }
     if (head.kind !== "frame") { beside.framed(head, bytes); return; }
+    if (fill.takes(head, bytes)) return;
     note("", "message");
     if (!head.preview) {
       look.ask();
@@ -215,13 +274,10 @@ export function show(el, connect) {
 
   const link = connect({ heard, closed, replaced });
   gestures(page);
-  views.addEventListener("change", () => {
-    if (views.value) changed("camera", views.value);
-    views.value = "";
-  });
   new ResizeObserver(() => {
     if (!page.about) return;
     page.steering.resized?.();
+    past.amended();
     look.draw();
     placed();
     if (wishedSize !== spelledSize()) wish(true);

@@ -12,6 +12,15 @@ export function walk(page) {
     return { left: box.left + (box.width - width) / 2, top: box.top + (box.height - height) / 2, width, height };
   }
 
+  // Steps to the right and down, for each ahead, to a place of the page; of other cameras: 0
+  function toward(at) {
+    const { focal, extent } = page.about, box = frame();
+    const isOther = Object.keys(page.settings).some((key) => key.startsWith("target-") || key === "lens");
+    if (!at || !focal?.length || isOther) return [0, 0];
+    const per = extent[0] / box.width;
+    return [((at.x - box.left) * per - focal[2]) / focal[0], ((at.y - box.top) * per - focal[3]) / focal[1]];
+  }
+
   function walked(change) {
     const [move, turn] = ["move", "turn"].map((key) => {
       const parts = String(page.settings[key] ?? "").split(",").map(Number);
@@ -43,13 +52,15 @@ export function walk(page) {
         turn[1] += dy * per;
       });
     },
-    zoomed: (factor) => {
-      const far = Math.log(factor) * page.about.distance[0] * 0.5;
+    // Ahead, toward what is under a place of the page: that stays there.
+    zoomed: (factor, at) => {
+      const far = Math.log(factor) * page.about.distance[0] * 0.5, [x, y] = toward(at);
       walked((move, [yaw, pitch]) => {
         const [a, b] = [yaw, pitch].map((one) => (one * Math.PI) / 180);
-        move[0] += far * Math.sin(a) * Math.cos(b);
-        move[1] -= far * Math.sin(b);
-        move[2] += far * Math.cos(a) * Math.cos(b);
+        const down = y * Math.cos(b) - Math.sin(b), ahead = y * Math.sin(b) + Math.cos(b);
+        move[0] += far * (x * Math.cos(a) + ahead * Math.sin(a));
+        move[1] += far * down;
+        move[2] += far * (ahead * Math.cos(a) - x * Math.sin(a));
       });
     },
     home: () => walked((move, turn) => { move.fill(0); turn.fill(0); }),

@@ -14,7 +14,7 @@ from resample.command.settings import Choices, FrameFormat
 from resample.files.saving import screen_levels
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, is_free, option_of, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, scene_of
@@ -136,6 +136,7 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "package": "resample_points",
             "inputs": [str(path)],
             "settings": settings,
+            "fills": is_free(begin),
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)

@@ -14,7 +14,7 @@ from resample.files.saving import screen_levels
 from resample.scene.picking import pixel_at, place_at
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView
-from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, is_free, option_of, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import (
@@ -143,6 +143,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "package": "resample_points",
             "inputs": [str(path)],
             "settings": {"camera": "30/20/1", "up": scene.up, "steady": True, **given},
+            "fills": is_free(begin),
         }
 
     return FileView(first, described, checked, left_out=LEFT_OUT)

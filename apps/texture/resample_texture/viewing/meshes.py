@@ -16,7 +16,7 @@ from resample.scene.picking import pixel_at
 from resample.scene.previews import preview_size
 from resample.types import Frame
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, is_free, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
 from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -104,6 +104,7 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "function": "mesh_picture",
             "inputs": [str(path)],
             "settings": {"camera": "30/20/1", **settings_of(begin)},
+            "fills": is_free(begin),
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)

@@ -30,7 +30,6 @@ KINDS = [
     {"matrix": matrix}
     for matrix in ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")
 ]
-MARGIN = 0.8  # share of a notebook's target that a picture takes at first
 LEFT_OUT = ("size", "roi", "bits", "file-quality", "total")
 
 
@@ -120,10 +119,10 @@ def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
 
 
 def fitted(extent: Size, size: Size) -> str:
-    """Return corners, px, that fit a picture into a target with a margin."""
+    """Return corners, px, of a picture in the middle: 1:1, or smaller where a target is small."""
     (across, down), (width, height) = extent, size
-    scale = MARGIN * min(width / across, height / down)
-    left, top = (width - scale * across) / 2, (height - scale * down) / 2
+    scale = min(1.0, width / across, height / down)
+    left, top = round((width - scale * across) / 2), round((height - scale * down) / 2)
     right, bottom = left + scale * across, top + scale * down
     return f"{left:g},{top:g} {right:g},{top:g} {right:g},{bottom:g} {left:g},{bottom:g}"
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, Written
 from resample.files.formats import WriteOptions, page_of
@@ -32,6 +33,7 @@ from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.viewing.films import FILM, poses_as_text, write_depth_film
+from resample_warp3d.wide import CameraModel
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -223,11 +225,19 @@ def depth_view(
             "gestures": "walk",
             "extent": [width, height],
             "distance": [far.near, far.middle],
+            "focal": _focal(taken.camera),
             "settings": settings,
         }
 
     kinds = [{**settings, **kind} for kind in KINDS]
     return FileView(first, described, _checked, kinds, LEFT_OUT)
+
+
+def _focal(camera: CameraModel) -> list[float]:
+    """Focal lengths and principal point, x and y, px; empty if it is no pinhole camera."""
+    if not isinstance(camera, Camera):
+        return []
+    return [float(camera.matrix[n]) for n in ((0, 0), (1, 1), (0, 2), (1, 2))]
 
 
 def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
