@@ -158,7 +158,8 @@ def write_formula(page, node):
 
 def name_notes(app, name, source):  # noqa: ARG001 - Sphinx's
     """Name lab notes, which are no part of the site, where pages link to them."""
-    source[0] = re.sub(r"\[([^\]]+)\]\(\.\./(notes/[^)]*)\)", r"\1 (`\2` in the source)", source[0])
+    link = re.compile(r"\[([^\]]+)\]\((?:\.\./)+(notes/[^)]*)\)")
+    source[0] = link.sub(r"\1 (`\2` in the source)", source[0])
 
 
 def write_command_pages(app):
