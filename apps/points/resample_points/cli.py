@@ -196,7 +196,7 @@ def compare(
 
         resample-points compare sample:knot-gaussians --size 160x120
         resample-points compare sample:knot-gaussians --size 160x120 -o a.png
-        resample-points compare sample:knot-gaussians --methods affine
+        resample-points compare sample:knot-gaussians --methods rays --size 99
 
     Parameters
     ----------
