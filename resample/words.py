@@ -11,8 +11,39 @@ TOO_MANY_DIGITS = re.compile(r"Exceeds the limit \(\d+ digits\) for integer stri
 TOO_LARGE = "a whole number has thousands of digits, beyond 64 bits; write it as 1e30"
 
 
+def parts_of(text: str) -> list[str]:
+    """Split a tuple at commas; slashes, semicolons and blanks are read, too.
+
+    Examples
+    --------
+    >>> from resample.words import parts_of
+    >>> parts_of("30,20,1.5") == parts_of("30/20/1.5") == parts_of(" 30, 20 1.5 ")
+    True
+    """
+    return re.split(r"[\s,;/]+", text.strip())
+
+
+def choices_in(text: str) -> list[tuple[str, str]]:
+    """Split choices `a=b,c=1,2` into names and values, which may be tuples.
+
+    Examples
+    --------
+    >>> from resample.words import choices_in
+    >>> choices_in("window=40,400,colors=gray")
+    [('window', '40,400'), ('colors', 'gray')]
+    """
+    found: list[tuple[str, str]] = []
+    for part in filter(None, text.split(",")):
+        name, equals, value = part.partition("=")
+        if equals or not found:
+            found.append((name, value))
+        else:
+            found[-1] = found[-1][0], f"{found[-1][1]},{part}"
+    return found
+
+
 def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
-    """Parse finite numbers separated by commas or blanks.
+    """Parse finite numbers separated by commas, or as `parts_of` takes them.
 
     Raises
     ------
@@ -20,7 +51,7 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
         There is something else, or a different count.
     """
     try:
-        numbers = [float(part) for part in re.split(r"[\s,;]+", text.strip())]
+        numbers = [float(part) for part in parts_of(text)]
     except ValueError:
         numbers = []
     if (

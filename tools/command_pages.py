@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from textwrap import dedent
 
 from cyclopts import App
 from cyclopts.docs import generate_markdown_docs
@@ -68,12 +69,12 @@ def page(command: App, *chain: str) -> str:
 
 def with_examples(text: str) -> str:
     """The text of a page with its examples as blocks of commands."""
-    return re.sub(r"^Examples?: *((?:.+\n)+)", _block, text, flags=re.MULTILINE)
+    return re.sub(r"^For example:\n\n((?: {4}.+\n)+)", _block, text, flags=re.MULTILINE)
 
 
 def _block(found: re.Match[str]) -> str:
-    lines = re.sub(r"\n(?!resample)", " ", found[1].strip()).splitlines()
-    return "\n".join(["```console", *(f"$ {line.strip()}" for line in lines), "```", ""])
+    lines = re.sub(r"^(?=resample)", "$ ", dedent(found[1]), flags=re.MULTILINE)
+    return f"```console\n{lines}```\n"
 
 
 def tree(names: Iterable[str]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.poses import UpAxis, look_at, orbit
 from resample.types import Doubles
+from resample.words import parts_of
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 NAMED = {
@@ -172,12 +173,12 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     ----------
     given
         A camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally with a
-        zoom and a pan to the right and up, also as a text `30/20/1.5`; a name of `NAMED`; None:
+        zoom and a pan to the right and up, also as a text `30,20,1.5`; a name of `NAMED`; None:
         `Orbit()`.
 
     Examples
     --------
-    >>> viewpoint_of((30, 20)) == viewpoint_of("30/20")
+    >>> viewpoint_of((30, 20)) == viewpoint_of("30,20")
     True
     >>> viewpoint_of("top").elevation
     90.0
@@ -191,7 +192,7 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     if isinstance(given, str):
         if given in NAMED:
             return Orbit(*NAMED[given])
-        return _orbit(given.split("/"), given)
+        return _orbit(parts_of(given), given)
     if isinstance(given, Sequence) or hasattr(given, "__array__"):
         return _orbit(cast("Sequence[float]", given), given)
     raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")
@@ -204,7 +205,7 @@ def orbit_of(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Orbit 
     parallel projection, for angles only.
     """
     try:
-        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
+        azimuth, elevation, *others = NAMED.get(text) or map(float, parts_of(text))
         zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
     except ValueError:
         return None

@@ -230,14 +230,14 @@ def test_a_command_has_a_page_with_all_of_its_options(program):
         missing = {word for word in options if word not in generated[f"{program}/{name}"]}
         assert not {word for word in missing if not word.startswith(("--no-", "--empty-"))}
     for text in generated.values():
-        for line in re.findall(r"^\$ (.+)$", text, re.MULTILINE):
+        for line in re.findall(r"^\$ (.+)$", text.replace("\\\n", ""), re.MULTILINE):
             assert not fault(DOCS / program, line)
 
 
 def test_examples_in_help_are_blocks_of_command_pages():
-    assert command_pages.with_examples("A.\n\nExample: resample plugins\nfilters\n\nB.\n") == (
-        "A.\n\n```console\n$ resample plugins filters\n```\n\nB.\n"
-    )
+    assert command_pages.with_examples(
+        "A.\n\nFor example:\n\n    resample plugins \\\n        filters\n    resample view\n\nB.\n"
+    ) == ("A.\n\n```console\n$ resample plugins \\\n    filters\n$ resample view\n```\n\nB.\n")
 
 
 def test_pages_that_no_command_has_any_more_are_removed(tmp_path):

@@ -391,7 +391,7 @@ def test_a_place_on_earth_moves_with_the_picture(words, x, y):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_has_an_example(name, capsys):
     assert ended(name, "--help") == 0
-    assert f"Example: resample-texture {name} " in capsys.readouterr().out
+    assert f"resample-texture {name} sample:" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

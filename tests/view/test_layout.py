@@ -117,7 +117,7 @@ def test_the_object_fills_the_view_at_the_start(
 
 
 def test_a_camera_of_the_command_line_is_kept(parallel: Any) -> None:
-    assert parallel.input_value("#option-camera") == "30/20/1"
+    assert parallel.input_value("#option-camera") == "30,20,1"
 
 
 @pytest.fixture

@@ -4,10 +4,11 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.flags import OptionTopic, words
+from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
@@ -16,13 +17,19 @@ from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
 from resample_points.command.density import DensityOptions, ParticleOptions
 from resample_points.command.gaussians import GaussianOptions
 
-app = App(
+app = CommandLine(
     name="resample-points",
-    help="Point clouds, 3D Gaussians and particles: points where they are small on screen, splats "
-    "where they are large."
-    "\n\nExample: resample-points render scan.ply --camera 40/20/1.5 --up y -o scan.png",
+    help=(
+        "Point clouds, 3D Gaussians and particles: points where they are small on screen, splats "
+        "where they are large.\n\n"
+        "For example:\n\n"
+        "    resample-points render sample:knot-points -o knot.png\n"
+        "    resample-points density sample:halo --color-bar -o halo.png\n"
+        "    resample-points view sample:knot-gaussians\n"
+    ),
     version=installed_version,
 )
+app.first = "type axis quantity methods path frames camera up size color-by color-bar"
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
@@ -52,8 +59,11 @@ def render(
 ) -> None:
     """Render a point cloud, with its colors and normals if it has them, or 3D Gaussians.
 
-    Example: resample-points render scan.ply --camera 40/20/1.5 --up y --color-by intensity
-    --color-bar -o scan.png
+    For example:
+
+        resample-points render sample:knot-points -o knot.png
+        resample-points render sample:knot-points --color-by z --color-bar -o z.png
+        resample-points render sample:knot-gaussians --camera 40,60 -o g.png
 
     Parameters
     ----------
@@ -123,7 +133,11 @@ def animate(
 ) -> None:
     """Move a camera around a point cloud, 3D Gaussians or the particles of a simulation.
 
-    Example: resample-points animate scan.ply --camera 0/20/1 --up y -o orbit.mp4
+    For example:
+
+        resample-points animate sample:knot-points --frames 24 -o orbit.gif
+        resample-points animate sample:knot-points --path sway --frames 24 -o a.webp
+        resample-points animate sample:knot-gaussians --size 320x240 -o frames
 
     Parameters
     ----------
@@ -133,7 +147,7 @@ def animate(
     path
         Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
-        Number of frames. Default: 96; for a file as its times require.
+        Number of frames. [default: 96; for a file as many as its times require]
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
@@ -178,7 +192,11 @@ def compare(
 ) -> None:
     """Compare ways to render 3D Gaussians with 16 x 16 rays per pixel, each in its own order.
 
-    Example: resample-points compare scene.ply --methods affine,trained,rays -o compare.png
+    For example:
+
+        resample-points compare sample:knot-gaussians --size 160x120
+        resample-points compare sample:knot-gaussians --size 160x120 -o a.png
+        resample-points compare sample:knot-gaussians --methods rays --size 99
 
     Parameters
     ----------
@@ -224,7 +242,11 @@ def info(
 ) -> None:
     """Print what a file holds: points or 3D Gaussians, their number, bounds and columns.
 
-    Example: resample-points info scan.ply
+    For example:
+
+        resample-points info sample:knot-points
+        resample-points info sample:knot-gaussians
+        resample-points info sample:halo --json
 
     Parameters
     ----------
@@ -255,8 +277,11 @@ def density(
 ) -> None:
     """Map the particles of a simulation: column density, means of a quantity, slices.
 
-    Example: resample-points density snapshot.hdf5 --type dark --axis z --size 800 --color-bar
-    -o halo.png
+    For example:
+
+        resample-points density sample:halo -o halo.png
+        resample-points density sample:halo --axis x --color-bar --size 800 -o bar.png
+        resample-points density sample:halo --camera 30,20,2 -o numbers.npy
 
     Parameters
     ----------
@@ -288,7 +313,11 @@ def view(
 ) -> None:
     """Show a point cloud or 3D Gaussians in the browser: navigate, copy the command.
 
-    Example: resample-points view scan.ply --up y
+    For example:
+
+        resample-points view sample:knot-points
+        resample-points view sample:knot-gaussians --camera top
+        resample-points view sample:knot-points --port 8000 --no-browser
 
     Parameters
     ----------

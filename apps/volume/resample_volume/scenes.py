@@ -314,7 +314,7 @@ def kept_cuts(
     """Return clip planes that cut merged voxels where crop and clip cut the volume."""
     middle = centered(coarse)[1]
     return tuple(
-        "/".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
+        ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
         for *normal, far in planes(volume, crop, clip).tolist()
     )
 

@@ -59,7 +59,8 @@ class CloudOptions(Choices):
     color_by: Annotated[
         str | None,
         Field(
-            description="Source of colors: a column of the file, such as intensity, or x, y or z."
+            description="Source of colors: a column of the file, such as intensity, or x, y or z. "
+            "[default: the file's colors, or white]"
         ),
     ] = None
     colormap: Annotated[
@@ -71,7 +72,7 @@ class CloudOptions(Choices):
         Parameter(name="--range", allow_leading_hyphen=True),
         Field(
             description="Values at the ends of the colormap: low,high, or quantiles such as "
-            "2%,98%. Default: least and greatest value."
+            "2%,98%. [default: the column's least and greatest value]"
         ),
     ] = None
     color_bar: Annotated[
@@ -84,20 +85,19 @@ class CloudOptions(Choices):
         float | None,
         Field(
             description="Largest size of a point relative to its neighbours; inf for no limit. "
-            "Default: 1.75, and 1 for stray points."
+            "[default: 1.75; 1 for stray points]"
         ),
     ] = None
     filter: Annotated[
         str | None,
-        Field(
-            description="Pixel filter, such as gaussian:sigma=0.6. Default: the mean over a pixel."
-        ),
+        Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"),
     ] = None
     light: Annotated[
         Literal["none", "eye"] | None,
         Field(
-            description="Where light comes from: eye, the camera (default for clouds without "
-            "colors), or none."
+            description="Where light comes from: eye, the camera, or none. [default: eye for "
+            "clouds "
+            "without colors, otherwise none]"
         ),
     ] = None
     edl: Annotated[
@@ -173,7 +173,7 @@ class CloudStart(Choices):
     heading: ClassVar[str] = CAMERA
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    camera: Viewed = "30/20/1"
+    camera: Viewed = "30,20,1"
     fov: FieldOfView = 40.0
     up: Up = "z"
     steady: Steady = False

@@ -39,13 +39,15 @@ class ParticleOptions(Choices):
     quantity: Annotated[
         str | None,
         Field(
-            description="Quantity whose mean by mass is shown, such as temperature. Default: the "
-            "column density."
+            description="Quantity whose mean by mass is shown, such as temperature. [default: the "
+            "column density]"
         ),
     ] = None
     log: Annotated[
         bool | None,
-        Field(description="Logarithmic scale of colors. Default: for densities."),
+        Field(
+            description="Logarithmic scale of colors. [default: on for densities, off for means]"
+        ),
     ] = None
 
     def with_clouds(self, look: CloudOptions) -> "DensityOptions":
@@ -62,7 +64,7 @@ class DensityOptions(ParticleOptions):
 
     axis: Annotated[
         Literal["x", "y", "z"] | None,
-        Field(description="Axis along which is projected. Default: z, unless --camera is given."),
+        Field(description="Axis along which is projected. [default: z, unless --camera is given]"),
     ] = None
     crop: Annotated[
         str | None,
@@ -82,7 +84,7 @@ class DensityOptions(ParticleOptions):
         Parameter(name="--range", allow_leading_hyphen=True),
         Field(
             description="Values at the ends of the colormap: low,high, or quantiles such as "
-            "2%,98%. Default: all; of a logarithmic scale at most 5 powers of ten."
+            "2%,98%. [default: all; with --log at most 5 powers of ten]"
         ),
     ] = None
     colormap: Annotated[

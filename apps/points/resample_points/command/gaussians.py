@@ -48,7 +48,7 @@ class GaussianOptions(Choices):
         Literal["depth", "distance", "rays"] | None,
         Field(
             description="Compositing order: depth pops when the camera turns, distance when it "
-            "moves, rays in neither case. Default: depth, and distance for panoramas and lenses."
+            "moves, rays in neither case. [default: depth; distance for panoramas and lenses]"
         ),
     ] = None
     trained_focal: Annotated[
@@ -56,7 +56,8 @@ class GaussianOptions(Choices):
         OptionTopic.SOURCE,
         Field(
             description="Focal length of the pictures of training, px; or their cameras: "
-            "cameras.json, transforms.json or a folder of COLMAP. Default: the picture's."
+            "cameras.json, transforms.json or a folder of COLMAP. [default: that of the new "
+            "picture]"
         ),
     ] = None
     subpixels: Annotated[
@@ -64,13 +65,15 @@ class GaussianOptions(Choices):
         Field(
             ge=1,
             le=8,
-            description="Sub-pixels per side of a pixel. Default: as thin Gaussians need.",
+            description="Sub-pixels per side of a pixel. [default: more, the thinner the "
+            "Gaussians]",
         ),
     ] = None
     nearest: Annotated[
         float | None,
         Field(
-            description="Depth before which nothing is shown, scene units. Default: 0.2, 0 if bare."
+            description="Depth before which nothing is shown, scene units. [default: 0.2; 0 with "
+            "--look bare]"
         ),
     ] = None
     least_opacity: Annotated[
@@ -86,7 +89,7 @@ class GaussianOptions(Choices):
         Field(
             gt=0,
             description="Distance between the eyes, scene units: both their pictures, side by side "
-            "and each of the size. Default: one picture.",
+            "and each of the size. [default: one picture]",
         ),
     ] = None
 

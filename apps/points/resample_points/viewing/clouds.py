@@ -125,7 +125,7 @@ class CloudPainter:
 def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a point cloud."""
     first = CloudPainter(path)
-    settings = {"camera": "30/20/1", "steady": True, **settings_of(begin)}
+    settings = {"camera": "30,20,1", "steady": True, **settings_of(begin)}
 
     def described() -> dict[str, Any]:
         return {
@@ -150,7 +150,7 @@ def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     path
         File of the cloud.
     settings
-        Options by name, as in settings files: `{"camera": "40/20/1.5", "up": "y"}`.
+        Options by name, as in settings files: `{"camera": "40,20,1.5", "up": "y"}`.
 
     Returns
     -------

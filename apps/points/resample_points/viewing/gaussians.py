@@ -142,7 +142,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "film": film_facts(OF_FILMS),
             "package": "resample_points",
             "inputs": [str(path)],
-            "settings": {"camera": "30/20/1", "up": scene.up, "steady": True, **given},
+            "settings": {"camera": "30,20,1", "up": scene.up, "steady": True, **given},
             "fills": is_free(begin),
         }
 

@@ -111,7 +111,7 @@ class ParticlePainter:
 
 def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of particles."""
-    first, given = ParticlePainter(path), {"camera": "30/20/1", **settings_of(begin)}
+    first, given = ParticlePainter(path), {"camera": "30,20,1", **settings_of(begin)}
 
     def described() -> dict[str, Any]:
         kinds = kinds_in(path)
@@ -139,7 +139,7 @@ def map_of(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     path
         File of particles.
     settings
-        Options by name, as in settings files: `{"camera": "40/20/1.5", "quantity": "temperature"}`.
+        Options by name, as in settings files: `{"camera": "40,20,1.5", "quantity": "temperature"}`.
 
     Returns
     -------

@@ -64,7 +64,7 @@ class Light:
         if self.shadows and self.direction is None:
             raise ValueError(
                 "a light at the eye casts no visible shadows; give it a direction, such as "
-                "1/-1/2, or leave shadows out"
+                "1,-1,2, or leave shadows out"
             )
 
     @property

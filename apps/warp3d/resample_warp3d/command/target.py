@@ -27,7 +27,7 @@ class TargetCamera(Choices):
         Hyphen,
         Field(
             description="fx,fy,cx,cy[,skew] of the new picture, or a file as for --intrinsics. "
-            "Default: the source's, fitted to the size."
+            "[default: the source's, fitted to the size]"
         ),
     ] = None
     target_fov: Annotated[
@@ -42,15 +42,15 @@ class TargetCamera(Choices):
         NUMBERS,
         Hyphen,
         Field(
-            description="Lens of the new picture, as for --lens, instead of intrinsics. Default: "
-            "none."
+            description="Lens of the new picture, as for --lens, instead of intrinsics. [default: "
+            "none]"
         ),
     ] = None
     target_projection: Annotated[
         Literal["pinhole", "equirectangular", "orthographic"] | None,
         Field(
-            description="Projection of the new picture, as for --source-projection. Default: the "
-            "source's, or pinhole if intrinsics are given."
+            description="Projection of the new picture, as for --source-projection. [default: the "
+            "source's, or pinhole if intrinsics are given]"
         ),
     ] = None
     target_pixel_size: Annotated[
@@ -59,7 +59,7 @@ class TargetCamera(Choices):
     ] = None
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} Default: the source's."),
+        Field(description=f"{SIZE} [default: the source's]"),
     ] = None
 
     def check_target(self) -> None:
