@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from resample.cameras.pixels import pixel_centers
 from resample.memory.mapped import is_in_file
 from resample.painting.scenes.plans import shape_of
-from resample_points.data.cloud import Cloud
+from resample.words import check_threads
+from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, places_at
 from resample_points.painting.rendering import CloudStyle, painted_cloud
@@ -58,8 +59,10 @@ def index_cloud(
 
     from resample.engine import jit
 
+    check_cloud(cloud, Cloud | Surfels)
     chosen, shape = CloudStyle() if style is None else style, shape_of(size)
     found = np.full(shape, NOTHING, np.int64)
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
         if is_in_file(surfels.position) or len(surfels.source) < len(surfels.position):
