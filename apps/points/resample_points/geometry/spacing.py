@@ -26,7 +26,7 @@ from resample.words import check_threads, number, warn
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
 from resample_points.geometry.rings import MeasuredDiscs, widened
-from resample_points.geometry.sorting import UNKNOWN, Ordered, curve_through, in_order
+from resample_points.geometry.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
@@ -45,6 +45,7 @@ CODE = (
     "resample_points.geometry.rings",
     "resample_points.geometry.kernels",
 )
+UNKNOWN = np.zeros(0, np.int32)
 
 
 class Surfels(NamedTuple):
@@ -55,7 +56,7 @@ class Surfels(NamedTuple):
     axes: Floats  # (N, 2, 3) scene units, half axes; first × second is along the normal
     color: Floats  # (N, 3) linear light; or (0, 3)
     is_oriented: bool  # normals are known to point outward
-    source: NDArray[np.int32] = UNKNOWN  # (N,) rows of the cloud; or (0,) for one in files
+    source: NDArray[np.int32] = UNKNOWN  # (N,) rows of the cloud; or (0,) where not known
 
 
 def prepare_cloud(
