@@ -98,7 +98,7 @@ $(VENV)/.docs: requirements/docs.txt $(VENV)/.dev
 	touch $@
 lock: | $(BIN)/uv
 	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
-	$(BIN)/uv pip compile -q pyproject.toml --extra film --extra dicom --extra vtk --extra vdb --extra peers --extra view --extra notebook --extra las --extra hdf5 --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
+	$(BIN)/uv pip compile -q pyproject.toml --extra film --extra dicom --extra vtk --extra vdb --extra peers --extra view --extra notebook --extra las --extra hdf5 --extra e57 --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
 	$(BIN)/uv pip compile -q pyproject.toml --group docs --python-version 3.11 --universal --generate-hashes --no-header -c requirements/dev.txt -o requirements/docs.txt
 clean:
 	rm -rf $(VENV) dist demo

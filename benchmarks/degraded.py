@@ -23,6 +23,7 @@ from resample.types import Doubles
 from resample_warp3d.baselines.mcmillan import blank
 from resample_warp3d.baselines.meshing import orientation_of
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.figures.compare import screen_of
 from resample_warp3d.figures.scoring import WarpedScreen
 from resample_warp3d.types import DepthImage, Equation, Rendered, Source
@@ -178,7 +179,7 @@ def _seen(source: Source, equation: Equation) -> Doubles:
     return vertex
 
 
-METHODS: Mapping[str, tuple[str, Any]] = {  # refinement of the depth, and warp
+METHODS: Mapping[str, tuple[Refine, Any]] = {  # refinement of the depth, and warp
     "hybrid, refine none": ("none", registry.build("warps", "hybrid")),
     "hybrid": ("auto", registry.build("warps", "hybrid")),
     "mesh": ("none", registry.build("warps", "mesh:cut=0.03")),

@@ -1,7 +1,7 @@
 """A map of measurements at stations: an application of one's own, on the parts that ours share.
 
     resample stations map stations.csv --radius 0.3 -o map.png
-    resample stations film stations.csv --camera 0/40 -o year.mp4
+    resample stations film stations.csv --camera 0,40 -o year.mp4
 
 A file has columns x, y, value and time. `docs/howto/application.md` says how it is mounted.
 """
@@ -40,7 +40,7 @@ class Look(Choices):
 
     radius: Annotated[float, Field(gt=0, description="Radius of a station, in units of x.")] = 1.0
     colors: Annotated[str, Field(description="Color map, such as viridis or turbo.")] = "viridis"
-    camera: flags.Viewed = "0/90"
+    camera: flags.Viewed = "0,90"
     fov: flags.FieldOfView = 30.0
 
 

@@ -1,5 +1,6 @@
 """The `resample` command: list plugins, compare pictures, start the applications."""
 
+import errno
 import json
 import math
 import sys
@@ -12,15 +13,22 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.applications import Words, command_now, launcher
+from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.lazy import installed_version
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-app = App(
+app = CommandLine(
     name="resample",
-    help="Hybrid forward resampling: points where samples shrink, splats where they grow.",
+    help=(
+        "Hybrid forward resampling: points where samples shrink, splats where they grow.\n\n"
+        "For example:\n\n"
+        "    resample view sample:room\n"
+        "    resample compare sample:bricks --reference sample:test-card\n"
+        "    resample plugins samples\n"
+    ),
     version=installed_version,
 )
 app.register_install_completion_command()
@@ -30,10 +38,16 @@ app.register_install_completion_command()
 def plugins(group: str | None = None, /) -> None:
     """List all plugins with their parameters and defaults.
 
+    For example:
+
+        resample plugins
+        resample plugins filters
+        resample plugins samples
+
     Parameters
     ----------
     group
-        One of apps, filters, orders, readers, reconstructions, samples. Default: all.
+        One of apps, filters, orders, readers, reconstructions, samples. [default: all]
     """
     for name in registry.GROUPS if group is None else (group,):
         listed = "\n".join(map(partial(_plugin, name), registry.names(name)))
@@ -48,6 +62,12 @@ def compare(
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> None:
     """Measure pictures against a reference of the same size, as displayed over black.
+
+    For example:
+
+        resample compare sample:zone-plate --reference sample:test-card
+        resample compare sample:bricks sample:zone-plate -R sample:test-card --json
+        resample compare sample:bricks -R sample:test-card -o compare.png
 
     Parameters
     ----------
@@ -83,7 +103,11 @@ def compare(
 def view(file: str, /, *words: Words) -> Any:
     """View a file, or a picture with its depth, in the browser.
 
-    Example: resample view engine.nhdr --no-browser
+    For example:
+
+        resample view sample:vessel-tree
+        resample view sample:room
+        resample view sample:knot-points --no-browser
 
     Parameters
     ----------
@@ -95,14 +119,23 @@ def view(file: str, /, *words: Words) -> Any:
     for name in names:
         if registry.load("views", name)(files):
             return launcher(name)("view", file, *words)
-    raise ValueError(f"{', '.join(files)}: cannot be viewed; these can: {', '.join(names)}")
+    if not Path(file).exists():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", file)
+    raise ValueError(
+        f"{', '.join(files)}: no application shows this; give a picture, a mesh, a volume, a point "
+        "cloud, or a picture and its depth"
+    )
 
 
 @app.command
 def schema(application: str, command: str, /) -> None:
     """Print the JSON schema of a command's settings files.
 
-    Example: resample schema resample-volume render
+    For example:
+
+        resample schema resample-volume render
+        resample schema resample-texture warp
+        resample schema resample-points animate
 
     Parameters
     ----------
@@ -150,7 +183,7 @@ def _show(grid: "Table") -> None:
 
 
 for _name in registry.names("apps"):
-    _application = App(
+    _application = CommandLine(
         name=_name,
         help=f"Application of {registry.distribution('apps', _name)}; has its own --help.",
         help_flags=(),

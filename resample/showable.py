@@ -1,4 +1,4 @@
-"""Base class of results: save, display in notebooks, convert to 8-bit levels.
+"""Base class of results: save, display in notebooks, convert to 8-bit levels and NumPy arrays.
 
 Code for files and pictures is in higher layers; `resample/__init__.py` registers it with
 `register_exporter`, and it is imported on first use.
@@ -6,15 +6,16 @@ Code for files and pictures is in higher layers; `resample/__init__.py` register
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:  # `import resample` reads this file: NumPy would take most of the time
     import numpy as np
-    from numpy.typing import NDArray
+    from numpy.typing import DTypeLike, NDArray
     from PIL.Image import Image
 
 # 3 values of linear light, or a value of the commands' --background: white, #rrggbb, none...
 Behind = Sequence[float] | str | None
+ChannelOrder = Literal["rgb", "bgr"]  # of Pillow, Matplotlib and browsers; of OpenCV
 
 _exporters: list[Callable[[], Any]] = []  # one entry; imports the module that exports results
 
@@ -28,11 +29,21 @@ def _results() -> Any:
     return _exporters[0]()
 
 
+def array_of(
+    values: "NDArray[Any]", dtype: "DTypeLike | None", copy: bool | None
+) -> "NDArray[Any]":
+    """Return a result's values as NumPy's `__array__` has to: copied if asked, or if needed."""
+    import numpy as np
+
+    return np.array(values, dtype=dtype, copy=copy, subok=True)
+
+
 class Showable:
     """A result that can be saved, shown in a notebook and converted to 8-bit levels.
 
     Parts that can be pictures are `color` and, where the result has them, `depth`, `first_depth`,
-    `coverage`, `value`, `holes`, `magnification` and `confidence`.
+    `coverage`, `value`, `holes`, `magnification` and `confidence`. `np.asarray(result)` and
+    `plt.imshow(result)` take the levels of `to_uint8()`.
     """
 
     __slots__ = ()
@@ -60,7 +71,9 @@ class Showable:
         """
         _results().save(self, path, bits=bits, background=background)
 
-    def to_uint8(self, of: str = "color", *, background: Behind = None) -> "NDArray[np.uint8]":
+    def to_uint8(
+        self, of: str = "color", *, background: Behind = None, order: ChannelOrder = "rgb"
+    ) -> "NDArray[np.uint8]":
         """Convert to sRGB levels (H, W, 3), or (H, W, 4) with straight opacity if no background.
 
         Parameters
@@ -69,14 +82,30 @@ class Showable:
             Part to show; all but `color` are drawn in false colors, black where unknown.
         background
             Background of the color, as in `save`; None keeps it transparent.
+        order
+            Order of the channels: `rgb`, or `bgr` (then opacity) for OpenCV, as in
+            `cv2.imwrite("a.png", frame.to_uint8(order="bgr"))`.
 
         Raises
         ------
         ValueError
-            There is no such part, or the result is not a single picture.
+            There is no such part or order, or the result is not a single picture.
         """
-        levels: NDArray[np.uint8] = _results().levels_of(self, of, background=background)
+        levels: NDArray[np.uint8] = _results().levels_of(
+            self, of, background=background, order=order
+        )
         return levels
+
+    def __array__(
+        self, dtype: "DTypeLike | None" = None, *, copy: bool | None = None
+    ) -> "NDArray[Any]":
+        """Return the levels of `to_uint8()`: what people see."""
+        if copy is False:
+            raise ValueError(
+                f"the levels of a {type(self).__name__} are computed, which copies; leave "
+                "copy=False away"
+            )
+        return array_of(self.to_uint8(), dtype, None)
 
     def to_image(self, of: str = "color", *, background: Behind = None) -> "Image":
         """Convert to a Pillow image; parameters and errors as in `to_uint8`."""

@@ -93,8 +93,8 @@ print(scene.pick(100, 130, "vessels", (0, 15), size=(200, 200)))
 #
 # .. code-block:: console
 #
-#     $ resample-volume render vessel-tree --camera 40/15/0.95 -o vessels.png
-#     $ resample-volume render vessel-tree --transfer vessels --light 1/-1/1 --shadows --ambient-occlusion -o lit.png
+#     $ resample-volume render vessel-tree --camera 40,15,0.95 -o vessels.png
+#     $ resample-volume render vessel-tree --transfer vessels --light 1,-1,1 --shadows --ambient-occlusion -o lit.png
 #     $ resample-volume animate sample:vessel-tree --transfer vessels -o turn.webp
 #     $ resample-volume view vessel-tree
 #

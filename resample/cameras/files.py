@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 
 from resample.cameras.models import Camera
+from resample.cameras.poses import UpAxis
 from resample.cameras.trajectories import (
     Entry,
     PosedPicture,
@@ -158,7 +159,7 @@ def file_and_frame(text: str) -> tuple[str, str]:
     return (path, frame) if path and Path(path).exists() else (text, "")
 
 
-def viewpoint(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Viewpoint:
+def viewpoint(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Viewpoint:
     """Parse a viewpoint of the command line; parameters as of `orbit_of`."""
     # Angles first, so that no file of such a name is opened.
     return orbit_of(text, fov, up) or _viewpoint_in(text, fov)
@@ -172,7 +173,7 @@ def _viewpoint_in(text: str, fov: float) -> Viewpoint:
         return read_viewpoint(Path(text))
     if not text or not Path(file_and_frame(text)[0]).exists():
         raise ValueError(
-            f"camera {text!r}; give azimuth/elevation/zoom, such as 30/20/1.5, of which the zoom "
+            f"camera {text!r}; give azimuth,elevation,zoom, such as 30,20,1.5, of which the zoom "
             f"may be left out, or with /right/up of a pan; one of {', '.join(NAMED)}; or a file of "
             "cameras: .toml, or poses of NeRF, COLMAP, TUM, Open3D"
         )

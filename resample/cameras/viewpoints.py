@@ -7,8 +7,9 @@ from typing import NamedTuple, TypeAlias, cast
 import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera, Orthographic
-from resample.cameras.poses import look_at, orbit
+from resample.cameras.poses import UpAxis, look_at, orbit
 from resample.types import Doubles
+from resample.words import check_numbers, parts_of, shortly
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 NAMED = {
@@ -73,10 +74,11 @@ class Orbit:
     elevation: float = 20.0
     zoom: float = 1.0
     fov: float = 30.0
-    up: str = "z"
+    up: UpAxis = "z"
     pan: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        check_numbers(self, "azimuth", "elevation", "zoom", "fov")
         if not 1e-6 <= self.zoom <= 1e6:  # beyond these float32 loses all digits
             raise ValueError(f"a zoom of {self.zoom:g}; it must be above 0, 1e-06 to 1e+06")
         if not 0 <= self.fov < 180:
@@ -172,12 +174,12 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     ----------
     given
         A camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally with a
-        zoom and a pan to the right and up, also as a text `30/20/1.5`; a name of `NAMED`; None:
+        zoom and a pan to the right and up, also as a text `30,20,1.5`; a name of `NAMED`; None:
         `Orbit()`.
 
     Examples
     --------
-    >>> viewpoint_of((30, 20)) == viewpoint_of("30/20")
+    >>> viewpoint_of((30, 20)) == viewpoint_of("30,20")
     True
     >>> viewpoint_of("top").elevation
     90.0
@@ -191,20 +193,20 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     if isinstance(given, str):
         if given in NAMED:
             return Orbit(*NAMED[given])
-        return _orbit(given.split("/"), given)
+        return _orbit(parts_of(given), given)
     if isinstance(given, Sequence) or hasattr(given, "__array__"):
         return _orbit(cast("Sequence[float]", given), given)
     raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")
 
 
-def orbit_of(text: str, fov: float = Orbit.fov, up: str = Orbit.up) -> Orbit | None:
+def orbit_of(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Orbit | None:
     """Parse angles of the command line; None if the text holds none, but perhaps names a file.
 
     `fov`: field of view along the picture's shorter side in degrees, unless a file has it; 0:
     parallel projection, for angles only.
     """
     try:
-        azimuth, elevation, *others = NAMED.get(text) or [float(part) for part in text.split("/")]
+        azimuth, elevation, *others = NAMED.get(text) or map(float, parts_of(text))
         zoom, right, above = {0: (1.0, 0.0, 0.0), 1: (*others, 0.0, 0.0)}.get(len(others), others)
     except ValueError:
         return None
@@ -217,7 +219,7 @@ def _orbit(parts: Sequence[object], given: object) -> Orbit:
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) not in (2, 3, 5):
-        raise ValueError(f"the camera {given!r}; give {FORM}")
+        raise ValueError(f"the camera {shortly(given)}; give {FORM}")
     azimuth, elevation, zoom = (*numbers, 1.0)[:3]
     right, up = numbers[3:] or (0.0, 0.0)
     return Orbit(azimuth, elevation, zoom, pan=(right, up))

@@ -7,19 +7,24 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.flags import Target
+from resample.command.helping import CommandLine
 from resample.console import say
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 FETCH = """Download and verify a public data set and print its folder; without a name, list all.
 
-    Example: {} fetch {}
+    For example:
+
+        {0} fetch
+        {0} fetch {1}
+        {0} fetch {1} --folder data
 
     Parameters
     ----------
     name
         Name of the data set; its licence is printed.
     folder
-        Folder to keep it in. Default: the user's cache.
+        Folder to keep it in. [default: the user's cache]
     """
 
 
@@ -35,6 +40,7 @@ def launcher(name: str, *command: str) -> Callable[..., Any]:
             result_action="return_value",
         )
 
+    vars(launch)["now"] = name, *command
     return launch
 
 
@@ -58,7 +64,7 @@ def moved_command(old: str, application: str, command: str) -> App:
         mention_move(old, application, command)
         return launch(*words)
 
-    moved = App(
+    moved = CommandLine(
         name=old.rpartition(" ")[2],
         help=f"Old name of resample-{application} {command}; goes with the next release.",
         help_flags=(),

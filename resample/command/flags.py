@@ -24,8 +24,10 @@ from typing import (
 from cyclopts import Group, Parameter
 
 if TYPE_CHECKING:
+    from cyclopts.argument import Argument
     from pydantic import BaseModel
 
+    from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
 
 
@@ -50,10 +52,14 @@ Marks = Mapping[str, Mark | None]  # marks of options, by name
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBERS = rf"(?:k=)?[\s\[(]*{_NUMBER}(?:[\s,;\[\]()]+{_NUMBER})*[\s\])]*"
-_ANGLES = rf"front|back|left|right|top|bottom|corner|{_NUMBER}(?:/{_NUMBER}){{1,4}}"
+_ANGLES = rf"front|back|left|right|top|bottom|corner|{_NUMBER}(?:[,/]{_NUMBER}){{1,4}}"
 NUMBERS = Inline(re.compile(_NUMBERS, re.ASCII))
 ANGLES = Inline(re.compile(_ANGLES, re.ASCII))
 TRANSFER = Inline(re.compile(r"(?!.*\.(?:json|toml))[^\x00]*", re.IGNORECASE))
+
+FULL = "--help"
+DEFAULT = re.compile(r"\s*\[default: (.*)\]\s*$", re.DOTALL)  # at the end of a help text
+NOTHING = (None, (), "", inspect.Parameter.empty)
 
 # Beginnings of help texts.
 SIZE = "Size in px: 400 for a square, 640x480 for width and height."
@@ -61,16 +67,32 @@ CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
     "calibration"
 )
-MEMORY = "Memory limit, such as 2GiB. Default: all free memory"
+MEMORY = "Memory limit, such as 2GiB"
 COUNTED = "Pixel coordinates are 0 at the first pixel's corner, or at its center (opencv): in"
 
 CAMERA, LIGHT, SETTINGS, LIMITS = "Camera", "Light", "Settings", "Limits"
 HEADINGS = (  # in the order of the help
     *("Input", "Source camera", "Several sources", "Further volumes", "Target", "Look"),
-    *("3D Gaussians", LIGHT),
+    *("3D Gaussians", "Particles", LIGHT),
     *(CAMERA, "Stereo", "Projection", "Method", "Picture", "Annotations and objects"),
     *("Further outputs", "Page", "Workers", SETTINGS, LIMITS),
 )
+
+
+def described(argument: "Argument") -> tuple[str, str]:
+    """Help text of an argument, and its default in words; none for what is required or off."""
+    text = " ".join((argument.parameter.help or "").split())
+    stated = DEFAULT.search(text)
+    if stated:
+        return text[: stated.start()], stated[1]
+    default = argument.field_info.default
+    if argument.parameter.required or (argument.required and default in NOTHING):
+        return text, ""
+    if isinstance(default, bool):
+        return text, "" if argument.parameter.negative == () else ("on" if default else "off")
+    if any(default is empty or default == empty for empty in NOTHING):
+        return text, "none"
+    return text, f"{default:g}" if isinstance(default, float) else str(default)
 
 
 def words(*known: str, or_numbers: bool = False) -> Inline:
@@ -136,7 +158,7 @@ def under(heading: str) -> Parameter:
     return Parameter(group=Group(heading, sort_key=HEADINGS.index(heading)))
 
 
-def viewpoint(camera: str, fov: float, up: str) -> "Viewpoint":
+def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
     """Read a viewpoint; only one that is no angles loads the readers of camera files."""
     from resample.cameras.viewpoints import orbit_of
 
@@ -205,7 +227,7 @@ Viewed = Annotated[
     Hyphen,
     under(CAMERA),
     Parameter(
-        help="Viewpoint: azimuth/elevation/zoom, such as 30/20/1.5; append /right/up to shift the "
+        help="Viewpoint: azimuth,elevation,zoom, such as 30,20,1.5; append ,right,up to shift the "
         "center by fractions of the picture. Or front, back, left, right, top, bottom or "
         "corner, or a file of cameras."
     ),

@@ -6,6 +6,7 @@ from resample.words import numbers_in
 
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.models import AnyConvention
 
 Shape = tuple[int, int]  # height and width, px
 FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
@@ -24,7 +25,7 @@ def check_intrinsics(name: str, text: str) -> None:
     with_intrinsics(name, text, "corner")
 
 
-def with_intrinsics(name: str, text: str, convention: str) -> "Calibration":
+def with_intrinsics(name: str, text: str, convention: "AnyConvention") -> "Calibration":
     """Read intrinsics from numbers, or from a file in its own program's convention."""
     from resample.cameras.calibrations.lens_files import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera

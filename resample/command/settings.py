@@ -22,15 +22,21 @@ Convention = Literal["corner", "opencv"]
 Threads = Annotated[
     int | None,
     OptionTopic.RESOURCE,
-    Field(ge=1, description="Number of threads at most; pixels do not depend on it."),
+    Field(
+        ge=1,
+        description="Number of threads at most; pixels do not depend on it. [default: all cores]",
+    ),
 ]
 Background = Annotated[
     str | None,
-    Field(description="Background: black, white, #rrggbb or none for transparent. Default: none."),
+    Field(description="Background: black, white, #rrggbb or none for transparent. [default: none]"),
 ]
 MethodsFilter = Annotated[
     str | None,
-    Field(description="Pixel filter, such as gaussian:sigma=0.6. Default: as the method."),
+    Field(
+        description="Pixel filter, such as gaussian:sigma=0.6. [default: the method's own; area "
+        "for hybrid]"
+    ),
 ]
 Shown = Annotated[
     Literal["composite", "maximum", "minimum", "average", "additive", "xray", "first-hit"],
@@ -42,7 +48,11 @@ Shown = Annotated[
 ]
 Iso = Annotated[
     float | None,
-    Field(allow_inf_nan=False, description="Value of the surface that first-hit shows."),
+    Field(
+        allow_inf_nan=False,
+        description="Value of the surface that first-hit shows. [default: none; first-hit needs "
+        "one]",
+    ),
 ]
 
 
@@ -78,30 +88,36 @@ class Resampling(Choices):
             description="Method: hybrid, points where samples shrink and splats where they grow; "
             "points or splats, only these (splats alone are not antialiased); paper, as published, "
             "with threshold 1 px; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker "
-            "2001. Default: hybrid, unless rays are cast."
+            "2001. [default: hybrid; none where rays are cast]"
         ),
     ] = None
     footprint: Annotated[
         Literal["exact", "corrected", "small-angle", "affine", "disc", "equation", "projected"]
         | None,
         Field(
-            description="Model of splats in perspective. Default: exact; corrected for paper; "
-            "affine for inflate and ewa. For paper only: equation (no table) and projected (around "
-            "the projected center)."
+            description="Model of splats in perspective. For paper only: equation (no table) and "
+            "projected (around the projected center). [default: exact; corrected for paper; affine "
+            "for inflate and ewa]"
         ),
     ] = None
     threshold: Annotated[
         float | None,
-        Field(ge=0, description="Paint samples as points up to this spacing in sub-pixels."),
+        Field(
+            ge=0,
+            description="Paint samples as points up to this spacing in sub-pixels. [default: "
+            "0.6 for hybrid]",
+        ),
     ] = None
     subpixels: Annotated[
         int | None,
         Field(
-            ge=1, le=32, description="Sub-pixels per side of a pixel. Default: chosen per region."
+            ge=1,
+            le=32,
+            description="Sub-pixels per side of a pixel. [default: as many as each region needs]",
         ),
     ] = None
     filter: Annotated[
-        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. Default: box.")
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]")
     ] = None
     kernel: Annotated[str, Field(description="Reconstruction kernel.")] = "gaussian"
     order: Annotated[
@@ -176,8 +192,8 @@ class PictureFormat(Choices):
     background: Annotated[
         str | None,
         Field(
-            description="Background: black, white, #rrggbb or none for transparent. Default: none "
-            "for EXR, else black."
+            description="Background: black, white, #rrggbb or none for transparent. [default: none "
+            "for .exr, otherwise black]"
         ),
     ] = None
     bits: Annotated[
@@ -252,7 +268,7 @@ class Sharing(Choices):
             ge=1,
             le=1024,
             description="Local processes that share the work and the memory; needs the extra dist. "
-            "Pixels do not depend on it.",
+            "Pixels do not depend on it. [default: none; this process works alone]",
         ),
     ] = None
     scheduler: Annotated[
@@ -302,14 +318,17 @@ class Written(Choices):
     bits: Annotated[
         Literal[8, 16, 32] | None,
         BeforeValidator(number),
-        Field(description="Bits per channel: PNG 8 or 16, TIFF also 32. Default: as the source."),
+        Field(
+            description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the "
+            "source]"
+        ),
     ] = None
 
     file_quality: Annotated[
         str | None,
         Field(
-            description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. Default: 95, "
-            "90 and 85."
+            description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. [default: 95 "
+            "for .jpg, 90 for .webp, 85 for .avif]"
         ),
     ] = None
 

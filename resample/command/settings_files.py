@@ -71,14 +71,19 @@ Saved = Annotated[
     under(SETTINGS),
     Parameter(help="Also write the look, without inputs and outputs (.toml)."),
 ]
-Memory = Annotated[str | None, OptionTopic.RESOURCE, under(LIMITS), Parameter(help=MEMORY + ".")]
+Memory = Annotated[
+    str | None,
+    OptionTopic.RESOURCE,
+    under(LIMITS),
+    Parameter(help=f"{MEMORY}. [default: all free memory]"),
+]
 Limit = Annotated[
     str | None,
     OptionTopic.TRUST,
     under(LIMITS),
     Parameter(
         help="Limits on untrusted files: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
-        "unpacked, ratio. The defaults are far above what ordinary files need."
+        "unpacked, ratio. [default: far above what ordinary files need]"
     ),
 ]
 Outside = Annotated[

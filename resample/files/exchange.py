@@ -3,7 +3,7 @@
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +12,22 @@ from resample.colors import from_srgb, mapped
 from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.opening import Address, place_of
-from resample.showable import Behind
+from resample.showable import Behind, ChannelOrder, Showable
 from resample.types import Floats, Frame, Statistics
+from resample.words import check_kind, one_line, shortly
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+BACKGROUNDS = "3 of linear light, #rrggbb or a color's name"
 TAKEN = (
     "an array (H, W) or (H, W, C), nested lists, a path, an address of zarr, an image of Pillow's "
-    "or SimpleITK's, or an xarray.DataArray"
+    "or SimpleITK's, an xarray.DataArray, or a result such as a Frame"
 )
 ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
 MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
+FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
+MANY = 16  # ... if it has as many columns and channels, at least
 COLORMAP = "turbo"
 PERCENTILES = (0.5, 99.5)  # range of the finite values that false colors span
 ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types with sRGB-encoded light
@@ -37,8 +41,9 @@ def as_picture(given: Any, name: str = "picture") -> NDArray[Any]:
 
     `given`: an array of real numbers of any layout and byte order, masked, memory-mapped or lazy;
     nested lists; the path or address of a picture; a Pillow image, whose palette becomes colors; a
-    SimpleITK image; or an `xarray.DataArray` with rows along y and columns along x. Result: masked
-    arrays stay masked. Arrays that need no conversion are not copied.
+    SimpleITK image; an `xarray.DataArray` with rows along y and columns along x; or a result, whose
+    `image` or `rgba` is taken. Result: masked arrays stay masked. Arrays that need no conversion
+    are not copied.
     """
     return picture_and_encoding(given, name)[0]
 
@@ -52,6 +57,8 @@ def picture_and_encoding(
     """
     if isinstance(given, str | PathLike | Address):
         return _read(given)
+    if isinstance(given, Showable):
+        return _light_or_values(given), None
     library = type(given).__module__.partition(".")[0]
     if library == "PIL":
         array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
@@ -65,6 +72,16 @@ def picture_and_encoding(
         numbers = "real or complex numbers" if "c" in kinds else "real numbers"
         raise TypeError(f"a {name} of {array.dtype}; its values must be {numbers}")
     return array, None
+
+
+def check_layout(image: NDArray[Any], name: str = "image") -> None:
+    """Refuse pictures that have their channels first."""
+    form = image.shape[-3:]
+    if image.ndim in (3, 4) and form[0] in FEW_CHANNELS and min(form[1:]) >= MANY:
+        raise ValueError(
+            f"{image.shape} looks like channels first: {form[0]} rows of {form[1]} pixels with"
+            f" {form[2]} channels each; give numpy.moveaxis({name}, {image.ndim - 3}, -1)"
+        )
 
 
 def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:
@@ -82,8 +99,17 @@ def _array(given: Any, name: str) -> NDArray[Any]:
         raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
     try:
         return np.asanyarray(given)
-    except ValueError:
-        raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+    except (ValueError, TypeError, RuntimeError) as error:
+        if isinstance(given, list | tuple):
+            raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+        # Tensors that have a gradient, or are on a device, say what to call.
+        raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
+
+
+def _light_or_values(given: Any) -> NDArray[Any]:
+    """Premultiplied light of a frame; image of a warped picture."""
+    array: NDArray[Any] = given.rgba if isinstance(given, Frame) else given.image
+    return array
 
 
 def _of_itk(image: Any, name: str) -> NDArray[Any]:
@@ -109,6 +135,7 @@ def _of_labeled(given: Any, name: str) -> NDArray[Any]:
 
 def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:
     """Write a result; see `resample.showable.Showable.save`."""
+    check_kind("path", path, str | PathLike, "a text or a pathlib.Path")
     frame = result if isinstance(result, Frame) else _as_frame(result)
     write_frame(Path(path), frame, bits, _behind(background))
 
@@ -117,22 +144,30 @@ def _behind(background: Behind) -> Color | None:
     """Linear light of a background; None: transparent."""
     if background is None or isinstance(background, str):
         return None if background is None else linear_color(background)
-    light = [float(part) for part in background]
+    try:
+        light = [float(part) for part in background]
+    except TypeError:
+        raise TypeError(f"background {shortly(background)}; give {BACKGROUNDS}") from None
     if len(light) != 3:
-        raise ValueError(
-            f"a background of {len(light)} values; give 3 of linear light, #rrggbb or a color's "
-            "name"
-        )
+        raise ValueError(f"a background of {len(light)} values; give {BACKGROUNDS}")
     red, green, blue = light
     return red, green, blue
 
 
-def levels_of(result: Any, of: str, *, background: Behind = None) -> NDArray[np.uint8]:
+def levels_of(
+    result: Any, of: str, *, background: Behind = None, order: ChannelOrder = "rgb"
+) -> NDArray[np.uint8]:
     """8-bit levels of a part of a result; see `resample.showable.Showable.to_uint8`."""
+    if order not in get_args(ChannelOrder):
+        raise ValueError(f"order {order!r}; give {' or '.join(get_args(ChannelOrder))}")
     if of != "color":
         light = _false_colors(result, of)
-        return screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
-    return screen_levels(light_of(result), background=_behind(background))
+        levels = screen_levels(np.dstack([light, np.ones_like(light[..., :1])]))[..., :3]
+    else:
+        levels = screen_levels(light_of(result), background=_behind(background))
+    if order == "bgr":
+        return np.ascontiguousarray(levels[..., [2, 1, 0, 3][: levels.shape[2]]])
+    return levels
 
 
 def image_of(result: Any, of: str, *, background: Behind = None) -> "Image":

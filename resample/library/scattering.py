@@ -7,15 +7,17 @@ its mass: sums of masses per pixel are the coverage, and values are means weight
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from resample.painting.scenes.plans import check_size
+from resample.painting.scenes.plans import check_size, pair_of
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.registry import build
+from resample.showable import array_of
 from resample.types import Doubles, Floats
+from resample.words import check_threads, doubles_of
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
 # Points are axis-aligned boxes, which cover rotated samples unevenly. Samples whose bounds exceed
@@ -43,6 +45,12 @@ class Scattering(NamedTuple):
 
     value: Floats  # (H, W) or (H, W, C) mean of the samples' values; NaN where there is none
     coverage: Floats  # (H, W) px² that samples cover in each pixel, summed
+
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `value`."""
+        return array_of(self.value, dtype, copy)
 
 
 class _VisibleSamples(NamedTuple):
@@ -85,7 +93,7 @@ class Scatter:
     array([0.  , 0.  , 1.  , 0.  , 0.25, 0.25, 0.  , 0.  ], dtype=float32)
     """
 
-    method: str = "hybrid"
+    method: Literal["hybrid", "points", "splats"] = "hybrid"
     pixel_filter: PixelFilter | str = "area"
 
     def __post_init__(self) -> None:
@@ -133,6 +141,8 @@ class Scatter:
         """
         from resample.engine.jit import threads as limited
 
+        check_threads(threads)
+        shape = pair_of("shape", shape, "height and width")
         check_size(*shape)
         place, values = _samples(position, value)
         sides = _jacobians(jacobian, radius, len(place))
@@ -207,7 +217,7 @@ class Scatter:
 
 def _samples(position: ArrayLike, value: ArrayLike) -> tuple[Doubles, Floats]:
     """Positions (N, 2) and values (C, N), checked to fit together."""
-    place = np.asarray(position, np.float64)
+    place = doubles_of("positions", position, "numbers (N, 2)")
     with np.errstate(over="ignore"):
         values = np.asarray(value).astype(np.float32)
     if place.size == 0 and values.shape[:1] == (0,):

@@ -4,8 +4,6 @@ A picture needs what it shows of each ellipsoid, `BYTES`, and one part at a time
 than the budget, windows of the picture are painted one after the other.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from resample.cameras.models import AnyCamera
@@ -24,7 +22,7 @@ from resample.painting.shaped.ellipsoids import (
 from resample.types import Floats, Statistics
 from resample.watching import Progress
 
-BYTES = 4 * WIDTH + 16 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
+BYTES = 4 * WIDTH + 8 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
 NOTHING = np.zeros(0, np.int32)
 
 
@@ -60,15 +58,15 @@ def paint_parts(
     check_size(*size)
     clock, most = Clock(), memory // BYTES
     scene = ShapedScene.of(source, camera, size, style)
-    whole = (0, 0, size[1], size[0])
-    counted = np.zeros(len(source.sizes()), np.int64)
-    scene = scene.measured(_counted(scene, counted))
-    if not counted.any():
-        counted[:] = [len(records) for records in scene.projected()]
+    whole, held = (0, 0, size[1], size[0]), Held(min(most, sum(source.sizes())))
+    projected = (held.add(records) for records in scene.projected())
+    scene = scene.measured(projected)
+    for _ in projected:
+        pass  # given sub-pixels need no measure
 
     def bounds(window: Window) -> WindowTask | None:
         """Return the task of a window; None if it shows more than fits."""
-        count = int(counted.sum()) if window == whole else _shown(scene, window)
+        count = held.count if window == whole else _shown(scene, window)
         if count <= most:
             return WindowTask(window, NOTHING, np.array([count], np.int32))
         if max(window[2] - window[0], window[3] - window[1]) > scene.tile():
@@ -82,7 +80,9 @@ def paint_parts(
     clock.lap("project")
     canvas, painted = empty_canvas(size), 0
     for done, task in enumerate(tasks):
-        records = scene.records(task.window, task.samples)
+        records = held.shown()
+        if records is None:
+            records = scene.records(task.window, task.samples)
         clock.lap("project")
         painted += scene.paint(records, task.window, canvas)
         clock.lap("paint")
@@ -92,11 +92,25 @@ def paint_parts(
     return ShapedPicture(*canvas, counts), len(tasks)
 
 
-def _counted(scene: ShapedScene, counted: np.ndarray) -> Iterator[Floats]:
-    """Records of each part, which are counted on the way."""
-    for part, records in enumerate(scene.projected()):
-        counted[part] = len(records)
-        yield records
+class Held:
+    """Records of all parts, counted, and held as long as they fit."""
+
+    def __init__(self, most: int) -> None:
+        self.count = 0
+        self.records: Floats | None = np.empty((most, WIDTH), np.float32)
+
+    def add(self, records: Floats) -> Floats:
+        """Add those of a part, and return them."""
+        done, self.count = self.count, self.count + len(records)
+        if self.records is not None and self.count <= len(self.records):
+            self.records[done : self.count] = records
+        else:
+            self.records = None
+        return records
+
+    def shown(self) -> Floats | None:
+        """Those of all parts; None if they do not fit."""
+        return None if self.records is None else self.records[: self.count]
 
 
 def _shown(scene: ShapedScene, window: Window) -> int:

@@ -33,7 +33,10 @@ class PointSample(NamedTuple):
     color: NDArray[np.uint8]  # (N, 3) sRGB
 
     def stored(self, folder: Path, name: str) -> SampleFiles:
-        write_ply(folder / f"{name}.ply", self)
+        parts = np.hstack([self.position, self.normal]).astype(np.float32)
+        columns = dict(zip(("x", "y", "z", "nx", "ny", "nz"), parts.T, strict=True))
+        colors = dict(zip(("red", "green", "blue"), self.color.T, strict=True))
+        write_ply(folder / f"{name}.ply", columns | colors)
         return SampleFiles([f"{name}.ply"])
 
 

@@ -2,15 +2,13 @@
 
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-
-RGB = ("red", "green", "blue")
 
 
 class DefaultOptions(NamedTuple):
@@ -115,16 +113,14 @@ def write_obj(path: Path, mesh: Any) -> None:
     path.write_text("\n".join(lines) + "\n", "utf-8")
 
 
-def write_ply(path: Path, points: Any) -> None:
-    """Write points with normals and colors, binary."""
-    places = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")]
-    table = np.empty(len(points.position), [*places, *((name, "u1") for name in RGB)])
-    parts = np.hstack([points.position, points.normal]).T
-    for (name, _), column in zip(places, parts, strict=True):
-        table[name] = column
-    for n, name in enumerate(RGB):
-        table[name] = points.color[:, n]
-    kinds = [*(("float", name) for name, _ in places), *(("uchar", name) for name in RGB)]
+def write_ply(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Write points with columns of floats or bytes, binary."""
+    kinds = {np.dtype(np.float32): ("float", "<f4"), np.dtype(np.uint8): ("uchar", "u1")}
+    stored = [(name, kinds[values.dtype][1]) for name, values in columns.items()]
+    table = np.empty(len(next(iter(columns.values()))), stored)
+    for name, values in columns.items():
+        table[name] = values
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n"
-    head += "".join(f"property {kind} {name}\n" for kind, name in kinds) + "end_header\n"
+    named = ((kinds[values.dtype][0], name) for name, values in columns.items())
+    head += "".join(f"property {kind} {name}\n" for kind, name in named) + "end_header\n"
     path.write_bytes(head.encode() + table.tobytes())

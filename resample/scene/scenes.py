@@ -3,13 +3,20 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from resample.scene.picking import pixel_at
 from resample.watching import Cancel, cancellable, watched_cancel
 
 Quality = Literal["final", "preview"]
 LITTLE = 16  # px per side of pictures that only prepare
+
+
+def is_quick(quality: str) -> bool:
+    """Return whether a quality is that of previews; reject unknown ones."""
+    if quality not in get_args(Quality):
+        raise ValueError(f"quality {quality!r}; it can be {' or '.join(get_args(Quality))}")
+    return quality == "preview"
 
 
 class AnyScene:
@@ -67,12 +74,11 @@ class AnyScene:
     @contextmanager
     def _rendering(self, quality: str, cancel: Cancel | None) -> Iterator[bool]:
         """Let `cancel` stop the picture of a block; yield whether it is a preview."""
-        if quality not in ("final", "preview"):
-            raise ValueError(f"quality {quality!r}; it can be final or preview")
+        is_preview = is_quick(quality)
         own = Cancel(cancel or watched_cancel())
         self._running.add(own)
         try:
             with cancellable(own):
-                yield quality == "preview"
+                yield is_preview
         finally:
             self._running.discard(own)

@@ -1,4 +1,4 @@
-"""The picture of limits in docs/quality.md: `python -m tests.benchmarks.limits_picture`."""
+"""The picture of limits in notes/quality.md: `python -m tests.benchmarks.limits_picture`."""
 
 from pathlib import Path
 from typing import Any

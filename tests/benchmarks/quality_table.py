@@ -1,4 +1,4 @@
-"""The scenes and measurements behind docs/quality.md; run as a program it prints their tables.
+"""The scenes and measurements behind notes/quality.md; run as a program it prints their tables.
 
 .venv/bin/python -m tests.benchmarks.quality_table [minification grid zoom rotation flicker]
 """

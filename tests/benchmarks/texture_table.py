@@ -1,4 +1,4 @@
-"""The tables of docs/quality.md on texture: `python -m tests.benchmarks.texture_table [TABLE]`.
+"""The tables of notes/quality.md on texture: `python -m tests.benchmarks.texture_table [TABLE]`.
 
 The workload is the floor of `shared/bench/texture_floor.py`: its geometry, pictures, truths, zones
 and score. Where it is absent there is nothing to measure.

@@ -1,4 +1,4 @@
-"""The picture of turns in docs/quality.md: `python -m tests.benchmarks.turned_picture DATA`."""
+"""The picture of turns in notes/quality.md: `python -m tests.benchmarks.turned_picture DATA`."""
 
 import sys
 from pathlib import Path

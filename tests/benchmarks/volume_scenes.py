@@ -1,4 +1,4 @@
-"""Scenes, rivals and measures behind the part on orders and rivals of docs/quality.md."""
+"""Scenes, rivals and measures behind the part on orders and rivals of notes/quality.md."""
 
 import statistics
 import time

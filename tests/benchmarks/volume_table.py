@@ -1,4 +1,4 @@
-"""The tables of docs/quality.md on orders and rivals of volume rendering.
+"""The tables of notes/quality.md on orders and rivals of volume rendering.
 
 .venv/bin/python -m tests.benchmarks.volume_table [antialiasing flicker wall opacity mass popping
 perspective bleeding slabs orders]

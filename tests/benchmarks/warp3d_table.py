@@ -1,4 +1,4 @@
-"""The tables of docs/quality.md on 3D warping: `python -m tests.benchmarks.warp3d_table`.
+"""The tables of notes/quality.md on 3D warping: `python -m tests.benchmarks.warp3d_table`.
 
 `--only synthetic,pairs` prints some of them, `--methods hybrid,mesh` of some methods, and
 `--reference FILE.npz` keeps the ray-traced views of the first ones from run to run. The workload is

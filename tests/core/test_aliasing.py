@@ -1,4 +1,4 @@
-"""Flicker of a small checker box that moves by 1/16 px a frame: docs/quality.md, "Flicker"."""
+"""Flicker of a small checker box that moves by 1/16 px a frame: notes/quality.md, "Flicker"."""
 
 import sys
 

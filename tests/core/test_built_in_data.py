@@ -14,7 +14,9 @@ from tests.commands import ended, refused
 SMALL = {  # of each sample: parameters that make it small
     "bricks": "size=64",
     "checker-box": "size=16,block=4",
+    "halo": "count=500",
     "knot": "along=60,around=8",
+    "knot-gaussians": "count=500",
     "knot-points": "count=2000",
     "marschner-lobb": "size=12",
     "page": "",
@@ -157,6 +159,8 @@ COMMANDS = {
     "warp3d render": ["render", "room"],
     "warp3d stereo": ["stereo", "room"],
     "points render": ["render", "knot-points", "--size", "32"],
+    "points render of Gaussians": ["render", "knot-gaussians", "--size", "32"],
+    "points density": ["density", "halo", "--size", "32"],
     "volume render": ["render", "vessel-tree", "--size", "32"],
 }
 

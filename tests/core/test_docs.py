@@ -10,10 +10,11 @@ from cyclopts import CycloptsError
 
 from resample.samples.finding import expanded
 from tests.commands import ended
+from tools import command_pages
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-BUILT = ("_build", "gallery", "tutorials", "generated")  # folders that `make docs` writes
+BUILT = ("_build", "gallery", "tutorials", "generated", "commands")  # written by `make docs`
 PAGES = sorted(
     path
     for suffix in ("md", "rst")
@@ -24,6 +25,7 @@ LINKED = [
     ROOT / "README.md",
     *(p for p in PAGES if p.suffix == ".md"),
     *ROOT.glob("apps/*/README.md"),
+    *ROOT.glob("notes/*.md"),
 ]
 SCRIPTS = sorted((ROOT / "examples").glob("gallery/*/plot_*.py"))
 TUTORIALS = sorted((ROOT / "examples" / "tutorials").glob("plot_*.py"))
@@ -102,7 +104,8 @@ def test_every_page_is_in_the_tree_once():
 
 @pytest.mark.parametrize("path", LINKED, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_relative_links_and_pictures_exist(path):
-    links = re.findall(r"\]\(([^)\s]+)\)", prose(path))
+    links = re.findall(r"\]\(([^)\s]+)\)|^:img-top: (.+)$", prose(path), re.MULTILINE)
+    links = [link for pair in links for link in pair if link]
     missing = [
         link
         for link in links
@@ -133,6 +136,8 @@ def test_an_example_tells_the_command_that_makes_the_same(script):
 
 def fault(path, line):
     """What is wrong with a command, or nothing."""
+    if within := re.search(r"\$\((.+?)\)", line):  # a command whose output is a file's name
+        return fault(path, within[1]) or fault(path, line.replace(within[0], "file"))
     program, *words = shlex.split(line, comments=True)
     if program == "python":
         return "" if (ROOT / words[0]).exists() else f"{path}: {words[0]} is not there"
@@ -147,6 +152,34 @@ def fault(path, line):
     except (CycloptsError, ImportError) as error:
         return f"{path.relative_to(ROOT)}: {line}: {error}"
     return ""
+
+
+def test_a_command_within_a_command_is_checked_too():
+    assert not fault(DOCS, "resample-volume render $(resample-volume fetch engine) -o a.png")
+    assert "fetsh" in fault(DOCS, "resample-volume render $(resample-volume fetsh engine) -o a.png")
+
+
+def test_the_front_page_is_short_with_one_figure_and_one_table():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= 900
+    assert text.count("![") == 1
+    assert len(re.findall(r"^\|[-|]+\|$", text, re.MULTILINE)) == 1
+
+
+@pytest.mark.parametrize("page", ["quality", "performance"])
+def test_measurements_are_one_page_and_say_what_prints_them(page):
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    assert len(text.replace("|", " ").split()) <= 1300
+    for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        assert re.search(r"python -m|make |benchmarks\.", part), part.partition("\n")[0]
+
+
+def test_modules_that_the_measurements_name_are_there():
+    for page in (ROOT / "README.md", DOCS / "quality.md", DOCS / "performance.md"):
+        text = page.read_text(encoding="utf-8")
+        for name in re.findall(r"(?<![./])((?:tests\.)?benchmarks(?:\.\w+)?)", text):
+            place = ROOT / name.replace(".", "/")
+            assert place.is_dir() or place.with_suffix(".py").exists(), name
 
 
 def test_options_that_no_command_has_are_found():
@@ -178,6 +211,40 @@ def test_every_command_of_the_docs_parses():
     found = list(commands())
     assert len(found) > 120
     assert [said for path, line in found if (said := fault(path, line))] == []
+
+
+GENERATED = pytest.mark.sweep(kept_by="test_a_command_has_a_page_with_all_of_its_options")
+
+
+@pytest.mark.parametrize(
+    "program",
+    ["resample", *(pytest.param(name, marks=GENERATED) for name in command_pages.PROGRAMS[1:])],
+)
+def test_a_command_has_a_page_with_all_of_its_options(program):
+    app, generated = command_pages.app_of(program), command_pages.pages([program])
+    names = command_pages.names_of(program, app)
+    assert set(generated) == {"index", f"{program}/index", *(f"{program}/{one}" for one in names)}
+    for name in names:
+        shown = [one for one in app[name].assemble_argument_collection() if one.show]
+        options = {word for one in shown for word in one.names if word.startswith("--")}
+        missing = {word for word in options if word not in generated[f"{program}/{name}"]}
+        assert not {word for word in missing if not word.startswith(("--no-", "--empty-"))}
+    for text in generated.values():
+        for line in re.findall(r"^\$ (.+)$", text.replace("\\\n", ""), re.MULTILINE):
+            assert not fault(DOCS / program, line)
+
+
+def test_examples_in_help_are_blocks_of_command_pages():
+    assert command_pages.with_examples(
+        "A.\n\nFor example:\n\n    resample plugins \\\n        filters\n    resample view\n\nB.\n"
+    ) == ("A.\n\n```console\n$ resample plugins \\\n    filters\n$ resample view\n```\n\nB.\n")
+
+
+def test_pages_that_no_command_has_any_more_are_removed(tmp_path):
+    (tmp_path / "gone.md").write_text("# gone\n")
+    command_pages.write(tmp_path, ["resample"])
+    assert not (tmp_path / "gone.md").exists()
+    assert (tmp_path / "resample" / "plugins.md").exists()
 
 
 def runs_as_it_stands(line):

@@ -10,10 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 import resample_volume
+from tests import snapshots
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "apps/texture/README.md", "apps/warp3d/README.md", "docs/library.md")
 PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md")
+HOWTOS = ("application", "clouds", "coordinates", "gaussians", "network_depth", "opencv", "xrays")
+SLOW = ("particles", "planes", "projections")
 
 EXTRA = "which is not installed: pip install 'hybrid-resample["
 
@@ -26,11 +29,16 @@ data file: engine_256x256x128_uint8.raw
 """
 
 
+def blocks_of(page: str) -> list[str]:
+    """A page's blocks of Python."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
 def blocks() -> Iterator[Any]:
     """Each page's blocks of Python."""
     for page in PAGES:
-        text = (ROOT / page).read_text(encoding="utf-8")
-        for number, found in enumerate(re.findall(r"```python\n(.*?)```", text, re.DOTALL), 1):
+        for number, found in enumerate(blocks_of(page), 1):
             yield pytest.param(found, id=f"{page}-{number}")
 
 
@@ -96,9 +104,53 @@ def test_examples_of_documents_run(
     volume[4:12, 6:18, 8:24] = 200
     volume.tofile("engine_256x256x128_uint8.raw")
     Path("engine.nhdr").write_text(HEADER.format(" ".join(map(str, shape[::-1]))))
+    run(block, given(block, volume))
+
+
+def run(block: str, names: dict[str, Any]) -> None:
+    """Run an example, unless it wants an extra that is not there."""
     try:
-        exec(compile(block, "example", "exec"), given(block, volume))
+        exec(compile(block, "example", "exec"), names)
     except ImportError as error:
         if EXTRA not in str(error):
             raise
         pytest.skip(str(error))
+
+
+def snapshot() -> dict[str, Any]:
+    """What the how-to of particles is given, beside a file."""
+    pytest.importorskip("h5py", reason="pip install 'hybrid-resample[hdf5]'")
+    snapshots.swift(Path("snapshot.hdf5"))
+    count = len(snapshots.PLACE)
+    return {
+        "position": snapshots.PLACE,
+        "mass": np.ones(count),
+        "smoothing": np.full(count, 0.5),
+        "metallicity": np.zeros(count),
+    }
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *HOWTOS,
+        *(
+            pytest.param(
+                one, marks=pytest.mark.sweep(kept_by="test_examples_of_a_how_to_run_in_their_order")
+            )
+            for one in SLOW
+        ),
+    ],
+)
+def test_examples_of_a_how_to_run_in_their_order(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = snapshot() if name == "particles" else {}
+    for block in blocks_of(f"docs/howto/{name}.md"):
+        run(block, names)
+
+
+def test_every_how_to_with_examples_is_run() -> None:
+    pages = {path.stem for path in (ROOT / "docs" / "howto").glob("*.md")}
+    assert {one for one in pages if blocks_of(f"docs/howto/{one}.md")} == {*HOWTOS, *SLOW}

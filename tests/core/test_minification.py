@@ -1,4 +1,4 @@
-"""A minified checker box against 16 × 16 rays per pixel: docs/quality.md, "Minified volumes"."""
+"""A minified checker box against 16 × 16 rays per pixel: notes/quality.md, "Minified volumes"."""
 
 import sys
 from dataclasses import replace

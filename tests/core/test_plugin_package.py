@@ -1,41 +1,29 @@
-"""An outside package with one class and one entry-point line is found by everything."""
+"""The packages that the documents print are built, found and run."""
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from tests.processes import PATIENCE
 
-PYPROJECT = """
-[build-system]
-requires = ["hatchling"]
-build-backend = "hatchling.build"
+ROOT = Path(__file__).parents[2]
+BROKEN = 'broken = "hann_filter:Missing"\n'  # one entry point more than the page has
 
-[project]
-name = "outside-filters"
-version = "1.0"
 
-[project.entry-points."resample.filters"]
-hann = "outside_filters:Hann"
-broken = "outside_filters:Missing"
-"""
+def printed(page: str, language: str, name: str) -> str:
+    """Contents of a file as a page of the documents prints them below its name."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    found = re.search(rf"`{re.escape(name)}`:\n\n```{language}\n(.*?)```", text, re.DOTALL)
+    assert found, f"{page} prints no {name}"
+    return found[1]
 
-MODULE = '''
-import numpy as np
-
-class Hann:
-    """A raised cosine."""
-    def __init__(self, width=2.0):
-        if not width > 0:
-            raise ValueError(f"width is a positive number of pixels, not {width}")
-        self.radius = width / 2
-    def __call__(self, distance):
-        return 0.5 + 0.5 * np.cos(np.pi * distance / self.radius)
-'''
 
 has_application = importlib.util.find_spec("resample_volume.cli") is not None
 
@@ -43,14 +31,18 @@ has_application = importlib.util.find_spec("resample_volume.cli") is not None
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> Path:
     """Folder into which the package was built and installed, without a package index."""
-    source = tmp_path_factory.mktemp("source")
     target = tmp_path_factory.mktemp("site")
-    (source / "pyproject.toml").write_text(PYPROJECT)
-    (source / "outside_filters.py").write_text(MODULE)
+    source, application = (tmp_path_factory.mktemp(name) for name in ("source", "application"))
+    project = printed("plugins.md", "toml", "pyproject.toml")
+    (source / "pyproject.toml").write_text(project + BROKEN)
+    (source / "hann_filter.py").write_text(printed("plugins.md", "python", "hann_filter.py"))
+    page = "howto/application.md"
+    (application / "pyproject.toml").write_text(printed(page, "toml", "pyproject.toml"))
+    (application / "darkness.py").write_text(printed(page, "python", "darkness.py"))
     uv = Path(sys.executable).parent / "uv"
     if uv.exists() and importlib.util.find_spec("hatchling"):
         command = [uv, "pip", "install", "-q", "--offline", "--no-deps", "--no-build-isolation"]
-        command += ["--python", sys.executable, "--target", target, source]
+        command += ["--python", sys.executable, "--target", target, source, application]
         subprocess.run(command, check=True, timeout=PATIENCE)
     else:
         pytest.skip("needs uv and hatchling, as `make test` installs them")
@@ -75,15 +67,27 @@ def resample(installed: Path, *words: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.slow
 def test_it_is_listed_with_its_distribution_and_parameters(installed):
     listed = resample(installed, "plugins", "filters")
-    assert "  hann  (outside-filters)\n      A raised cosine.\n      width=2\n" in listed.stdout
+    assert "  hann  (hann-filter)\n      A raised cosine.\n      width=2\n" in listed.stdout
     assert "  box  (hybrid-resample)\n" in listed.stdout
 
 
 @pytest.mark.slow
 def test_its_broken_plugin_is_listed_with_the_reason(installed):
     listed = resample(installed, "plugins", "filters")
-    assert "filter 'broken' of outside-filters cannot be imported: AttributeError" in listed.stdout
+    assert "filter 'broken' of hann-filter cannot be imported: AttributeError" in listed.stdout
     assert listed.returncode == 0
+
+
+@pytest.mark.slow
+def test_the_application_runs_as_a_command_and_refuses_in_one_line(installed, tmp_path):
+    light = np.full((10, 10, 3), 255, np.uint8)
+    light[:, :3] = 0
+    cv2.imwrite(str(tmp_path / "photo.png"), light)
+    counted = resample(installed, "darkness", "share", str(tmp_path / "photo.png"))
+    assert counted.stdout == "30.0 % of 100 pixels are dark\n"
+    refused = resample(installed, "darkness", "share", str(tmp_path / "other.png"))
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
 
 
 @pytest.mark.slow

@@ -1,11 +1,21 @@
 """Ellipsoids with a shape each, against rays by brute force and formulas."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from resample import Camera, Orthographic, Resampler, look_at, particles
+from resample.engine.shaped.records import WIDTH
 from resample.outofcore.ellipsoids import BYTES, paint_parts
-from resample.painting.shaped.ellipsoids import Ellipsoids, ShapedStyle, paint_ellipsoids
+from resample.painting.shaped.ellipsoids import (
+    BAND,
+    Ellipsoids,
+    InMemory,
+    ShapedStyle,
+    paint_ellipsoid_parts,
+    paint_ellipsoids,
+)
 from resample.profiles.orders import EverySample, ImageSheets, Rays
 from tests.shaped import twin
 
@@ -216,6 +226,38 @@ def test_parts_within_a_budget_have_the_bits_of_all(subpixels, most, windows):
         np.testing.assert_array_equal(mine, theirs)
     assert count == 1 if windows == 1 else count >= windows
     assert picture.statistics.subpixels == whole.statistics.subpixels
+
+
+@pytest.mark.parametrize("subpixels", [None, 2])
+@pytest.mark.parametrize("ahead", [True, False])
+def test_parts_that_fit_are_projected_once(subpixels, ahead):
+    given, style = gaussians(800, seed=11), ShapedStyle(subpixels=subpixels)
+    away = np.float32([0, 0, 0] if ahead else [0, 0, -100])
+    parts = Parts(given._replace(position=given.position + away), 150)
+    picture, windows = paint_parts(parts, EYE, SIZE, style, memory=900 * BYTES)
+    assert (parts.loaded, windows) == (len(parts.sizes()), 1)
+    assert picture.rgba.any() == ahead
+
+
+def test_painting_takes_little_more_memory_than_records():
+    count = 200_000
+    rng = np.random.default_rng(2)
+    given = Ellipsoids(
+        np.float32(rng.uniform(-1, 1, (count, 3))) + np.float32([0, 0, 8]),
+        np.full((count, 3), 1e-3, np.float32),
+        np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        np.full(count, 0.02, np.float32),
+        np.full((count, 3), 0.5, np.float32),
+    )
+    tracemalloc.start()
+    try:
+        picture = paint_ellipsoid_parts(InMemory(given), EYE, SIZE)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert picture.statistics.splats == count
+    band = BAND * 4 * WIDTH  # that are projected together
+    assert peak < (4 * WIDTH + 8 + 4 + 8) * count + band  # records, order, lists, and little more
 
 
 def test_a_tile_beyond_the_budget_is_refused():

@@ -213,14 +213,14 @@ def test_a_page_that_was_cut_off_comes_back_with_its_settings(tab: Any) -> None:
     still(other, number)
     assert len(links) == 2
     assert other.input_value("#option-transfer") == "gray"
-    assert other.input_value("#option-camera") == "36/20/1"
+    assert other.input_value("#option-camera") == "36,20,1"
     np.testing.assert_array_equal(shown(other), before)
     other.close()
 
 
 def planes(tab: Any) -> list[list[float]]:
     given = tab.input_value("#option-clip").split("; ")
-    return [[float(part) for part in one.split("/")] for one in given if one]
+    return [[float(part) for part in one.split(",")] for one in given if one]
 
 
 def test_planes_are_added_moved_turned_and_taken_away(

@@ -1,4 +1,4 @@
-"""What must not change: mass, total opacity, even walls, pictures that turn (docs/quality.md)."""
+"""What must not change: mass, total opacity, even walls, pictures that turn (notes/quality.md)."""
 
 from dataclasses import replace
 

@@ -19,15 +19,11 @@ from pathlib import Path
 from resample.engine.compiled import entries
 from resample.engine.compiled.library import VARIABLE
 from resample.engine.compiled.sources import TOOLS
+from tools.kernels import platforms
 from tools.kernels.scenes import GROUPS
 
 ROOT = Path(__file__).parents[2]
-LIBRARY = ROOT / "resample" / "engine" / "compiled" / "_kernels.abi3.so"
-
-
-def is_for_this_machine() -> bool:
-    """Whether this platform is supported."""
-    return sys.platform == "linux" and platform.machine() == "x86_64"
+LIBRARY = ROOT / "resample" / "engine" / "compiled" / platforms.file_name()
 
 
 def used(log: Path) -> list[Path]:
@@ -125,7 +121,7 @@ def main() -> int:
     )
     parser.add_argument("--most", type=Path, help="file of limits; exceeding them is an error")
     asked = parser.parse_args()
-    if not (asked.list or asked.edits) and not is_for_this_machine():
+    if not (asked.list or asked.edits) and platforms.level() is None:
         print(f"no library of kernels is built for {sys.platform} on {platform.machine()}")
         return 0
     with tempfile.TemporaryDirectory() as folder:

@@ -1,16 +1,16 @@
 """Link kernels that numba has compiled into one extension module.
 
 numba stores optimised LLVM bitcode beside its machine code. From that, each kernel is compiled for
-any processor of a level (x86-64-v3), with an entry point that takes its arguments as 8-byte words;
-so no kernel is compiled twice by numba. The C compiler links it with the marshaller.
+any processor of a level (`platforms`), with an entry point that takes its arguments as 8-byte
+words; so no kernel is compiled twice by numba. The C compiler links it with the marshaller.
 """
 
 import json
-import os
 import pickle
+import platform
 import re
-import shlex
 import subprocess
+import sys
 import sysconfig
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -28,11 +28,9 @@ from numba.np.numpy_support import as_dtype
 from resample.engine.compiled import entries
 from resample.engine.compiled.compiling import key_of
 from resample.engine.compiled.library import dtype_name, sealed
+from tools.kernels import platforms
 
 HERE = Path(__file__).parent
-LEVEL = "x86-64-v3"
-# Features of the level that the marshaller checks (`lacking`).
-FEATURES = "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,+sse4.2,+xsave"
 FAILURES = re.compile(r'@"?\.const\.pickledata\.[^=]*= [^\n]*?c"((?:[^"\\]|\\.)*)"')
 WORD = ir.IntType(64)
 # Replaces an error whose text numba would build from numbers: shapes of arrays that do not fit.
@@ -42,11 +40,6 @@ WIDE = (
     "resample.engine.mixtures.deferred.paint_runs",
     "resample.engine.rays.painting.paint_rays",
 )
-WIDE_LEVEL = "x86-64-v4"
-WIDE_FEATURES = f"{FEATURES},+avx512f,+avx512bw,+avx512cd,+avx512dq,+avx512vl"
-# Functions that are called through runtime.c (FIRST).
-WRAPPED = ("exp", "exp2", "log", "log2", "pow", "expf", "exp2f", "logf", "log2f", "powf")
-WRAPPED += ("hypot", "hypotf", "fmod", "fmodf")
 
 
 class Part(NamedTuple):
@@ -99,11 +92,14 @@ def _emit(file: Path, number: int, folder: str) -> Part:
     if entry.key != "".join(map(key_of, description.argtypes)) or "<" in entry.key:
         raise ValueError(f"{entry.kernel}: types of arguments without a name: {entry.key}")
     symbol = f"kernel_{number}"
-    module = _write_object(bitcode, description, Path(folder, f"{symbol}.o"), LEVEL, FEATURES)
+    level, wide_level = platforms.level(), platforms.wide_level()
+    if level is None:
+        raise ValueError(f"no library is built for {sys.platform} on {platform.machine()}")
+    module = _write_object(bitcode, description, Path(folder, f"{symbol}.o"), level)
     wide = "NULL"
-    if entry.kernel in WIDE:
+    if wide_level and entry.kernel in WIDE:
         wide = f"{symbol}_wide"
-        _write_object(bitcode, description, Path(folder, f"{wide}.o"), WIDE_LEVEL, WIDE_FEATURES)
+        _write_object(bitcode, description, Path(folder, f"{wide}.o"), wide_level)
     return Part(
         *(entry.kernel, entry.key, entry.sources, symbol, wide),
         gives=_gives(description.restype),
@@ -112,7 +108,7 @@ def _emit(file: Path, number: int, folder: str) -> Part:
     )
 
 
-def _write_object(bitcode: bytes, description: Any, file: Path, level: str, features: str) -> Any:
+def _write_object(bitcode: bytes, description: Any, file: Path, level: platforms.Level) -> Any:
     """Compile a kernel for a processor level to an object file; returns the LLVM module."""
     symbol = file.stem
     module = llvm.parse_bitcode(bitcode)
@@ -122,7 +118,7 @@ def _write_object(bitcode: bytes, description: Any, file: Path, level: str, feat
             value.linkage = "internal"
     target = llvm.Target.from_triple(llvm.get_process_triple())
     machine = target.create_target_machine(
-        cpu=level, features=features, opt=3, reloc="pic", codemodel="default"
+        cpu=level.cpu, features=level.features, opt=3, reloc="pic", codemodel="default"
     )
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
@@ -287,15 +283,12 @@ def _failure(pickled: bytes) -> Iterator[str]:
 
 
 def _link(folder: Path, library: Path) -> None:
-    compiler = shlex.split(os.environ.get("CC", "cc"))
     include = ["-I", str(HERE), "-I", np.get_include(), "-I", sysconfig.get_path("include")]
     sources = [str(HERE / "marshal.c"), str(HERE / "runtime.c"), str(folder / "table.c")]
     objects = sorted(str(each) for each in folder.glob("*.o"))
-    options = ["-shared", "-fPIC", "-O2", "-Wall", "-Wextra", "-fvisibility=hidden"]
-    options += ["-Wl,--strip-all", "-Wl,-Bsymbolic", "-Wl,--gc-sections"]
-    options += [f"-Wl,--wrap={name}" for name in WRAPPED]
     made = library.with_suffix(".new")
-    command = [*compiler, *options, *include, *sources, *objects, "-lm", "-o", str(made)]
-    subprocess.run(command, check=True)
-    made.write_bytes(sealed(made.read_bytes()))
+    command = [*platforms.compiler(), *include, *sources, *objects, *platforms.options()]
+    subprocess.run([*command, "-o", str(made)], check=True)
+    if sys.platform != "darwin":  # there the linker signs the file, and nothing may follow
+        made.write_bytes(sealed(made.read_bytes()))
     made.replace(library)

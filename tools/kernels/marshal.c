@@ -10,11 +10,14 @@
 #define NPY_NO_DEPRECATED_API NPY_2_0_API_VERSION
 #define NPY_TARGET_VERSION NPY_2_0_API_VERSION
 #include <Python.h>
-#include <cpuid.h>
 #include <numpy/arrayobject.h>
 #include <numpy/arrayscalars.h>
 #include <stdlib.h>
 #include <string.h>
+
+#ifdef __x86_64__
+#include <cpuid.h>
+#endif
 
 #include "entries.h"
 
@@ -580,31 +583,58 @@ static PyObject *find(PyObject *module, PyObject *given) {
 
 /* ---- The module ----------------------------------------------------------------------------- */
 
-/* Names of what x86-64-v3 has and this processor, or its system, has not. */
-static PyObject *lacking(PyObject *module, PyObject *unused) {
-    unsigned a = 0, b = 0, c = 0, d = 0, extended = 0, seven = 0;
-    (void)module;
-    (void)unused;
-    if (__get_cpuid(1, &a, &b, &c, &d) == 0) c = 0;
-    const unsigned first = c;
+/* What kernels may use of a processor, and whether it is there: of x86-64-v3 all, and then the part
+   of x86-64-v4. Other processors have what their platform's level asks for. */
+typedef struct {
+    const char *name;
+    int is_there;
+} Feature;
+
+#ifdef __x86_64__
+#define FEATURES 13
+#define OF_V3 8
+
+static void find_features(Feature *features) {
+    unsigned a = 0, b = 0, c = 0, d = 0, first = 0, extended = 0, seven = 0, saved = 0;
+    if (__get_cpuid(1, &a, &b, &c, &d)) first = c;
     if (__get_cpuid_count(7, 0, &a, &b, &c, &d)) seven = b;
     if (__get_cpuid(0x80000001, &a, &b, &c, &d)) extended = c;
-    const struct {
-        const char *name;
-        int is_there;
-    } needed[] = {
-        {"AVX2", __builtin_cpu_supports("avx2")}, /* and the system saves its registers */
-        {"FMA", __builtin_cpu_supports("fma")},
+    if (first & bit_OSXSAVE) __asm__("xgetbv" : "=a"(saved), "=d"(d) : "c"(0));
+    /* Registers of AVX and AVX-512 that the system saves. */
+    const int is_saved = (saved & 0x06) == 0x06, is_wide_saved = (saved & 0xe6) == 0xe6;
+    const Feature found[FEATURES] = {
+        {"AVX2", is_saved && (seven & bit_AVX2)},
+        {"FMA", is_saved && (first & bit_FMA)},
         {"BMI1", (seven & bit_BMI) != 0},
         {"BMI2", (seven & bit_BMI2) != 0},
-        {"F16C", (first & bit_F16C) != 0},
+        {"F16C", is_saved && (first & bit_F16C)},
         {"MOVBE", (first & bit_MOVBE) != 0},
         {"POPCNT", (first & bit_POPCNT) != 0},
         {"LZCNT", (extended & bit_LZCNT) != 0},
+        {"AVX512F", is_wide_saved && (seven & bit_AVX512F)},
+        {"AVX512BW", is_wide_saved && (seven & bit_AVX512BW)},
+        {"AVX512CD", is_wide_saved && (seven & bit_AVX512CD)},
+        {"AVX512DQ", is_wide_saved && (seven & bit_AVX512DQ)},
+        {"AVX512VL", is_wide_saved && (seven & bit_AVX512VL)},
     };
+    memcpy(features, found, sizeof found);
+}
+#else
+#define FEATURES 0
+#define OF_V3 0
+
+static void find_features(Feature *features) { (void)features; }
+#endif
+
+/* Names of what the kernels' level has and this processor, or its system, has not. */
+static PyObject *lacking(PyObject *module, PyObject *unused) {
+    Feature features[FEATURES + 1];
+    (void)module;
+    (void)unused;
+    find_features(features);
     PyObject *names = PyList_New(0);
-    for (size_t n = 0; names && n < sizeof needed / sizeof *needed; n++) {
-        PyObject *name = needed[n].is_there ? NULL : PyUnicode_FromString(needed[n].name);
+    for (int n = 0; names && n < OF_V3; n++) {
+        PyObject *name = features[n].is_there ? NULL : PyUnicode_FromString(features[n].name);
         if (name && PyList_Append(names, name)) Py_CLEAR(names);
         Py_XDECREF(name);
     }
@@ -612,9 +642,11 @@ static PyObject *lacking(PyObject *module, PyObject *unused) {
 }
 
 static int has_v4(void) {
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-           __builtin_cpu_supports("avx512cd") && __builtin_cpu_supports("avx512dq") &&
-           __builtin_cpu_supports("avx512vl");
+    Feature features[FEATURES + 1];
+    find_features(features);
+    for (int n = 0; n < FEATURES; n++)
+        if (!features[n].is_there) return 0;
+    return FEATURES > 0;
 }
 
 /* All entries: kernel, types of arguments. */
@@ -650,7 +682,6 @@ static struct PyModuleDef definition = {
 
 PyMODINIT_FUNC PyInit__kernels(void) {
     import_array();
-    __builtin_cpu_init();
     is_wide = has_v4();
     type_names = PyDict_New();
     dtype_names = PyDict_New();

@@ -131,13 +131,17 @@ int numba_attempt_nocopy_reshape(intptr_t count, const intptr_t *dims, const int
     return 1;
 }
 
-/* The C library has some functions twice: a newer version leaves errno alone and is the same
-   otherwise. Calls go to the first version, with which the library runs on older systems. */
-#if defined(__x86_64__) && defined(__GLIBC__)
-#define FIRST(name) __asm__(".symver first_" #name "," #name "@GLIBC_2.2.5")
+/* glibc has some functions twice: a newer version leaves errno alone and is the same otherwise.
+   Calls go to the first version, with which the library runs on older systems. */
+#ifdef __GLIBC__
+#if defined(__x86_64__)
+#define OLDEST "GLIBC_2.2.5"
+#elif defined(__aarch64__)
+#define OLDEST "GLIBC_2.17"
 #else
-#error "link.py wraps functions of glibc's on x86-64"
+#error "platforms.py wraps functions of glibc's on x86-64 and aarch64"
 #endif
+#define FIRST(name) __asm__(".symver first_" #name "," #name "@" OLDEST)
 #define ONE(type, name)              \
     FIRST(name);                     \
     type first_##name(type);         \
@@ -153,3 +157,4 @@ ONE(double, exp) ONE(double, exp2) ONE(double, log) ONE(double, log2)
 ONE(float, expf) ONE(float, exp2f) ONE(float, logf) ONE(float, log2f)
 TWO(double, pow) TWO(double, hypot) TWO(double, fmod)
 TWO(float, powf) TWO(float, hypotf) TWO(float, fmodf)
+#endif

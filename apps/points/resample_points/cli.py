@@ -4,29 +4,37 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, NoReturn
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.flags import OptionTopic, words
+from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
-from resample_points.command.density import DensityOptions
+from resample_points.command.density import DensityOptions, ParticleOptions
 from resample_points.command.gaussians import GaussianOptions
 
-app = App(
+app = CommandLine(
     name="resample-points",
-    help="Point clouds, 3D Gaussians and particles: points where they are small on screen, splats "
-    "where they are large."
-    "\n\nExample: resample-points render scan.ply --camera 40/20/1.5 --up y -o scan.png",
+    help=(
+        "Point clouds, 3D Gaussians and particles: points where they are small on screen, splats "
+        "where they are large.\n\n"
+        "For example:\n\n"
+        "    resample-points render sample:knot-points -o knot.png\n"
+        "    resample-points density sample:halo --color-bar -o halo.png\n"
+        "    resample-points view sample:knot-gaussians\n"
+    ),
     version=installed_version,
 )
+app.first = "type axis quantity methods path frames camera up size color-by color-bar"
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
 GAUSSIANS, DENSITY = GaussianOptions.usual(), DensityOptions.usual()
+PARTICLES = ParticleOptions.usual()
 MapOutput = Annotated[
     flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
 ]
@@ -51,8 +59,11 @@ def render(
 ) -> None:
     """Render a point cloud, with its colors and normals if it has them, or 3D Gaussians.
 
-    Example: resample-points render scan.ply --camera 40/20/1.5 --up y --color-by intensity
-    --color-bar -o scan.png
+    For example:
+
+        resample-points render sample:knot-points -o knot.png
+        resample-points render sample:knot-points --color-by z --color-bar -o z.png
+        resample-points render sample:knot-gaussians --camera 40,60 -o g.png
 
     Parameters
     ----------
@@ -67,7 +78,8 @@ def render(
     from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
     from resample.watching import told
-    from resample_points.command.gaussians import check_kind, gaussians_of
+    from resample_points.command.gaussians import gaussians_of
+    from resample_points.command.kinds import FileOptions, SceneKind, kind_of
     from resample_points.command.rendering import check_index, check_memory, scene_of
 
     check_suffix(output)
@@ -75,7 +87,10 @@ def render(
     shape = form.height_and_width()
     aim.check()
     gaussians.check()
-    if check_kind(file, look, gaussians):
+    kind = kind_of(file, FileOptions(look, gaussians))
+    if kind is SceneKind.PARTICLES:
+        raise ValueError(f"{file.name} holds particles, which `resample-points density` maps")
+    if kind is SceneKind.GAUSSIANS:
         check_targets(output)
         check_memory(shape, output)
         session = Session()
@@ -111,61 +126,53 @@ def animate(
     size: flags.Size = "640x480",
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
+    particles: Annotated[ParticleOptions, flags.Flat] = PARTICLES,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
-    """Move a camera around a point cloud or 3D Gaussians.
+    """Move a camera around a point cloud, 3D Gaussians or the particles of a simulation.
 
-    Example: resample-points animate scan.ply --camera 0/20/1 --up y -o orbit.mp4
+    For example:
+
+        resample-points animate sample:knot-points --frames 24 -o orbit.gif
+        resample-points animate sample:knot-points --path sway --frames 24 -o a.webp
+        resample-points animate sample:knot-gaussians --size 320x240 -o frames
 
     Parameters
     ----------
     file
-        As in render.
+        As in render; or particles as in density: snapshots, and other points with --type,
+        --quantity, --smoothing-kernel or --log.
     path
         Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
-        Number of frames. Default: 96; for a file as its times require.
+        Number of frames. [default: 96; for a file as many as its times require]
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
     from resample.command.workers import at_work, check_sharing, share_memory
     from resample.console import linear_color
     from resample.files.animations import check_film
-    from resample_points.command import rendering
-    from resample_points.command.gaussians import (
-        check_kind,
-        frames_of_gaussians,
-        gaussian_film,
-        gaussians_of,
-    )
+    from resample_points.command.kinds import FileOptions, check_film_options, frames_of, scene_in
+    from resample_points.command.rendering import PATHS, check_memory, path_of
     from resample_points.scenes import cameras_of
 
-    shape = height_and_width(size)
+    shape, chosen = height_and_width(size), FileOptions(look, gaussians, particles)
     check_film(output, fps)
     check_sharing(sharing)
     start.start()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    gaussians.check()
-    rendering.check_memory(shape, output, sharing.workers or 0)
-    if check_kind(file, look, gaussians):
-        scene = gaussians_of(Session(), file, look, gaussians)
-        start = scene.upright(start)
-        viewpoints = rendering.path_of(path, frames, fps, start.start())
-        cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
-        film = gaussian_film(scene, cameras, shape, behind)
-        again = partial(frames_of_gaussians, file, look, gaussians, cameras, shape, behind)
-        with at_work(sharing, look.threads) as crew:
-            write_shared(output, film, again, crew, fps=fps, resume=resume)
-        return
-    look.check(output, shape[0])
-    viewpoints = rendering.path_of(path, frames, fps, start.start())
+    check_memory(shape, output, sharing.workers or 0)
+    check_film_options(file, chosen, output, shape[0])
+    viewpoints = path_of(path, frames, fps, start.start())
     share_memory(sharing)
-    cloud = rendering.scene_of(Session(), file, look)
-    cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=start.steady)
-    film = rendering.film_of(cloud, cameras, shape, behind)
-    again = partial(rendering.frames_of, file, look, cameras, shape, behind)
+    scene = scene_in(Session(), file, chosen)
+    if path in PATHS:
+        viewpoints = path_of(path, frames, fps, scene.upright(start).start())
+    cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
+    film = scene.film(cameras, shape, behind)
+    again = partial(frames_of, file, chosen, cameras, shape, behind)
     with at_work(sharing, look.threads) as crew:
         write_shared(output, film, again, crew, fps=fps, resume=resume)
 
@@ -185,14 +192,19 @@ def compare(
 ) -> None:
     """Compare ways to render 3D Gaussians with 16 x 16 rays per pixel, each in its own order.
 
-    Example: resample-points compare scene.ply --methods affine,trained,rays -o compare.png
+    For example:
+
+        resample-points compare sample:knot-gaussians --size 160x120
+        resample-points compare sample:knot-gaussians --size 160x120 -o a.png
+        resample-points compare sample:knot-gaussians --methods rays --size 99
 
     Parameters
     ----------
     file
         3D Gaussians, as in render.
     methods
-        Methods separated by commas: trained, distance, rays, bare or affine, the usual projection.
+        Methods separated by commas: trained, distance, rays, bare, affine (the usual projection),
+        or mitsuba, where it is installed (its time without starting it).
     output
         Written to: all pictures side by side with enlarged details (.png).
     """
@@ -202,7 +214,8 @@ def compare(
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_points.command.comparing import compare_methods, methods_named
-    from resample_points.command.gaussians import check_kind, gaussians_of
+    from resample_points.command.gaussians import gaussians_of
+    from resample_points.command.kinds import FileOptions, SceneKind, kind_of
 
     names, shape = methods_named(methods), height_and_width(size)
     if output is not None:
@@ -210,7 +223,7 @@ def compare(
         check_targets(output)
     aim.check()
     gaussians.check()
-    if not check_kind(file, look, gaussians):
+    if kind_of(file, FileOptions(look, gaussians)) is not SceneKind.GAUSSIANS:
         raise ValueError(f"{file.name} holds no 3D Gaussians, whose ways are compared here")
     session = Session()
     scene = gaussians_of(session, file, look, gaussians)
@@ -230,7 +243,11 @@ def info(
 ) -> None:
     """Print what a file holds: points or 3D Gaussians, their number, bounds and columns.
 
-    Example: resample-points info scan.ply
+    For example:
+
+        resample-points info sample:knot-points
+        resample-points info sample:knot-gaussians
+        resample-points info sample:halo --json
 
     Parameters
     ----------
@@ -261,8 +278,11 @@ def density(
 ) -> None:
     """Map the particles of a simulation: column density, means of a quantity, slices.
 
-    Example: resample-points density snapshot.hdf5 --type dark --axis z --size 800 --color-bar
-    -o halo.png
+    For example:
+
+        resample-points density sample:halo -o halo.png
+        resample-points density sample:halo --axis x --color-bar --size 800 -o bar.png
+        resample-points density sample:halo --camera 30,20,2 -o numbers.npy
 
     Parameters
     ----------
@@ -272,7 +292,8 @@ def density(
     """
     from resample.command.session import Session
     from resample.files.writing import check_targets
-    from resample_points.command.density import density_of, write_map
+    from resample_points.command.density import write_map
+    from resample_points.command.particles import density_of
     from resample_points.command.rendering import check_memory
 
     shape = form.height_and_width()
@@ -293,7 +314,11 @@ def view(
 ) -> None:
     """Show a point cloud or 3D Gaussians in the browser: navigate, copy the command.
 
-    Example: resample-points view scan.ply --up y
+    For example:
+
+        resample-points view sample:knot-points
+        resample-points view sample:knot-gaussians --camera top
+        resample-points view sample:knot-points --port 8000 --no-browser
 
     Parameters
     ----------

@@ -14,11 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.cameras.models import AnyConvention
 from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
+from resample.words import check_threads
 from resample_texture.arguments import (
     REFLECT_101,
+    Fill,
     Places,
+    check_shape,
     check_sums,
     edge_named,
     fill_for,
@@ -31,7 +35,8 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.types import Method, Warped
+from resample_texture.texels.encoding import AnyAlpha
+from resample_texture.types import AnyEdge, Method, Warped
 
 SIDE = 1024  # px of chunks, unless the target has its own chunks
 
@@ -83,12 +88,12 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     *,
     out: Any = None,
     side: int | tuple[int, int] | None = None,
-    edge: str = "transparent",
-    convention: str = "corner",
+    edge: AnyEdge = "transparent",
+    convention: AnyConvention = "corner",
     inverse: bool = False,
     linear_light: bool | None = None,
-    alpha: str | None = None,
-    fill: complex | str | None = None,
+    alpha: AnyAlpha | None = None,
+    fill: Fill | None = None,
     total: bool | None = None,
     threads: int | None = None,
 ) -> Any:
@@ -133,11 +138,13 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     >>> np.array_equal(made, warp(stored, matrix, (250, 200)).image, equal_nan=True)
     True
     """
+    check_threads(threads)
     kept = _LazyPicture(source)
     shape = whole_pair(shape, "height", "width")
     if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
     sides = _sides(side, out)
+    check_shape(shape)
     border = edge_named(edge)
     if border == REFLECT_101:
         raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")
@@ -249,7 +256,7 @@ def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
 
 
 def _drawn(
-    source: Any, drawing: Drawing, *, linear_light: bool | None, alpha: str | None
+    source: Any, drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None

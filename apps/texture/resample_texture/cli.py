@@ -4,11 +4,10 @@ import sys
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
-from cyclopts import App
-
 from resample.command import flags
 from resample.command.applications import fetcher
 from resample.command.flags import OptionTopic, words
+from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
 from resample.command.settings_files import with_settings
@@ -26,12 +25,21 @@ from resample_texture.command.choices import (
     WarpGeometry,
 )
 
-app = App(
+app = CommandLine(
     name="resample-texture",
-    help="Texture mapping and image warping: texels are projected as points where they shrink and "
-    "split into parts where they grow.\n\nExample: resample-texture warp photo.png --corners "
-    "'0,0 400,60 400,240 0,300' -o out.png",
+    help=(
+        "Texture mapping and image warping: texels are projected as points where they shrink and "
+        "split into parts where they grow.\n\n"
+        "For example:\n\n"
+        "    resample-texture resize sample:bricks small.png --size 100\n"
+        '    resample-texture warp sample:bricks --corners "9,0 90,9 80,70 0,60" -o a.png\n'
+        "    resample-texture mesh sample:knot -o knot.png\n"
+    ),
     version=installed_version,
+)
+app.first = (
+    "matrix corners size factor degrees expand lens from to turn camera methods "
+    "scene path frames fit width height edge method filter background"
 )
 app.register_install_completion_command()
 
@@ -58,7 +66,11 @@ def warp(
 ) -> None:
     """Warp pictures by a matrix, by corners, by a map or by a lens.
 
-    Example: resample-texture warp photo.png --matrix 0.5,0,0,0,0.5,0 --size 640x480 -o out.png
+    For example:
+
+        resample-texture warp sample:bricks --matrix 0.5,0,0,0,0.5,0 -o half.png
+        resample-texture warp sample:bricks --corners "9,0 90,9 80,70 0,60" -o a.png
+        resample-texture warp sample:test-card --matrix 0.9,0.2,0,-0.2,0.9,99 -o b.png
 
     Parameters
     ----------
@@ -94,7 +106,11 @@ def view(
 
     Or show a mesh with its textures, and orbit it.
 
-    Example: resample-texture view photo.png
+    For example:
+
+        resample-texture view sample:bricks
+        resample-texture view sample:knot
+        resample-texture view sample:bricks --corners "9,0 90,9 80,70 0,60"
 
     Parameters
     ----------
@@ -137,7 +153,11 @@ def rectify(
 ) -> None:
     """Rectify a photographed page.
 
-    Example: resample-texture rectify desk.jpg --corners "82,60 590,41 655,430 20,455" -o page.png
+    For example:
+
+        resample-texture rectify sample:page -o page.png
+        resample-texture rectify sample:page --size 600x800 -o large.png
+        resample-texture rectify sample:bricks --corners "9,0 90,9 80,70 0,6" -o a.png
 
     Parameters
     ----------
@@ -148,8 +168,8 @@ def rectify(
     output
         As in warp.
     size
-        Size in px: 400 for a square, 640x480 for width and height. Default: the page's sides in
-        the photo.
+        Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
+        the photo]
     """
     from resample.command.session import Session
     from resample.files.formats import check_output
@@ -192,7 +212,11 @@ def mesh(
 ) -> None:
     """Render a textured mesh.
 
-    Example: resample-texture mesh cow.obj --camera 120/20/1.2 -o cow.png
+    For example:
+
+        resample-texture mesh sample:knot -o knot.png
+        resample-texture mesh sample:knot --camera 120,20,1.2 --shading -o shaded.png
+        resample-texture mesh sample:knot --texture sample:test-card -o card.png
 
     Parameters
     ----------
@@ -236,7 +260,11 @@ def compare(
 
     The truth uses 16 x 16 rays per pixel and Catmull-Rom interpolation of the picture.
 
-    Example: resample-texture compare brick.png --methods bilinear,hybrid,oiio -o compare.html
+    For example:
+
+        resample-texture compare sample:bricks
+        resample-texture compare sample:bricks --methods bilinear,hybrid -o a.html
+        resample-texture compare sample:zone-plate --scene shrink -o shrink.png
 
     Parameters
     ----------
@@ -257,8 +285,8 @@ def compare(
     edge
         What lies beyond the picture's edges. Not measured.
     size
-        Size in px: 400 for a square, 640x480 for width and height. Default: half the (tiled)
-        picture's; for a matrix the picture's.
+        Size in px: 400 for a square, 640x480 for width and height. [default: half the (tiled)
+        picture's; for a matrix the picture's]
     """
     from resample import registry
     from resample.files.formats import flattened
@@ -309,7 +337,11 @@ def animate(
 ) -> None:
     """Animate a camera that flies over a picture, or orbits it.
 
-    Example: resample-texture animate map.png -o fly.gif
+    For example:
+
+        resample-texture animate sample:bricks -o fly.gif
+        resample-texture animate sample:bricks --path turn -o turn.webp
+        resample-texture animate sample:test-card --frames 24 --size 320x180 -o frames
 
     Parameters
     ----------
@@ -351,12 +383,18 @@ def figures(
 ) -> None:
     """Reproduce the paper's Figure 5: a floor by points, by the hybrid, and backward.
 
+    For example:
+
+        resample-texture figures
+        resample-texture figures -o figure-5
+        resample-texture figures --image sample:test-card
+
     Parameters
     ----------
     output
         Written to: folder for figure5.png, the single pictures and table.txt; created if missing.
     image
-        Picture to show beside the checkerboard. Default: a generated brick wall.
+        Picture to show beside the checkerboard. [default: a generated brick wall]
     """
     from resample.files.formats import flattened
     from resample.files.pictures import read_picture
@@ -381,7 +419,14 @@ def figures(
 
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
-    """Show floors of generated pictures by several methods, and a flight over one."""
+    """Show floors of generated pictures by several methods, and a flight over one.
+
+    For example:
+
+        resample-texture demo
+        resample-texture demo -o floors
+        resample-texture demo --output pictures/floors
+    """
     from resample import registry
     from resample.command.films import write_shared
     from resample_texture.command import animation

@@ -23,6 +23,7 @@ from resample_texture.geometry.shifts import (
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
     Alpha,
+    AnyAlpha,
     Encoding,
     check_picture,
     complex_of_parts,
@@ -78,7 +79,7 @@ class Drawing(NamedTuple):
 
 
 def drawn(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: str | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
 
@@ -104,7 +105,7 @@ def drawn(
 
 def _drawn_copies(
     image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: bool | None,
-    alpha: str | None,
+    alpha: AnyAlpha | None,
 ) -> Warped:  # fmt: skip
     """Copy texels, value for value."""
     if drawing.behind is not None:
@@ -126,7 +127,7 @@ def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
     return drawing._replace(method=quick)
 
 
-def light_of(image: NDArray[Any], linear_light: bool | None, alpha: str | None) -> Floats:
+def light_of(image: NDArray[Any], linear_light: bool | None, alpha: AnyAlpha | None) -> Floats:
     """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":
         return image.astype(np.float32)
@@ -135,7 +136,7 @@ def light_of(image: NDArray[Any], linear_light: bool | None, alpha: str | None) 
 
 
 def _drawn_whole(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: str | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp a picture without windows."""
     if image.dtype.kind == "c":
@@ -240,7 +241,12 @@ def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
 
 
 def drawn_in_parts(
-    image: Any, drawing: Drawing, parts: DrawnParts, *, linear_light: bool | None, alpha: str | None
+    image: Any,
+    drawing: Drawing,
+    parts: DrawnParts,
+    *,
+    linear_light: bool | None,
+    alpha: AnyAlpha | None,
 ) -> Warped:
     """Warp a picture window by window; it need only support slices."""
     form = LIGHT if drawing.as_light else image.dtype
@@ -281,7 +287,7 @@ class _Read:
     """Texels of a sliceable picture, decoded on demand."""
 
     def __init__(
-        self, image: Any, drawing: Drawing, linear_light: bool | None, alpha: str | None
+        self, image: Any, drawing: Drawing, linear_light: bool | None, alpha: AnyAlpha | None
     ) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])
@@ -405,7 +411,7 @@ def copied(image: NDArray[Any], drawing: Drawing) -> Picks | None:
     return picks_of_move(move, (image.shape[0], image.shape[1]), shape, Edge(edge))
 
 
-def picked(image: NDArray[Any], picks: Picks, alpha: str | None = None) -> Warped:
+def picked(image: NDArray[Any], picks: Picks, alpha: AnyAlpha | None = None) -> Warped:
     """Copy texels value for value; missing ones are not covered."""
     values, mask = unmasked(image)
     planes = values.reshape(*values.shape[:2], -1)

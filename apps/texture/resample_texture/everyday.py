@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.files.exchange import picture_and_encoding
+from resample.files.exchange import check_layout, picture_and_encoding
+from resample.words import number, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
@@ -17,7 +18,8 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.types import Method, Warped
+from resample_texture.texels.encoding import AnyAlpha
+from resample_texture.types import AnyEdge, Method, Warped
 from resample_texture.warping import warp
 
 
@@ -26,9 +28,9 @@ def resize(
     shape: tuple[int, int],
     *,
     method: str | Method = "hybrid",
-    edge: str = "clamp",
+    edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     **choices: Any,
 ) -> Warped:
     """Resize a picture so that it fills the target exactly.
@@ -62,6 +64,7 @@ def resize(
     """
     picture, is_linear = _opened(image, linear_light)
     target = whole_pair(shape, "height", "width")
+    check_shape(target)
     matrix = resizing(_shape_of(picture), target)
     light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
     return warp(picture, matrix, target, method, edge=edge, **light, **choices)
@@ -72,9 +75,9 @@ def scale(
     factor: float | tuple[float, float],
     *,
     method: str | Method = "hybrid",
-    edge: str = "clamp",
+    edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     **choices: Any,
 ) -> Warped:
     """Scale a picture by an exact factor; its size is rounded to whole px.
@@ -101,7 +104,10 @@ def scale(
     (8, 42)
     """
     picture, is_linear = _opened(image, linear_light)
-    both = factor if isinstance(factor, tuple) else (factor, factor)
+    pair = factor if isinstance(factor, list | tuple | np.ndarray) else (factor, factor)
+    if len(pair) != 2:
+        raise ValueError(f"factor {shortly(factor)}; give one number, or two for x and y")
+    both = number("factor", pair[0]), number("factor", pair[1])
     target = scaled_shape(_shape_of(picture), both)
     matrix = scaling(both)
     light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
@@ -114,9 +120,9 @@ def rotate(
     shape: tuple[int, int] | None = None,
     *,
     method: str | Method = "hybrid",
-    edge: str = "transparent",
+    edge: AnyEdge = "transparent",
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     **choices: Any,
 ) -> Warped:
     """Rotate a picture counterclockwise about its center; multiples of 90° copy values.
@@ -146,7 +152,7 @@ def rotate(
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
     picture, is_linear = _opened(image, linear_light)
-    source = _shape_of(picture)
+    source, degrees = _shape_of(picture), number("degrees", degrees)
     target = (
         turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
     )
@@ -158,6 +164,7 @@ def rotate(
 def _opened(image: Any, linear_light: bool | None) -> tuple[NDArray[Any], bool | None]:
     """Return a picture's array, and whether its light is filtered, as its file says by default."""
     picture, is_encoded = picture_and_encoding(image, kinds="biufc")
+    check_layout(picture)
     return picture, is_encoded if linear_light is None else linear_light
 
 
@@ -276,10 +283,8 @@ def _drawn(
         is_here = shows(ray)
         around = ndimage.binary_dilation(is_here, np.ones((3, 3), np.bool_))
         place = np.where(around[..., None], places(ray), np.nan)
-        lookup, edge = (
-            BackwardMap(place[..., 0], place[..., 1]),
-            "wrap" if is_endless else "transparent",
-        )
+        lookup = BackwardMap(place[..., 0], place[..., 1])
+        edge: AnyEdge = "wrap" if is_endless else "transparent"
         part = warp(image, lookup, form, edge=edge, roi=roi, **choices)
         if made is None:
             made = part

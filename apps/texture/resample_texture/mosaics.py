@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from resample.showable import array_of
 from resample.types import Doubles
 from resample_texture.arguments import PREMULTIPLIED, Places, check_shape, geometry_of, whole_pair
 from resample_texture.geometry.mappings import (
@@ -88,6 +89,12 @@ class Coadded(NamedTuple):
     weight: Doubles  # as `mean`: sum of weights times the shares of the pixel that they cover
     variance: Doubles | None  # as `mean`, of the mean; not a number where nothing covers a pixel
 
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `mean`."""
+        return array_of(self.mean, dtype, copy)
+
 
 def coadd(
     images: Sequence[Any],
@@ -96,7 +103,7 @@ def coadd(
     *,
     weights: Sequence[Any] | None = None,
     variances: Sequence[Any] | None = None,
-    interpolation: str = "nearest",
+    interpolation: Literal["nearest", "bilinear"] = "nearest",
     threads: int | None = None,
 ) -> Coadded:
     """Add pictures up in one frame: their mean by weight, as drizzle and reproject make it.

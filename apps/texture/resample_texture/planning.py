@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.cameras.models import AnyConvention
+from resample.files.exchange import check_layout
+from resample.words import check_threads
 from resample_texture.arguments import (
+    Fill,
     Places,
-    check_layout,
     check_shape,
     edge_named,
     fill_for,
@@ -18,7 +21,8 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.types import Method, Warped
+from resample_texture.texels.encoding import AnyAlpha
+from resample_texture.types import AnyEdge, Method, Warped
 
 
 class Plan:
@@ -52,8 +56,8 @@ class Plan:
         source_shape: tuple[int, int],
         method: str | Method = "hybrid",
         *,
-        edge: str = "transparent",
-        convention: str = "corner",
+        edge: AnyEdge = "transparent",
+        convention: AnyConvention = "corner",
         inverse: bool = False,
     ) -> None:
         self.shape = whole_pair(shape, "height", "width")
@@ -70,9 +74,9 @@ class Plan:
         image: NDArray[Any],
         *,
         linear_light: bool | None = None,
-        alpha: str | None = None,
+        alpha: AnyAlpha | None = None,
         nodata: complex | None = None,
-        fill: complex | str | None = None,
+        fill: Fill | None = None,
         threads: int | None = None,
         out: NDArray[Any] | None = None,
     ) -> Warped:
@@ -93,6 +97,7 @@ class Plan:
         ValueError
             The picture has another size or is invalid.
         """
+        check_threads(threads)
         image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
         check_layout(image)
         if image.shape[:2] != self.source_shape:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange import picture_and_encoding
+from resample.cameras.models import AnyConvention
+from resample.files.exchange import check_layout, picture_and_encoding
 from resample.painting.scenes.plans import shape_of
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
@@ -29,9 +30,9 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.encoding import Encoding, decoded
+from resample_texture.texels.encoding import AnyAlpha, Encoding, decoded
 from resample_texture.texels.pyramid import shrunk
-from resample_texture.types import Edge, Method, Previewed, Warped
+from resample_texture.types import AnyEdge, Edge, Method, Previewed, Warped
 from resample_texture.warping import warp
 
 # Options of final pictures that previews accept but ignore, and their names in `warp`.
@@ -67,9 +68,10 @@ class PictureScene(AnyScene):
     """
 
     def __init__(
-        self, given: Any, *, linear_light: bool | None = None, alpha: str | None = None
+        self, given: Any, *, linear_light: bool | None = None, alpha: AnyAlpha | None = None
     ) -> None:
         self.image, is_encoded = picture_and_encoding(given)
+        check_layout(self.image)
         if linear_light is None:
             linear_light = is_encoded
         self._light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
@@ -82,8 +84,8 @@ class PictureScene(AnyScene):
         *,
         size: tuple[int, int] | None = None,
         method: str | Method = "hybrid",
-        edge: str = "transparent",
-        convention: str = "corner",
+        edge: AnyEdge = "transparent",
+        convention: AnyConvention = "corner",
         inverse: bool = False,
         quality: Quality = "final",
         cancel: Cancel | None = None,
@@ -131,8 +133,8 @@ class PictureScene(AnyScene):
         matrix: ArrayLike | Geometry | Places,
         *,
         size: tuple[int, int] | None = None,
-        edge: str = "transparent",
-        convention: str = "corner",
+        edge: AnyEdge = "transparent",
+        convention: AnyConvention = "corner",
         inverse: bool = False,
     ) -> NDArray[np.int32]:
         """Return the texel at each pixel's center.
@@ -162,7 +164,7 @@ class PictureScene(AnyScene):
         return ids
 
     def _shape(self, size: tuple[int, int] | None) -> tuple[int, int]:
-        if self.image.ndim not in (2, 3):
+        if self.image.ndim not in (2, 3) or 0 in self.image.shape:
             raise ValueError(
                 f"a scene is of one picture, (H, W) or (H, W, C), not {self.image.shape}"
             )

@@ -11,9 +11,11 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
+from resample.cameras.models import AnyConvention
 from resample.types import Doubles
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
 from resample_texture.differentiable.warping import LinearWarp, Places
+from resample_texture.types import AnyEdge
 
 LINEAR = "area-spline:limit=none"
 Maker = Callable[[Doubles], Places]
@@ -28,8 +30,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     shape: tuple[int, int],
     *,
     interpolation: Any = LINEAR,
-    edge: str = "transparent",
-    convention: str = "corner",
+    edge: AnyEdge = "transparent",
+    convention: AnyConvention = "corner",
     inverse: bool = False,
     quality: float = 1.0,
     threads: int | None = None,
@@ -78,7 +80,7 @@ def warp_by_map(
     places: Tensor,
     *,
     interpolation: Any = LINEAR,
-    edge: str = "transparent",
+    edge: AnyEdge = "transparent",
     quality: float = 1.0,
     threads: int | None = None,
 ) -> Tensor:

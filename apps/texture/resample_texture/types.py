@@ -7,14 +7,14 @@ and has its center at (j + 0.5, i + 0.5), in the source as in the target.
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from resample.showable import Showable
+from resample.showable import Showable, array_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.geometry.shifts import Edge
+from resample_texture.geometry.shifts import AnyEdge, Edge
 
-__all__ = ["Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
+__all__ = ["AnyEdge", "Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
 
 
 class _Warped(NamedTuple):
@@ -26,6 +26,8 @@ class _Warped(NamedTuple):
 
 class Warped(Showable, _Warped):
     """A warped picture, or a batch (N, ...) of them; its image is multiplied by the coverage.
+
+    `np.asarray(warped)` is the image: values of the source's type.
 
     Examples
     --------
@@ -45,6 +47,12 @@ class Warped(Showable, _Warped):
 
     is_preview = False  # whether fewer texels and pixels were used
     is_premultiplied = True  # whether the image is multiplied by the coverage
+
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return the image, also of measurements and batches."""
+        return array_of(self.image, dtype, copy)
 
     @property
     def mean(self) -> NDArray[Any]:

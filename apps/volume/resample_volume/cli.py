@@ -6,10 +6,11 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.flags import OptionTopic, words
+from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import (
     PictureFormat,
@@ -39,12 +40,18 @@ PictureOutput = Annotated[
     ),
 ]
 
-app = App(
+app = CommandLine(
     name="resample-volume",
-    help="Volume rendering: splats where voxels grow on screen, points where they shrink.\n\n"
-    "Example: resample-volume render checker-box -o box.png",
+    help=(
+        "Volume rendering: splats where voxels grow on screen, points where they shrink.\n\n"
+        "For example:\n\n"
+        "    resample-volume render sample:vessel-tree -o vessels.png\n"
+        "    resample-volume view sample:vessel-tree\n"
+        "    resample-volume info sample:vessel-tree\n"
+    ),
     version=installed_version,
 )
+app.first = "methods path frames camera transfer window size bins chunk time channel"
 app.register_install_completion_command()
 
 VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
@@ -52,15 +59,15 @@ SOURCE, PROJECTING, ADDED = ReadOptions.usual(), Projecting.usual(), Added.usual
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 # In a small picture voxels are small, and primitives differ.
-FAR_APPEARANCE = VOXELS.model_copy(update={"camera": "30/20/0.8"})
+FAR_APPEARANCE = VOXELS.model_copy(update={"camera": "30,20,0.8"})
 MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
 UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {  # camera and side of the picture, px
-    "checker-box": ("30/25/0.9", 64),  # 0.3 px per voxel, where primitives differ
-    "vessel-tree": ("30/15/1", 400),
-    "marschner-lobb": ("30/40/1", 400),
+    "checker-box": ("30,25,0.9", 64),  # 0.3 px per voxel, where primitives differ
+    "vessel-tree": ("30,15,1", 400),
+    "marschner-lobb": ("30,40,1", 400),
 }
 
 
@@ -81,7 +88,11 @@ def render(
 ) -> None:
     """Render a volume to a picture.
 
-    Example: resample-volume render engine.nhdr -o engine.png --camera 30/20/1.2
+    For example:
+
+        resample-volume render sample:vessel-tree -o vessels.png
+        resample-volume render sample:vessel-tree --camera 60,30,1.5 -o near.png
+        resample-volume render sample:vessel-tree --projection maximum -o maximum.png
 
     Parameters
     ----------
@@ -156,7 +167,11 @@ def compare(
 ) -> None:
     """Render a volume by several methods, footprints, orders and peers, and measure their errors.
 
-    Example: resample-volume compare checker-box --methods points,splats,hybrid -o compare.png
+    For example:
+
+        resample-volume compare checker-box
+        resample-volume compare checker-box --methods points,hybrid -o compare.png
+        resample-volume compare checker-box --orders every-sample,axis-sheets
 
     Parameters
     ----------
@@ -165,12 +180,12 @@ def compare(
     methods
         Methods separated by commas; of hybrid, points, splats, paper, inflate, ewa.
     footprints
-        Splat models separated by commas; of exact, corrected, small-angle, affine, disc. Default:
-        as the method.
+        Splat models separated by commas; of exact, corrected, small-angle, affine, disc.
+        [default: the one of each method]
     orders
         Compositing orders separated by commas; of every-sample, axis-sheets,
-        image-sheets:thickness=0.5, rays. Default: as in render, but image-sheets for fields and
-        their projections.
+        image-sheets:thickness=0.5, rays. [default: the order of render, but image-sheets for
+        fields and their projections]
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; needs the extra peers.
     reference
@@ -248,7 +263,11 @@ def animate(
 ) -> None:
     """Move a camera around a volume, or away from it; a volume of several times moves itself.
 
-    Example: resample-volume animate engine.nhdr --path orbit -o engine.mp4
+    For example:
+
+        resample-volume animate sample:vessel-tree --frames 24 -o orbit.gif
+        resample-volume animate sample:vessel-tree --path zoom --frames 24 -o a.webp
+        resample-volume animate checker-box --path threshold --frames 24 -o frames
 
     Parameters
     ----------
@@ -259,9 +278,10 @@ def animate(
         from voxels that are splats to voxels that are points; still, no motion; or a file of
         keyframes or poses.
     frames
-        Number of frames. Default: 96, or as the times of the volume or the keyframes require.
+        Number of frames. [default: 96; for a volume of several times or a file of
+        keyframes as many as its times]
     threads
-        Number of threads at most; pixels do not depend on it.
+        Number of threads at most; pixels do not depend on it. [default: all cores]
     """
     from resample.command.films import write_shared
     from resample.command.session import require_picture
@@ -304,7 +324,11 @@ def view(
 ) -> None:
     """Show a volume in the browser: rotate it, change its look, copy the command of the view.
 
-    Example: resample-volume view engine.nhdr
+    For example:
+
+        resample-volume view sample:vessel-tree
+        resample-volume view sample:vessel-tree --transfer hot --camera top
+        resample-volume view sample:marschner-lobb --port 8000 --no-browser
 
     Parameters
     ----------
@@ -328,7 +352,11 @@ def info(
 ) -> None:
     """Print a volume's size, spacing, values, histogram and thresholds found in the histogram.
 
-    Example: resample-volume info engine.nhdr
+    For example:
+
+        resample-volume info sample:vessel-tree
+        resample-volume info sample:vessel-tree --bins 64
+        resample-volume info checker-box --json
 
     Parameters
     ----------
@@ -353,7 +381,11 @@ def info(
 def generate(name: str, /, *, output: flags.Output) -> None:
     """Write a generated volume to a file.
 
-    Example: resample-volume generate vessel-tree:size=256 -o vessels.nrrd
+    For example:
+
+        resample-volume generate checker-box -o box.nrrd
+        resample-volume generate vessel-tree:size=64 -o vessels.nii.gz
+        resample-volume generate checker-box:size=64,block=4 -o box.npy
 
     Parameters
     ----------
@@ -385,7 +417,11 @@ def convert(
 ) -> None:
     """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
 
-    Example: resample-volume convert engine.nhdr engine.ome.zarr
+    For example:
+
+        resample-volume convert sample:vessel-tree vessels.ome.zarr
+        resample-volume convert sample:vessel-tree small.ome.zarr --chunk 32
+        resample-volume convert checker-box box.ome.zarr --compression none
 
     Parameters
     ----------
@@ -396,7 +432,7 @@ def convert(
     chunk
         Voxels along each side of a chunk.
     shard
-        Voxels along each side of a file that holds several chunks. Default: a file per chunk.
+        Voxels along each side of a file that holds several chunks. [default: a file per chunk]
     compression
         Compression of chunks.
     levels
@@ -424,14 +460,18 @@ def convert(
 def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     """Download a public volume, verify it and print its path; without a name, list all.
 
-    Example: resample-volume render $(resample-volume fetch engine) -o engine.png
+    For example:
+
+        resample-volume fetch
+        resample-volume fetch fuel
+        resample-volume fetch fuel --folder volumes
 
     Parameters
     ----------
     name
         Name in the open-scivis collection.
     folder
-        Folder to keep it in. Default: the user's cache.
+        Folder to keep it in. [default: the user's cache]
     """
     from resample_volume.files import public as store
 
@@ -455,16 +495,20 @@ def figures(
 ) -> None:
     """Reproduce the paper's Figures 1 to 4 and 7 to 9, as pictures and tables.
 
-    Example: resample-volume figures -o figures --figure 7
+    For example:
+
+        resample-volume figures
+        resample-volume figures --figure 7 --figure 8
+        resample-volume figures --figure 1-2 -o figure-1
 
     Parameters
     ----------
     output
         Written to: folder for .png, .csv and .json files; created if missing.
     figure
-        1-2, 3-4, 7, 8 or 9. Default: all.
+        1-2, 3-4, 7, 8 or 9. [default: all]
     data
-        Folder of the paper's volumes (engine.nhdr, ...). Default: where fetch stores them.
+        Folder of the paper's volumes (engine.nhdr, ...). [default: where fetch stores them]
     """
     from resample_volume.figures.paper import make
 
@@ -473,7 +517,14 @@ def figures(
 
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
-    """Render the generated volumes by all three methods."""
+    """Render the generated volumes by all three methods.
+
+    For example:
+
+        resample-volume demo
+        resample-volume demo -o volumes
+        resample-volume demo --output pictures/volumes
+    """
     from resample.command.session import Session
     from resample.console import say
     from resample.files.saving import write_frame

@@ -37,7 +37,7 @@ def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, st
 
 def spelled(points: list[tuple[float, str, float]]) -> str:
     """Format control points for the option `transfer`."""
-    return ",".join(f"{value:.6g}/{color}/{opacity:.4g}" for value, color, opacity in points)
+    return " ".join(f"{value:.6g},{color},{opacity:.4g}" for value, color, opacity in points)
 
 
 def _bends(curve: Doubles) -> list[int]:

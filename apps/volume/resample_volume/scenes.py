@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.scene.previews import PER, Shrunk, enlarged_frame
-from resample.scene.scenes import AnyScene, Quality
+from resample.scene.scenes import AnyScene, Quality, is_quick
 from resample.types import Frame
 from resample.watching import Cancel, Progress
 from resample_volume.classification.labels import Labels
@@ -25,7 +25,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
-from resample_volume.rendering import Fit, Subject, resampled_appearance
+from resample_volume.rendering import Fit, Subject, resampled_appearance, warn_of_nothing
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
@@ -58,9 +58,9 @@ class Scene(AnyScene):
     Examples
     --------
     >>> import numpy as np
-    >>> scene = Scene(np.ones((8, 8, 8), np.uint8))
-    >>> scene.render("300..900", size=(32, 24))
-    Frame(32 × 24 px, 0 % covered)
+    >>> scene = Scene(np.full((8, 8, 8), 200, np.uint8))
+    >>> scene.render("100..300", size=(32, 24))
+    Frame(32 × 24 px, 34.5 % covered, depth from 22.62)
     """
 
     given: Any
@@ -151,7 +151,7 @@ class Scene(AnyScene):
         look, camera, size, resampler, quality, fit
             As of `render`.
         """
-        is_preview = quality == "preview"
+        is_preview = is_quick(quality)
         subject, eye, _ = self._prepared(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
 
@@ -236,6 +236,8 @@ class Scene(AnyScene):
         is_preview: bool = False,
     ) -> tuple[Subject, AnyCamera, Resampler]:
         """Return subject, camera and renderer of a picture."""
+        if fit not in get_args(Fit):
+            raise ValueError(f"fit {fit!r}; known: {', '.join(get_args(Fit))}")
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         if is_preview:
@@ -243,6 +245,7 @@ class Scene(AnyScene):
         with memoizing(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
+        warn_of_nothing(subject, [(self.volume, appearance)], paint.projection)
         return subject, eye, subject.painter(paint)
 
     def _subject(
@@ -312,7 +315,7 @@ def kept_cuts(
     """Return clip planes that cut merged voxels where crop and clip cut the volume."""
     middle = centered(coarse)[1]
     return tuple(
-        "/".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
+        ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
         for *normal, far in planes(volume, crop, clip).tolist()
     )
 

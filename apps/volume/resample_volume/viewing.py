@@ -329,7 +329,7 @@ def volume_view(
     volume = first.volume
 
     def described() -> dict[str, Any]:
-        settings = {"fit": "volume", "camera": "30/20/1", **settings_of(begin)}
+        settings = {"fit": "volume", "camera": "30,20,1", **settings_of(begin)}
         first.check(settings)
         known = survey(volume)
         size = volume.values.shape[::-1]

@@ -5,11 +5,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, NoReturn
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.applications import fetcher, launcher, mention_move, moved_command
 from resample.command.flags import CAMERA, OptionTopic, Steady, Up, Viewed
+from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import (
     Choices,
@@ -43,7 +44,7 @@ class FormerStart(Choices):
     heading: ClassVar[str] = CAMERA
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    camera: Viewed = "30/20/1"
+    camera: Viewed = "30,20,1"
     up: Up = "z"
     steady: Steady = False
 
@@ -59,12 +60,21 @@ def view_cloud(file: str, start: FormerStart, page: Serving) -> None:
     launcher("points", "view")(file, *option_words({**memory, **settings_of((start, page))}))
 
 
-app = App(
+app = CommandLine(
     name="resample-warp3d",
-    help="Novel views of pictures with depth: samples are projected as points where they shrink "
-    "and split into parts where they grow.\n\nExample: resample-warp3d render photo.jpg depth.png "
-    "--depth-scale 1000 --fov 60 --move 0.1,0,0 -o moved.png",
+    help=(
+        "Novel views of pictures with depth: samples are projected as points where they shrink "
+        "and split into parts where they grow.\n\n"
+        "For example:\n\n"
+        "    resample-warp3d render sample:room --move 0.3,0,0 -o moved.png\n"
+        "    resample-warp3d stereo sample:room --layout anaglyph --fill -o red-cyan.png\n"
+        "    resample-warp3d view sample:room\n"
+    ),
     version=installed_version,
+)
+app.first = (
+    "path methods layout fov depth-scale depth-kind move amount turn pose scene "
+    "views frames eyes fill size"
 )
 app.register_install_completion_command()
 
@@ -100,8 +110,11 @@ def render(
 ) -> None:
     """Render a picture with depth from another viewpoint.
 
-    Example: resample-warp3d render color.jpg depth.png --depth-scale 1000 --intrinsics
-    525,525,320,240 --pose T.txt -o moved.png --holes holes.png
+    For example:
+
+        resample-warp3d render sample:room -o moved.png
+        resample-warp3d render sample:room --move 0.3,0,0.2 --fill -o near.png
+        resample-warp3d render sample:room --move 0.5,0,0 -o far.png --holes holes.png
 
     Parameters
     ----------
@@ -194,8 +207,11 @@ def stereo(
 ) -> None:
     """Make the other eye's picture of a stereo pair from a picture and its depth.
 
-    Example: resample-warp3d stereo photo.jpg rel.npy --depth-kind relative --layout anaglyph --fill
-    -o photo-3d.png
+    For example:
+
+        resample-warp3d stereo sample:room --fill -o right.png
+        resample-warp3d stereo sample:room --layout anaglyph --fill -o red-cyan.png
+        resample-warp3d stereo sample:room --layout side-by-side -o pair.png
 
     Parameters
     ----------
@@ -205,9 +221,10 @@ def stereo(
         Disparity of the same size: how much further left things are in the right picture, 0 if
         unknown; or depth of the kind given by --depth-kind. For a film as in render.
     output
-        As in render.
+        Written to: a picture or a film, as in render.
     disparity_scale
         File values per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Not for floats.
+        [default: 1 for floats; integers need one]
     fraction
         Position of the new eye: 1 is the other eye, 0.5 halfway; below 0 the opposite way.
     given
@@ -275,7 +292,11 @@ def animate(
 
     A film has a pose for each of its pictures; with more --frames it is shown again.
 
-    Example: resample-warp3d animate photo.jpg depth.png --depth-scale 1000 --fov 60 -o sway.mp4
+    For example:
+
+        resample-warp3d animate sample:room -o sway.gif
+        resample-warp3d animate sample:room --path dolly --amount 0.2 -o dolly.webp
+        resample-warp3d animate sample:room --path orbit --frames 24 --fill -o frames
 
     Parameters
     ----------
@@ -355,7 +376,11 @@ def view(
 ) -> None:
     """Show a picture with depth in the browser: navigate, copy the command.
 
-    Example: resample-warp3d view color.jpg depth.png --depth-scale 1000 --fov 60
+    For example:
+
+        resample-warp3d view sample:room
+        resample-warp3d view sample:room --move 0.3,0,0 --fill
+        resample-warp3d view sample:room --method paper --port 8000 --no-browser
 
     Parameters
     ----------
@@ -405,12 +430,16 @@ def compare(
 
     Only pixels that the source also shows are measured; holes are black.
 
-    Example: resample-warp3d compare --scene generated --methods mcmillan,mesh,hybrid -o compare.png
+    For example:
+
+        resample-warp3d compare sample:room
+        resample-warp3d compare sample:room --methods mcmillan,hybrid -o compare.png
+        resample-warp3d compare --scene generated --views oblique --size 256
 
     Parameters
     ----------
     color
-        As in render, with a true picture of the new view. Default: the generated scene.
+        As in render, with a true picture of the new view. [default: the generated scene]
     depth
         As in render.
     scene
@@ -418,7 +447,7 @@ def compare(
     truth
         True picture of the camera at --pose.
     mask
-        Pixels to measure, white in a picture. Default: those that the source's depth reaches.
+        Pixels to measure, white in a picture. [default: those that the source's depth reaches]
     views
         Views of the generated scene: side, back4, in3, oblique, roll, separated by commas.
     methods
@@ -475,10 +504,16 @@ def figures(
 ) -> None:
     """Reproduce the paper's Figure 6: a picture, and a view by the hybrid and by McMillan.
 
+    For example:
+
+        resample-warp3d figures
+        resample-warp3d figures --views side -o figure-6
+        resample-warp3d figures sample:room --move 0.3,0,0
+
     Parameters
     ----------
     color
-        As in render. Default: the generated scene.
+        As in render. [default: the generated scene]
     depth
         As in render.
     output
@@ -518,7 +553,14 @@ def figures(
 
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
-    """Render new views of a generated room by several methods, and a swaying camera."""
+    """Render new views of a generated room by several methods, and a swaying camera.
+
+    For example:
+
+        resample-warp3d demo
+        resample-warp3d demo -o room
+        resample-warp3d demo --output pictures/room
+    """
     from resample_warp3d.command.compare import write_demo
 
     output.mkdir(parents=True, exist_ok=True)

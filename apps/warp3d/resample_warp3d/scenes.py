@@ -14,6 +14,7 @@ from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
 from resample.watching import Cancel
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.hybrid import Hybrid, Preview
 from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
 from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render, shape_of
@@ -56,7 +57,7 @@ class DepthScene(AnyScene):
         *,
         noise: float | None = None,
         step: float | None = None,
-        refine: str = "auto",
+        refine: Refine = "auto",
     ) -> None:
         light, nearness = as_light(color), nearness_of(depth)
         self.shape = light.shape[0], light.shape[1]

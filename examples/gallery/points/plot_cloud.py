@@ -9,7 +9,7 @@ The same from the command line, with a cloud of yours:
 
 .. code-block:: console
 
-    $ resample-points render scan.ply --camera 30/35/1 -o scan.png
+    $ resample-points render scan.ply --camera 30,35,1 -o scan.png
 """
 
 import numpy as np

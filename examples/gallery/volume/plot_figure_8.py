@@ -10,8 +10,8 @@ The same from the command line; the paper's own volumes come by ``resample-volum
 
 .. code-block:: console
 
-    $ resample-volume render vessel-tree --transfer vessels --camera 20/10/0.8 --method paper --color-by primitive -o primitives.png
-    $ resample-volume render vessel-tree --transfer vessels --camera 20/10/0.8 -o default.png
+    $ resample-volume render vessel-tree --transfer vessels --camera 20,10,0.8 --method paper --color-by primitive -o primitives.png
+    $ resample-volume render vessel-tree --transfer vessels --camera 20,10,0.8 -o default.png
 """
 
 from resample import Primitive, Resampler

@@ -9,7 +9,7 @@ The same from the command line:
 
 .. code-block:: console
 
-    $ resample-volume render vessel-tree --transfer "10..:color=deepskyblue,opacity=0.06+250..:color=tomato,opacity=0.2" --camera 40/15/0.95 -o vessels.png
+    $ resample-volume render vessel-tree --transfer "10..:color=deepskyblue,opacity=0.06+250..:color=tomato,opacity=0.2" --camera 40,15,0.95 -o vessels.png
 """
 
 from resample_volume import render

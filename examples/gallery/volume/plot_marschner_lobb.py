@@ -9,8 +9,8 @@ The same from the command line:
 
 .. code-block:: console
 
-    $ resample-volume render marschner-lobb --projection first-hit --iso 0.5 --order rays:sharpness=0 --camera 30/40/1.2 -o smooth.png
-    $ resample-volume render marschner-lobb --projection first-hit --iso 0.5 --camera 30/40/1.2 -o sharp.png
+    $ resample-volume render marschner-lobb --projection first-hit --iso 0.5 --order rays:sharpness=0 --camera 30,40,1.2 -o smooth.png
+    $ resample-volume render marschner-lobb --projection first-hit --iso 0.5 --camera 30,40,1.2 -o sharp.png
 """
 
 from resample import Resampler

@@ -10,7 +10,7 @@ The same from the command line, as a sheet with errors:
 
 .. code-block:: console
 
-    $ resample-volume compare checker-box:block=5 --camera 30/20/0.95 --methods points,splats,hybrid --size 60x60 -o compare.png
+    $ resample-volume compare checker-box:block=5 --camera 30,20,0.95 --methods points,splats,hybrid --size 60x60 -o compare.png
 """
 
 from resample import Primitive, Resampler

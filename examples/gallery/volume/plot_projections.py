@@ -9,8 +9,8 @@ The same from the command line:
 
 .. code-block:: console
 
-    $ resample-volume render vessel-tree --projection maximum --camera 40/15/0.95 -o maximum.png
-    $ resample-volume render vessel-tree --projection first-hit --iso 128 --camera 40/15/0.95 -o surface.png
+    $ resample-volume render vessel-tree --projection maximum --camera 40,15,0.95 -o maximum.png
+    $ resample-volume render vessel-tree --projection first-hit --iso 128 --camera 40,15,0.95 -o surface.png
 """
 
 from resample import Resampler

@@ -9,7 +9,7 @@ The same from the command line:
 
 .. code-block:: console
 
-    $ resample-volume render vessel-tree --transfer vessels --shadows --ambient-occlusion --light 1/-1/1 --ambient 0.2 -o lit.png
+    $ resample-volume render vessel-tree --transfer vessels --shadows --ambient-occlusion --light 1,-1,1 --ambient 0.2 -o lit.png
 """
 
 from resample_volume import Appearance, Light, render

@@ -1,14 +1,15 @@
 """Kernels that were compiled ahead, in a shared library beside this file.
 
-`make kernels` builds it, and wheels have it. It holds machine code for x86-64-v3, and a marshaller
-in C that finds the code for the types of a call's arguments. A kernel of it is used if the sources
-are those that it was compiled from, the processor has what it needs, and no setting of numba's asks
-for other code; else numba compiles, as it does where there is no library. RESAMPLE_KERNELS=off
-works as if there were none.
+`make kernels` builds it, and wheels have it. It holds machine code for a level of processors
+(x86-64-v3; any 64-bit one of ARM's), and a marshaller in C that finds the code for the types of a
+call's arguments. A kernel of it is used if the sources are those that it was compiled from, the
+processor has what it needs, and no setting of numba's asks for other code; else numba compiles, as
+it does where there is no library. RESAMPLE_KERNELS=off works as if there were none.
 """
 
 import logging
 import os
+import sys
 import zlib
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -167,7 +168,12 @@ def sealed(file: bytes) -> bytes:
 
 
 def is_whole(file: bytes) -> bool:
-    """Whether the content of a library's file is as `sealed` left it."""
+    """Whether the content of a library's file is as `sealed` left it.
+
+    macOS checks the signature that its linker has written at the end, after which nothing may be.
+    """
+    if sys.platform == "darwin":
+        return True
     end = max(0, len(file) - len(SEAL) - 4)
     return file[end:] == _seal(memoryview(file)[:end])
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
-from resample.engine.shaped.records import BOTTOM, KEY, LEFT, RIGHT, TOP, WIDTH
-from resample.engine.sorting import HALF, Pairs, bits_of, member_of, paired, settle, sort_pairs
+from resample.engine.shaped.records import BOTTOM, LEFT, RIGHT, TOP, WIDTH
+from resample.engine.sorting import HALF, Pairs, member_of, settle
 from resample.engine.tiles import overlapping_tiles
 from resample.types import Floats, Indices
 
@@ -24,6 +24,7 @@ class TileGrid(NamedTuple):
     side: int  # px
     columns: int
     rows: int
+    fine: int  # sub-pixels per side of a pixel
 
 
 class TileLists(NamedTuple):
@@ -34,25 +35,14 @@ class TileLists(NamedTuple):
 
 
 @kernel
-def front_to_back(records: Floats) -> Pairs:
-    """Keys and numbers of the records that are seen, ascending.
+def settle_records(pair: Pairs, records: Floats) -> None:
+    """Order records of equal keys by what they are, whatever order they came in.
 
-    Those of equal keys are ordered by what they are, whatever order they came in.
+    `pair`: (N,) keys and numbers of records, ascending.
     """
-    # Pair the keys of all that are seen with their numbers, and sort.
-    seen = 0
-    for n in range(records.shape[0]):
-        seen += records[n, LEFT] <= records[n, RIGHT]
-    pair, count = np.empty(seen, np.uint64), 0
-    for n in range(records.shape[0]):
-        if records[n, LEFT] <= records[n, RIGHT]:
-            pair[count] = paired(bits_of(records[n, KEY]), n)
-            count += 1
-    sort_pairs(pair, np.empty_like(pair))
-    # Order each run of equal keys by its records.
     first = 0
-    for end in range(1, seen + 1):
-        if end < seen and pair[end] >> HALF == pair[first] >> HALF:
+    for end in range(1, pair.size + 1):
+        if end < pair.size and pair[end] >> HALF == pair[first] >> HALF:
             continue
         if end - first > 1:
             tied = pair[first:end].copy()
@@ -63,7 +53,6 @@ def front_to_back(records: Floats) -> Pairs:
             settle(turn, looks)
             pair[first:end] = tied[turn]
         first = end
-    return pair
 
 
 @inner_kernel

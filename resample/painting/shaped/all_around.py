@@ -21,6 +21,7 @@ from resample.painting.shaped.ellipsoids import (
     ShapedStyle,
     check_ellipsoids,
     empty_canvas,
+    front_to_back,
 )
 from resample.types import Doubles, Floats, Indices, Statistics, View
 from resample.watching import Progress
@@ -109,7 +110,7 @@ def paint_around(
     clock.lap("project")
     from resample.engine.shaped.all_around import paint_all_around
     from resample.engine.shaped.canvas import SIDE, PaintedShapes
-    from resample.engine.shaped.lists import TileLists, front_to_back
+    from resample.engine.shaped.lists import TileLists
 
     offset = np.cumsum([0, *(len(face) for face in records)])
     members = [

@@ -44,6 +44,7 @@ MOST_OPAQUE = 0.99  # likewise
 FINEST = 8  # sub-pixels per side of a pixel, at most
 WANTED = 0.6  # sub-pixels that a thin ellipsoid's standard deviation is long, at least
 THIN = 0.25  # share of ellipsoids that may be thinner than that
+BAND = 1 << 15  # records that are made or looked at together
 BINS = 160  # of thicknesses, eight per octave; the middle one is at 1 px
 
 
@@ -306,19 +307,21 @@ class ShapedScene(NamedTuple):
         return SIDE // self.finest()
 
     def projected(self) -> Iterator[Floats]:
-        """Records of each part that the picture shows."""
+        """Records that the picture shows, some at a time."""
         for part in range(len(self.source.sizes())):
-            yield self._project(self.source.load(part, self.view))
+            shapes = self.source.load(part, self.view)
+            for first in range(0, len(shapes.opacity), BAND):
+                yield self._project(shapes, slice(first, first + BAND))
 
-    def _project(self, shapes: Ellipsoids) -> Floats:
+    def _project(self, shapes: Ellipsoids, rows: slice) -> Floats:
         from resample.engine.shaped.records import WIDTH, ShapedArrays, project_shapes
 
-        weight = shapes.opacity
+        position, scale, rotation, weight, color = (array[rows] for array in shapes[:5])
         if shapes.kernel is not None:  # extinctions, of unit spheres
-            mean = np.prod(shapes.scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
+            mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
             weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
         records = np.empty((len(weight), WIDTH), np.float32)
-        arrays = ShapedArrays(*shapes[:3], weight, shapes.color)
+        arrays = ShapedArrays(position, scale, rotation, weight, color)
         project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
         return in_window(records, (0, 0, self.size[1], self.size[0]))
 
@@ -345,26 +348,27 @@ class ShapedScene(NamedTuple):
         progress: Progress | None = None,
     ) -> int:
         """Paint a window of whole tiles; return how many ellipsoids it shows."""
-        from resample.engine.shaped.along_rays import paint_along_rays
+        from resample.engine.shaped.along_rays import WAITING
         from resample.engine.shaped.canvas import PaintedShapes
-        from resample.engine.shaped.lists import TileGrid, front_to_back
+        from resample.engine.shaped.lists import TileGrid
         from resample.engine.shaped.painting import paint_shapes
 
-        (x0, y0, x1, y1), side = window, self.tile()
-        grid = TileGrid(x0, y0, side, -(-(x1 - x0) // side), -(-(y1 - y0) // side))
+        (x0, y0, x1, y1), side, fine = window, self.tile(), self.finest()
+        grid = TileGrid(x0, y0, side, -(-(x1 - x0) // side), -(-(y1 - y0) // side), fine)
         order = front_to_back(records)
         if not order.size:
             return 0
+        count, lists = int(order.size), _listed(records, order, grid)
+        del order
         part = [array[y0:y1, x0:x1] for array in canvas]
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
-        paint = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
-        lists = _listed(records, order, grid)
+        waiting = WAITING if self.style.order is ShapedOrder.RAYS else None
         with nullcontext() if progress is None else told(progress):
-            paint(records, lists, grid, self.finest(), self.view.near, self.opacity(), whole)
+            paint_shapes(records, lists, grid, self.view.near, self.opacity(), waiting, whole)
         for mine, painted in zip(part, whole, strict=True):
             if mine is not painted:
                 mine[...] = painted
-        return int(order.size)
+        return count
 
     def _options(self, is_peak: bool) -> "ShapedOptions":
         from resample.engine.shaped.records import ShapedOptions
@@ -411,6 +415,26 @@ def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
     return Tabulated(table / whole)
 
 
+def front_to_back(records: Floats) -> NDArray[np.uint64]:
+    """Return keys and numbers of records, nearest first.
+
+    Those of equal keys are ordered by what they are, whatever order they came in.
+    """
+    from resample.engine.shaped.lists import settle_records
+    from resample.engine.shaped.records import KEY
+
+    pair, top = np.empty(len(records), np.uint64), np.uint32(1 << 31)
+    for first in range(0, len(records), BAND):
+        bits = records[first : first + BAND, KEY].copy().view(np.uint32)
+        rising = np.where(bits & top, ~bits, bits | top)  # in the order of the numbers
+        pair[first : first + BAND] = rising
+        pair[first : first + BAND] <<= np.uint64(32)
+        pair[first : first + BAND] |= np.arange(first, first + len(bits), dtype=np.uint64)
+    pair.sort()
+    settle_records(pair, records)
+    return pair
+
+
 def _listed(records: Floats, order: NDArray[np.uint64], grid: "TileGrid") -> "TileLists":
     """Deal records to tiles."""
     from resample.engine.shaped.lists import CHUNKS, TileLists, deal_records
@@ -438,12 +462,15 @@ def in_window(records: Floats, window: Window) -> Floats:
 
 def _thicknesses(records: Floats) -> NDArray[np.int64]:
     """How many of those that are seen are as thin, along their shorter axis on the screen."""
-    from resample.engine.shaped.records import LEFT, N_XX, N_XY, N_YY, RIGHT
+    from resample.engine.shaped.records import N_XX, N_XY, N_YY
 
-    seen = records[records[:, LEFT] <= records[:, RIGHT]]
-    xx, half, yy = seen[:, N_XX], 0.5 * seen[:, N_XY], seen[:, N_YY]
-    mean, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), half)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        octave = -0.5 * np.log2(mean + apart)
-    bins = np.clip(np.nan_to_num(8 * octave) + BINS // 2, 0, BINS - 1).astype(np.int64)
-    return np.bincount(bins, minlength=BINS)
+    count = np.zeros(BINS, np.int64)
+    for first in range(0, len(records), BAND):
+        some = records[first : first + BAND]
+        xx, half, yy = some[:, N_XX], 0.5 * some[:, N_XY], some[:, N_YY]
+        mean, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), half)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            octave = -0.5 * np.log2(mean + apart)
+        bins = np.clip(np.nan_to_num(8 * octave) + BINS // 2, 0, BINS - 1).astype(np.int64)
+        count += np.bincount(bins, minlength=BINS)
+    return count

@@ -38,7 +38,7 @@ function spelledRanges(ranges, voxels) {
 
 // Normal of length 1, and how far from the middle along it; null: it is no plane.
 export function planeOf(text) {
-  const numbers = String(text).split("/").map(Number);
+  const numbers = String(text).split(/[,/]/).map(Number);
   if (![3, 4].includes(numbers.length) || !numbers.every(Number.isFinite)) return null;
   const normal = numbers.slice(0, 3);
   return normal.some(Boolean) ? { normal: unit(normal), offset: numbers[3] ?? 0 } : null;
@@ -46,7 +46,7 @@ export function planeOf(text) {
 
 export function spelledPlane({ normal, offset }) {
   const parts = normal.map((one) => String(Number(one.toFixed(4)) || 0));
-  return [...parts, ...(offset ? [rounded(offset)] : [])].join("/");
+  return [...parts, ...(offset ? [rounded(offset)] : [])].join(",");
 }
 
 // A button that is dragged, or moved by keys. `moved` is told how far it was dragged in all.

@@ -24,14 +24,15 @@ export function scaleOf({ scale, linear } = {}) {
 
 // Points of a look: value, color and opacity each; null: it is not given by points.
 function pointsOf(transfer) {
-  const parts = String(transfer ?? "").split(",").map((part) => part.split("/"));
+  const text = String(transfer ?? ""); // 40,red,0 90,white,0.5 or 40/red/0,90/white/0.5
+  const parts = text.split(text.includes("/") ? "," : " ").map((part) => part.split(/[,/]/));
   if (parts.some((part) => part.length !== 3)) return null;
   const points = parts.map(([value, color, opacity]) => [Number(value), color, Number(opacity)]);
   return points.some(([value, , opacity]) => Number.isNaN(value + opacity)) ? null : points;
 }
 
 function spelledPoints(points) {
-  return points.map(([value, color, opacity]) => `${rounded(value)}/${color}/${rounded(opacity)}`).join(",");
+  return points.map(([value, color, opacity]) => `${rounded(value)},${color},${rounded(opacity)}`).join(" ");
 }
 
 export function histogram(page) {
@@ -64,7 +65,7 @@ export function histogram(page) {
   const isOwn = () => pointsOf(page.settings.transfer) !== null;
   const windowEnds = () => {
     const text = String(page.settings.window ?? ""), named = text.includes("..");
-    const parts = text.split(named ? ".." : "/").map(Number);
+    const parts = text.split(named ? ".." : /[,/]/).map(Number);
     if (parts.length !== 2 || parts.some(Number.isNaN)) return null;
     return (named ? parts : [parts[0] - parts[1] / 2, parts[0] + parts[1] / 2]).map(scale().to);
   };
@@ -73,7 +74,7 @@ export function histogram(page) {
     if (width <= span() / 500) return;
     const { from: value } = scale();
     page.changed("window", page.about.histogram.scale ? `${rounded(value(low))}..${rounded(value(low + width))}`
-      : `${rounded(low + width / 2)}/${rounded(width)}`, moving);
+      : `${rounded(low + width / 2)},${rounded(width)}`, moving);
   };
   // The look becomes its points, in data units, which no window spreads.
   const write = (given, moving) => {

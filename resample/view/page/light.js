@@ -20,9 +20,9 @@ export function lights(page) {
 
   // Angles of the light; at the eye: of the camera
   function angles() {
-    const toward = String(page.settings.light ?? "").split("/").map(Number);
+    const toward = String(page.settings.light ?? "").split(/[,/]/).map(Number);
     if (toward.length !== 3 || !toward.every(Number.isFinite)) {
-      const [a, e] = String(page.settings.camera ?? "").split("/").map(Number);
+      const [a, e] = String(page.settings.camera ?? "").split(/[,/]/).map(Number);
       return Number.isFinite(a + e) ? { azimuth: ((a + 180) % 360 + 360) % 360 - 180, elevation: e } : { azimuth: 0, elevation: 0 };
     }
     const [up, aside, front] = axes().map((axis) => axis.reduce((sum, one, n) => sum + one * toward[n], 0));
@@ -34,7 +34,7 @@ export function lights(page) {
     const [up, aside, front] = axes(), level = Math.cos(e * DEGREE);
     const toward = up.map((one, n) => Math.sin(e * DEGREE) * one
       + level * (Math.sin(a * DEGREE) * aside[n] + Math.cos(a * DEGREE) * front[n]));
-    page.changed("light", toward.map((one) => rounded(Number(one.toFixed(5)) || 0)).join("/"), moving);
+    page.changed("light", toward.map((one) => rounded(Number(one.toFixed(5)) || 0)).join(","), moving);
   }
 
   function shown() {

@@ -7,13 +7,13 @@ const NAMED = {
   front: [0, 0], back: [180, 0], right: [90, 0], left: [-90, 0], top: [0, 90], bottom: [0, -90],
   corner: [45, 35.264389682754654],
 };
-export const BEGIN = "30/20/1";
+export const BEGIN = "30,20,1";
 const FULL = 0.94; // share of the picture that an object takes which fills it
 
-// azimuth/elevation/zoom/right/up as numbers, and back as text.
+// azimuth,elevation,zoom,right,up as numbers, and back as text.
 function cameraOf(text) {
   if (text in NAMED) return [...NAMED[text], 1, 0, 0];
-  const parts = String(text).split("/").map(Number);
+  const parts = String(text).split(/[,/]/).map(Number);
   if (parts.some(Number.isNaN) || parts.length < 2) return null;
   return [parts[0], parts[1], parts[2] ?? 1, parts[3] ?? 0, parts[4] ?? 0];
 }
@@ -21,7 +21,7 @@ function cameraOf(text) {
 function spelledCamera([azimuth, elevation, zoom, right, up]) {
   const parts = [azimuth, elevation, zoom];
   if (right || up) parts.push(right, up);
-  return parts.map(rounded).join("/");
+  return parts.map(rounded).join(",");
 }
 
 export function orbit(page) {

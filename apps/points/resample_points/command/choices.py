@@ -1,7 +1,7 @@
 """Options of commands for point clouds."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -23,6 +23,7 @@ from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
     from resample_points.data.cloud import Cloud
     from resample_points.data.selecting import Wanted
@@ -58,7 +59,8 @@ class CloudOptions(Choices):
     color_by: Annotated[
         str | None,
         Field(
-            description="Source of colors: a column of the file, such as intensity, or x, y or z."
+            description="Source of colors: a column of the file, such as intensity, or x, y or z. "
+            "[default: the file's colors, or white]"
         ),
     ] = None
     colormap: Annotated[
@@ -70,7 +72,7 @@ class CloudOptions(Choices):
         Parameter(name="--range", allow_leading_hyphen=True),
         Field(
             description="Values at the ends of the colormap: low,high, or quantiles such as "
-            "2%,98%. Default: least and greatest value."
+            "2%,98%. [default: the column's least and greatest value]"
         ),
     ] = None
     color_bar: Annotated[
@@ -83,20 +85,19 @@ class CloudOptions(Choices):
         float | None,
         Field(
             description="Largest size of a point relative to its neighbours; inf for no limit. "
-            "Default: 1.75, and 1 for stray points."
+            "[default: 1.75; 1 for stray points]"
         ),
     ] = None
     filter: Annotated[
         str | None,
-        Field(
-            description="Pixel filter, such as gaussian:sigma=0.6. Default: the mean over a pixel."
-        ),
+        Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"),
     ] = None
     light: Annotated[
         Literal["none", "eye"] | None,
         Field(
-            description="Where light comes from: eye, the camera (default for clouds without "
-            "colors), or none."
+            description="Where light comes from: eye, the camera, or none. [default: eye for "
+            "clouds "
+            "without colors, otherwise none]"
         ),
     ] = None
     edl: Annotated[
@@ -172,7 +173,7 @@ class CloudStart(Choices):
     heading: ClassVar[str] = CAMERA
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    camera: Viewed = "30/20/1"
+    camera: Viewed = "30,20,1"
     fov: FieldOfView = 40.0
     up: Up = "z"
     steady: Steady = False
@@ -180,6 +181,9 @@ class CloudStart(Choices):
     def start(self) -> "Viewpoint":
         """Return the viewpoint; raises if it is invalid."""
         return start_of(self.camera, self.up, self.fov)
+
+
+Aimed = TypeVar("Aimed", bound=CloudStart)
 
 
 class CloudAim(CloudStart):
@@ -250,7 +254,7 @@ def panorama_of(name: str | None) -> Any:
     return ProjectedCamera(registry.build("projections", name))
 
 
-def start_of(camera: str, up: str, fov: float | None = None) -> "Viewpoint":
+def start_of(camera: str, up: "UpAxis", fov: float | None = None) -> "Viewpoint":
     """Read a cloud's viewpoint; angles get the default field of view of clouds."""
     from resample_points.geometry.framing import FIELD
 

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from resample.command.flags import Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, FrameFormat, Threads
-from resample_points.command.choices import CloudStart
+from resample_points.command.choices import CloudOptions, CloudStart
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 
 NUMBERS = (".npy", ".exr")
 PICTURES = (".png",)
+SHARED = ("crop", "colormap", "span", "color_bar", "threads")  # options that clouds have, too
 
 
-class DensityOptions(Choices):
-    """What a map of particles shows."""
+class ParticleOptions(Choices):
+    """What is shown of particles."""
 
-    heading: ClassVar[str] = "Look"
+    heading: ClassVar[str] = "Particles"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     kind: Annotated[
@@ -30,15 +31,6 @@ class DensityOptions(Choices):
         Parameter(name="--type"),
         Field(description="Type of the particles of a snapshot: gas, dark, stars, or 0 to 6."),
     ] = "gas"
-    axis: Annotated[
-        Literal["x", "y", "z"] | None,
-        Field(description="Axis along which is projected. Default: z, unless --camera is given."),
-    ] = None
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
-    ] = None
     kernel: Annotated[
         Literal["cubic", "wendland", "gaussian"],
         Parameter(name="--smoothing-kernel"),
@@ -47,9 +39,37 @@ class DensityOptions(Choices):
     quantity: Annotated[
         str | None,
         Field(
-            description="Quantity whose mean by mass is shown, such as temperature. Default: the "
-            "column density."
+            description="Quantity whose mean by mass is shown, such as temperature. [default: the "
+            "column density]"
         ),
+    ] = None
+    log: Annotated[
+        bool | None,
+        Field(
+            description="Logarithmic scale of colors. [default: on for densities, off for means]"
+        ),
+    ] = None
+
+    def with_clouds(self, look: CloudOptions) -> "DensityOptions":
+        """Return the options of maps, some of which are among those of clouds."""
+        own = self.model_dump(include=self.model_fields_set)
+        shared = look.model_dump(include=look.model_fields_set & set(SHARED))
+        return DensityOptions(**own, **shared)
+
+
+class DensityOptions(ParticleOptions):
+    """What a map of particles shows."""
+
+    heading: ClassVar[str] = "Look"
+
+    axis: Annotated[
+        Literal["x", "y", "z"] | None,
+        Field(description="Axis along which is projected. [default: z, unless --camera is given]"),
+    ] = None
+    crop: Annotated[
+        str | None,
+        Hyphen,
+        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
     ] = None
     slice: Annotated[
         str | None,
@@ -59,16 +79,12 @@ class DensityOptions(Choices):
             "range (50%); or its depth before the camera."
         ),
     ] = None
-    log: Annotated[
-        bool | None,
-        Field(description="Logarithmic scale of colors. Default: for densities."),
-    ] = None
     span: Annotated[
         str | None,
         Parameter(name="--range", allow_leading_hyphen=True),
         Field(
             description="Values at the ends of the colormap: low,high, or quantiles such as "
-            "2%,98%. Default: all; of a logarithmic scale at most 5 powers of ten."
+            "2%,98%. [default: all; with --log at most 5 powers of ten]"
         ),
     ] = None
     colormap: Annotated[
@@ -81,70 +97,51 @@ class DensityOptions(Choices):
 
     def check(self, output: Path, height: int, start: CloudStart) -> None:
         """Refuse invalid options before any work is done."""
+        if output.suffix.lower() not in (*PICTURES, *NUMBERS):
+            raise ValueError(
+                f"{output}: maps are written as .png in colors, .exr or .npy in numbers"
+            )
+        self.check_appearance(output, height)
+        start.start()
+        if self.axis is not None and start.model_fields_set:
+            raise ValueError("--axis and --camera are two views; give one of them")
+        if start.model_fields_set and self.crop is not None and self.slice is not None:
+            number_of(self.slice)
+        if self.color_bar and output.suffix.lower() in NUMBERS:
+            raise ValueError(f"{output}: numbers have no color bar; write a .png, or leave it out")
+
+    def check_appearance(self, output: Path, height: int) -> None:
+        """Refuse invalid options of pictures and films."""
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
         from resample_points.data.selecting import box_of
         from resample_points.files.snapshots import type_of
 
-        if output.suffix.lower() not in (*PICTURES, *NUMBERS):
-            raise ValueError(
-                f"{output}: maps are written as .png in colors, .exr or .npy in numbers"
-            )
         type_of(self.kind)
         box_of(self.crop)
         check_colormap(self.colormap)
-        start.start()
-        if self.axis is not None and start.model_fields_set:
-            raise ValueError("--axis and --camera are two views; give one of them")
-        if start.model_fields_set and self.crop is not None and self.slice is not None:
-            _number(self.slice)
         if self.color_bar:
             check_bar(output, height)
-            if output.suffix.lower() in NUMBERS:
-                raise ValueError(
-                    f"{output}: numbers have no color bar; write a .png, or leave it out"
-                )
 
 
-def density_of(
-    session: "Session",
-    file: Path,
-    options: DensityOptions,
-    start: CloudStart,
-    shape: tuple[int, int],
-) -> "DensityMap":
-    """Read the particles of a command, and make their map."""
+def particles_in(session: "Session", file: Path, options: DensityOptions) -> "Particles":
+    """Read the particles of a command, and find their smoothing lengths where there are none."""
     from resample.engine import jit
     from resample.words import naming
     from resample_points.files.particles import read_particles
-    from resample_points.painting.density import column_density
 
     wanted = () if options.quantity is None else (options.quantity,)
     with session.stage("read", bar="reading"):
         particles = read_particles(file, options.kind, quantities=wanted)
-    region = _region(options.crop)
-    with jit.threads(options.threads):
-        with session.stage("prepare", bar="measuring"), naming(file.name):
-            particles = particles.smoothed()
-        with session.stage("paint", bar="painting"), naming(file.name):
-            if start.model_fields_set:
-                particles, view, region = *_before(particles, start, shape, region), None
-                at = None if options.slice is None else _number(options.slice)
-            else:
-                view = options.axis or "z"
-                at = _slice(particles, view, options.slice, region)
-            return column_density(
-                particles,
-                view,
-                size=shape[::-1],
-                kernel=options.kernel,
-                quantity=options.quantity,
-                slice_at=at,
-                region=region,
-            )
+    with (
+        jit.threads(options.threads),
+        session.stage("prepare", bar="measuring"),
+        naming(file.name),
+    ):
+        return particles.smoothed()
 
 
-def _region(crop: str | None) -> Any:
+def region_of_crop(crop: str | None) -> Any:
     """Return the corners of --crop (2, 3), infinite where open; None without it."""
     import numpy as np
 
@@ -156,40 +153,8 @@ def _region(crop: str | None) -> Any:
     return None if crop is None else region
 
 
-def _before(
-    particles: "Particles", start: CloudStart, shape: tuple[int, int], region: Any
-) -> tuple["Particles", Any]:
-    """Return the particles within a region, and a camera that frames them."""
-    import numpy as np
-
-    from resample_points.data.cloud import Cloud
-    from resample_points.scenes import camera_of
-
-    if region is not None:
-        inside = (particles.position >= region[0]) & (particles.position <= region[1])
-        kept = inside.all(axis=1)
-        if not kept.any():
-            raise ValueError("no particle is in the box of --crop")
-        particles = particles.some(kept)
-    nothing = np.empty((0, 3), np.float32)
-    cloud = Cloud(particles.position, nothing, nothing, np.empty(0, np.float32))
-    return particles, camera_of(cloud, shape, start.start())
-
-
-def _slice(particles: "Particles", axis: str, given: str | None, region: Any) -> float | None:
-    """Return where a slice is along an axis; shares are of what is shown."""
-    from resample_points.painting.placing import region_of
-
-    if given is None:
-        return None
-    text = given.strip()
-    if not text.endswith("%"):
-        return _number(text)
-    low, high = region_of(particles, region)[:, "xyz".index(axis)]
-    return float(low + (high - low) * _number(text[:-1]) / 100.0)
-
-
-def _number(text: str) -> float:
+def number_of(text: str) -> float:
+    """Return where a slice is, from text."""
     from resample.words import numbers_in
 
     return numbers_in("a slice at", text, 1)[0]

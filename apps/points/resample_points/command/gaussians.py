@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -12,11 +12,11 @@ from pydantic import Field
 from resample.command.flags import OptionTopic
 from resample.command.settings import Choices, FrameFormat
 from resample.lazy import installed_version
-from resample_points.command.choices import CloudOptions, CloudStart
+from resample_points.command.choices import Aimed, CloudOptions
 
 if TYPE_CHECKING:
     from resample.command.session import Session
-    from resample.files.animations import Frames, Shots
+    from resample.files.animations import Shots
     from resample.files.painted import DepthSlab
     from resample.types import Doubles
     from resample_points.data.cloud import Cloud
@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from resample_points.painting.gaussians import GaussianStyle, StoredGaussians
     from resample_points.scenes import Shape
 
-Aimed = TypeVar("Aimed", bound=CloudStart)
 SHARED = ("also", "crop", "threads")  # options of clouds that Gaussians have, too
-BYTES = 320  # per Gaussian in memory, with what a picture needs of it
+BYTES = 280  # per Gaussian in memory, with what a picture needs of it
 FEW = 100_000  # most Gaussians of previews
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
@@ -49,7 +48,7 @@ class GaussianOptions(Choices):
         Literal["depth", "distance", "rays"] | None,
         Field(
             description="Compositing order: depth pops when the camera turns, distance when it "
-            "moves, rays in neither case. Default: depth, and distance for panoramas and lenses."
+            "moves, rays in neither case. [default: depth; distance for panoramas and lenses]"
         ),
     ] = None
     trained_focal: Annotated[
@@ -57,7 +56,8 @@ class GaussianOptions(Choices):
         OptionTopic.SOURCE,
         Field(
             description="Focal length of the pictures of training, px; or their cameras: "
-            "cameras.json, transforms.json or a folder of COLMAP. Default: the picture's."
+            "cameras.json, transforms.json or a folder of COLMAP. [default: that of the new "
+            "picture]"
         ),
     ] = None
     subpixels: Annotated[
@@ -65,13 +65,15 @@ class GaussianOptions(Choices):
         Field(
             ge=1,
             le=8,
-            description="Sub-pixels per side of a pixel. Default: as thin Gaussians need.",
+            description="Sub-pixels per side of a pixel. [default: more, the thinner the "
+            "Gaussians]",
         ),
     ] = None
     nearest: Annotated[
         float | None,
         Field(
-            description="Depth before which nothing is shown, scene units. Default: 0.2, 0 if bare."
+            description="Depth before which nothing is shown, scene units. [default: 0.2; 0 with "
+            "--look bare]"
         ),
     ] = None
     least_opacity: Annotated[
@@ -87,7 +89,7 @@ class GaussianOptions(Choices):
         Field(
             gt=0,
             description="Distance between the eyes, scene units: both their pictures, side by side "
-            "and each of the size. Default: one picture.",
+            "and each of the size. [default: one picture]",
         ),
     ] = None
 
@@ -128,24 +130,6 @@ def focal_of(text: str) -> float:
     if not shots:
         raise ValueError(f"{text} has poses without intrinsics; give --trained-focal in px")
     return float(np.median(shots))
-
-
-def check_kind(file: Path, clouds: CloudOptions, gaussians: GaussianOptions) -> bool:
-    """Whether a file holds 3D Gaussians; refuse options of the other kind."""
-    from resample_points.files.gaussians.reading import is_gaussians
-
-    found = is_gaussians(file)
-    if found:
-        others, owner = clouds.model_fields_set - set(SHARED), "clouds of points"
-    else:
-        others, owner = gaussians.model_fields_set, "3D Gaussians"
-    if others:
-        name = "look" if min(others) == "appearance" else min(others).replace("_", "-")
-        held = "3D Gaussians" if found else "none"
-        raise ValueError(
-            f"--{name} is an option of {owner}, and {file.name} holds {held}; leave it out"
-        )
-    return found
 
 
 @dataclass(frozen=True)
@@ -255,6 +239,25 @@ class GaussianPictures:
         frame = self.picture(camera, form.height_and_width(), form.behind())
         write_frame(path, frame, bits=form.bits, background=form.behind())
 
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film."""
+        from resample.files.animations import Shots
+        from resample.files.saving import screen_levels
+        from resample_points.command.rendering import cameras_print
+
+        def frame(n: int) -> Any:
+            return screen_levels(self.picture(cameras[n], shape, background).rgba)
+
+        job = {
+            "gaussians": self.print(),
+            "cameras": cameras_print(cameras),
+            "size": list(shape),
+            "look": self.options.model_dump(),
+            "background": list(background),
+            "version": installed_version(),
+        }
+        return Shots(len(cameras), frame, job)
+
     def _slabs(self, camera: Any, shape: "Shape", count: int) -> "Iterator[DepthSlab]":
         """Yield slabs front to back, each of the Gaussians whose centers lie in it."""
         import numpy as np
@@ -328,42 +331,3 @@ def free_memory() -> float:
     if allowed is not None:
         left.append(float(max(allowed - memory_in_use(), 0)))
     return min(left, default=float("inf"))
-
-
-def gaussian_film(
-    scene: GaussianPictures, cameras: Sequence[Any], shape: "Shape", background: Any
-) -> "Shots":
-    """Return the frames of a film of Gaussians."""
-    from resample.files.animations import Shots
-    from resample.files.saving import screen_levels
-    from resample_points.command.rendering import cameras_print
-
-    def frame(n: int) -> Any:
-        return screen_levels(scene.picture(cameras[n], shape, background).rgba)
-
-    job = {
-        "gaussians": scene.print(),
-        "cameras": cameras_print(cameras),
-        "size": list(shape),
-        "look": scene.options.model_dump(),
-        "background": list(background),
-        "version": installed_version(),
-    }
-    return Shots(len(cameras), frame, job)
-
-
-def frames_of_gaussians(
-    file: Path,
-    clouds: CloudOptions,
-    options: GaussianOptions,
-    cameras: Sequence[Any],
-    shape: "Shape",
-    background: Any,
-    threads: int,
-) -> "Frames":
-    """Return the function that makes frames of a file's Gaussians."""
-    from resample.command.session import Session
-
-    chosen = clouds.model_copy(update={"threads": threads})
-    scene = gaussians_of(Session(), file, chosen, options)
-    return gaussian_film(scene, cameras, shape, background).frame

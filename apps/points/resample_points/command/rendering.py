@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from resample.command.settings import FrameFormat
 from resample.console import say
 from resample.lazy import installed_version
-from resample_points.command.choices import CloudOptions
+from resample_points.command.choices import Aimed, CloudOptions
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
-    from resample.files.animations import Frames, Shots
+    from resample.files.animations import Shots
     from resample.types import Doubles, Floats
     from resample_points.data.cloud import Cloud
     from resample_points.data.coloring import Scale
@@ -73,6 +73,40 @@ class ColoredScene(NamedTuple):
         from resample.files.saving import write_frame
 
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
+
+    @property
+    def framing(self) -> "Surfels":
+        """What cameras are framed around."""
+        return self.scene.surfels
+
+    def upright(self, aim: Aimed) -> Aimed:
+        """Return the cameras as they are: files of clouds name no axis up."""
+        return aim
+
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film."""
+        from resample.files.animations import Shots, fingerprint
+        from resample.files.saving import screen_levels
+        from resample.measuring.color_bars import with_color_bar
+
+        bar = self.bar(shape[0], background)
+
+        def frame(n: int) -> Any:
+            rgba = self.picture(cameras[n], shape).rgba
+            if bar is not None:
+                rgba = with_color_bar(rgba, bar, background)
+            return screen_levels(rgba, background=background)
+
+        surfels = self.framing
+        job = {
+            "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
+            "cameras": cameras_print(cameras),
+            "size": list(shape),
+            "look": self.options.model_dump(exclude={"threads", "no_cache"}),
+            "background": list(background),
+            "version": installed_version(),
+        }
+        return Shots(len(cameras), frame, job)
 
     def write_index(self, path: Path, camera: "Camera", shape: "Shape") -> None:
         """Write which point each pixel shows."""
@@ -180,7 +214,7 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
         return tour_of(Path(path), frames, fps, FIELD).viewpoints()
     if not isinstance(start, Orbit):
         raise ValueError(
-            f"the path {path} goes around the cloud; give --camera as azimuth/elevation/zoom, or a "
+            f"the path {path} goes around the cloud; give --camera as azimuth,elevation,zoom, or a "
             "file of keyframes or poses as --path"
         )
     count = FRAMES if frames is None else frames
@@ -191,34 +225,6 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
     else:
         angles = [start.azimuth + 360.0 * turn for turn in turns]
     return [replace(start, azimuth=angle) for angle in angles]
-
-
-def film_of(
-    scene: ColoredScene, cameras: Sequence[Any], shape: "Shape", background: Any
-) -> "Shots":
-    """Return the frames of a film of a cloud."""
-    from resample.files.animations import Shots, fingerprint
-    from resample.files.saving import screen_levels
-    from resample.measuring.color_bars import with_color_bar
-
-    bar = scene.bar(shape[0], background)
-
-    def frame(n: int) -> Any:
-        rgba = scene.picture(cameras[n], shape).rgba
-        if bar is not None:
-            rgba = with_color_bar(rgba, bar, background)
-        return screen_levels(rgba, background=background)
-
-    surfels = scene.scene.surfels
-    job = {
-        "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
-        "cameras": cameras_print(cameras),
-        "size": list(shape),
-        "look": scene.options.model_dump(exclude={"threads", "no_cache"}),
-        "background": list(background),
-        "version": installed_version(),
-    }
-    return Shots(len(cameras), frame, job)
 
 
 def cameras_print(cameras: Sequence[Any]) -> str:
@@ -238,18 +244,3 @@ def _numbers(camera: Any) -> "Doubles":
     if hasattr(camera, "matrix"):
         return np.asarray(camera.matrix, np.float64)
     return np.array([camera.sx, camera.sy, camera.cx, camera.cy])
-
-
-def frames_of(
-    file: Path,
-    look: CloudOptions,
-    cameras: Sequence[Any],
-    shape: "Shape",
-    background: Any,
-    threads: int,
-) -> "Frames":
-    """Return the function that makes frames of a file's cloud."""
-    from resample.command.session import Session
-
-    scene = scene_of(Session(), file, look.model_copy(update={"threads": threads}))
-    return film_of(scene, cameras, shape, background).frame

@@ -14,6 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from resample.types import Doubles
 
 CONSTANT = 0.28209479177387814  # value of the harmonic of degree 0, 1 / (2 √π)
+LINEAR = 0.4886025119029199  # of degree 1, √(3 / 4π)
+# Of degree 2: of xy and its like, of z², and of x² − y².
+MIXED, SQUARE, APART = 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
+# Of degree 3, from its outermost orders inward, and of z (x² − y²).
+CUBIC = 0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154
+EVEN = 1.445305721320277
 COUNTS = (0, 3, 8, 15)  # coefficients of degrees 1 to l
 LARGEST = 32.0  # a coefficient beyond it would be a color beyond 15 times white
 WIDEST = 32767  # largest stored whole number
@@ -25,19 +31,17 @@ def harmonics_along(direction: ArrayLike, count: int) -> Doubles:
     """Return the first 3, 8 or 15 harmonics (N, count) along unit directions (N, 3)."""
     x, y, z = np.moveaxis(np.asarray(direction, np.float64), -1, 0)
     xx, yy, zz = x * x, y * y, z * z
-    first, second = math.sqrt(3 / (4 * math.pi)), math.sqrt(15 / (4 * math.pi))
     values = [
-        *(-first * y, first * z, -first * x),
-        *(second * x * y, -second * y * z),
-        math.sqrt(5 / (16 * math.pi)) * (2 * zz - xx - yy),
-        *(-second * x * z, second / 2 * (xx - yy)),
-        -math.sqrt(35 / (32 * math.pi)) * y * (3 * xx - yy),
-        math.sqrt(105 / (4 * math.pi)) * x * y * z,
-        -math.sqrt(21 / (32 * math.pi)) * y * (4 * zz - xx - yy),
-        math.sqrt(7 / (16 * math.pi)) * z * (2 * zz - 3 * xx - 3 * yy),
-        -math.sqrt(21 / (32 * math.pi)) * x * (4 * zz - xx - yy),
-        math.sqrt(105 / (16 * math.pi)) * z * (xx - yy),
-        -math.sqrt(35 / (32 * math.pi)) * x * (xx - 3 * yy),
+        *(-LINEAR * y, LINEAR * z, -LINEAR * x),
+        *(MIXED * x * y, -MIXED * y * z, SQUARE * (2 * zz - xx - yy)),
+        *(-MIXED * x * z, APART * (xx - yy)),
+        -CUBIC[0] * y * (3 * xx - yy),
+        CUBIC[1] * x * y * z,
+        -CUBIC[2] * y * (4 * zz - xx - yy),
+        CUBIC[3] * z * (2 * zz - 3 * xx - 3 * yy),
+        -CUBIC[2] * x * (4 * zz - xx - yy),
+        EVEN * z * (xx - yy),
+        -CUBIC[0] * x * (xx - 3 * yy),
     ]
     return np.stack(values[:count], -1) if count else np.zeros((*x.shape, 0))
 

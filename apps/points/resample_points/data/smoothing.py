@@ -7,6 +7,7 @@ kernel; H / h depends on the kernel. SWIFT stores h, GADGET stores H of the cubi
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +48,7 @@ def _gaussian(q: Doubles) -> Doubles:
     return np.asarray(HEIGHT * (np.exp(-square) - RIM * (1.0 + 0.5 * CUT * CUT - square)))
 
 
+KernelName = Literal["cubic", "wendland", "gaussian"]
 KERNELS = {
     kernel.name: kernel
     for kernel in (

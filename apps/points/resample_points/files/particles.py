@@ -52,7 +52,7 @@ def read_particles(
     source = Path(path)
     check_file(path)
     try:
-        if source.suffix.lower() in SUFFIXES:
+        if is_snapshot(source):
             with np.errstate(all="ignore"):  # numbers that become infinite are refused
                 return read_snapshot(source, kind, quantities)
         if source.suffix.lower() not in READERS:
@@ -62,3 +62,8 @@ def read_particles(
     except ValueError as error:
         text = str(error)
         raise ValueError(text if source.name in text else f"{source.name}: {text}") from None
+
+
+def is_snapshot(path: Path) -> bool:
+    """Whether a file is a snapshot of a simulation, by its suffix."""
+    return path.suffix.lower() in SUFFIXES

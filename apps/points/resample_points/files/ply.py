@@ -4,11 +4,10 @@ Elements before them, and properties that are lists, are skipped.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,61 +18,26 @@ from resample_points.data.parts import STEP
 from resample_points.files.parsing import (
     binary_cloud,
     check_count,
-    header_of,
     text_fields,
     text_lines,
     within,
 )
+from resample_points.files.ply_headers import PlyElement, PlyProperty, ply_header
 
-MOST_DIGITS = 30  # digits of a count
 GAUSSIANS = (  # columns of 3D Gaussians; each set is sufficient
     {"f_dc_0", "opacity", "scale_0", "rot_0"},
     {"packed_position", "packed_rotation", "packed_scale"},
 )
-PLY_TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
-    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
-    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
-    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
-}  # fmt: skip
-PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-SCALAR, LIST = 3, 5  # words of a property's line
-
-
-class Property(NamedTuple):
-    """A number of an element, or a list of numbers."""
-
-    name: str
-    kind: str  # of NumPy
-    length: str  # of NumPy: type of a list's length; empty for a number
-
-
-@dataclass(frozen=True)
-class PlyElement:
-    """Records of one kind in a file."""
-
-    name: str
-    records: int
-    properties: tuple[Property, ...]
-
-    @property
-    def has_lists(self) -> bool:
-        """Whether records may differ in size."""
-        return any(each.length for each in self.properties)
-
-    def scalars(self) -> np.dtype[Any]:
-        """Return the type of the properties that are no lists."""
-        return np.dtype([(each.name, each.kind) for each in self.properties if not each.length])
 
 
 def read_ply(path: Path) -> Cloud:
     """Read a PLY file: ASCII, or binary of either byte order."""
+    header = ply_header(path)
+    before, vertex = header.split_at("vertex")
+    _refuse_gaussians({each.name for each in vertex.properties})
     with path.open("rb") as file:
-        header = header_of(file, "end_header")
-        if header[0] != ["ply"]:
-            raise ValueError("is not a PLY file: it does not begin with ply")
-        encoding, before, vertex = _elements(header)
-        if encoding == "ascii":
+        file.seek(header.start)
+        if header.encoding == "ascii":
             lines = sum(element.records for element in before)
             for _ in islice(file, min(lines, path.stat().st_size)):
                 pass
@@ -87,49 +51,12 @@ def read_ply(path: Path) -> Cloud:
         return binary_cloud(path, file, vertex.records, vertex.scalars())
 
 
-def _elements(header: list[list[str]]) -> tuple[str, list[PlyElement], PlyElement]:
-    """Return the encoding, the elements before the vertices, and the vertices."""
-    encoding, elements = "", list[PlyElement]()
-    for words in header:
-        if words[:1] == ["format"]:
-            encoding = " ".join(words[1:2])
-        elif words[:1] == ["element"]:
-            elements.append(PlyElement(" ".join(words[1:2]), _length(words), ()))
-        elif words[:1] == ["property"] and elements:
-            last = elements[-1]
-            own = _property(words, PLY_FORMATS.get(encoding, ""))
-            elements[-1] = replace(last, properties=(*last.properties, own))
-    place = next((n for n, each in enumerate(elements) if each.name == "vertex"), None)
-    if encoding not in PLY_FORMATS or place is None:
-        raise ValueError(f"has no element vertex, or is none of {', '.join(PLY_FORMATS)}")
-    _refuse_gaussians({each.name for each in elements[place].properties})
-    return encoding, elements[:place], elements[place]
-
-
-def _property(words: list[str], order: str) -> Property:
-    """Read a property from a header's line; `order` is NumPy's letter of the byte order."""
-    is_list = words[1:2] == ["list"]
-    kinds = [PLY_TYPES.get(word, "") for word in words[1 + is_list : -1]]
-    if len(words) != (LIST if is_list else SCALAR) or not all(kinds):
-        raise ValueError(f"has '{' '.join(words)}', which is no number and no list of numbers")
-    if is_list and kinds[0][0] == "f":
-        raise ValueError(f"has '{' '.join(words)}': a list's length must be a whole number")
-    return Property(words[-1], order + kinds[-1], order + kinds[0] if is_list else "")
-
-
 def _refuse_gaussians(names: set[str]) -> None:
     if any(own <= names for own in GAUSSIANS):
         raise ValueError(
             "holds 3D Gaussians (f_dc_*, opacity, scale_*, rot_*), which `read_gaussians` reads "
             "and `resample-points render` paints; a cloud of points has x y z red green blue"
         )
-
-
-def _length(words: list[str]) -> int:
-    """Return the number of elements from a header line."""
-    if len(words) != SCALAR or not words[2].isdecimal() or len(words[2]) > MOST_DIGITS:
-        raise ValueError(f"has a PLY header with {' '.join(words)!r:.60}; it needs a whole number")
-    return int(words[2])
 
 
 def _skip(path: Path, file: BinaryIO, element: PlyElement) -> None:
@@ -199,7 +126,7 @@ def _kind_at(data: NDArray[np.uint8], begin: int, element: PlyElement) -> np.dty
 
 
 @cache
-def _kind(properties: Sequence[Property], lengths: Sequence[int]) -> np.dtype[Any]:
+def _kind(properties: Sequence[PlyProperty], lengths: Sequence[int]) -> np.dtype[Any]:
     """Return the type of a record whose lists have these lengths."""
     fields: list[Any] = []
     for n, (each, count) in enumerate(zip(properties, lengths, strict=True)):

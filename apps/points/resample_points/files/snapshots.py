@@ -139,6 +139,20 @@ def type_of(kind: str | int) -> int:
     raise ValueError(f"particles of type {kind!r:.40}; give {', '.join(TYPES)} or 0 to {MOST_TYPE}")
 
 
+def kinds_in(path: Path) -> list[str]:
+    """Return the types of particles that a file has; none for files of other groups."""
+    names = {number: kind for kind, number in TYPES.items()}
+    with opened(path) as file:
+        numbers = [n for n in range(MOST_TYPE + 1) if _has_type(path, file, n)]
+    return [names.get(n, str(n)) for n in numbers]
+
+
+def _has_type(path: Path, file: Any, number: int) -> bool:
+    group = group_in(path, file, f"PartType{number}")
+    place = None if group is None else dataset_in(path, group, PLACES[0])
+    return place is not None and bool(place.shape) and place.shape[0] > 0
+
+
 def read_snapshot(
     path: Path, kind: str | int = "gas", quantities: Sequence[str] | None = None
 ) -> Particles:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
-from resample.cameras.poses import orbit
+from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
-from resample_points.data.cloud import Cloud, places
+from resample.words import number
+from resample_points.data.cloud import Cloud, check_cloud, places
 from resample_points.data.parts import STEP, rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels
 
@@ -93,7 +94,7 @@ def framed(
     azimuth: float = 0.0,
     elevation: float = 0.0,
     distance: float | None = None,
-    up: str = "z",
+    up: UpAxis = "z",
     fov: float = FIELD,
 ) -> Camera | Orthographic:
     """Return a camera that frames a cloud.
@@ -132,6 +133,9 @@ def framed(
     >>> round(np.ptp(y / z).item() / 48, 2)  # of the picture's height
     0.95
     """
+    check_cloud(cloud, Cloud | Surfels)
+    if distance is not None:
+        number("distance", distance)
     seen = _visible(cloud)
     if fov == 0:
         return _parallel(seen, size, orbit(np.zeros(3), 1.0, azimuth, elevation, up))
@@ -150,7 +154,7 @@ def framed_together(
     *,
     size: tuple[int, int],
     angles: Sequence[tuple[float, float]],
-    up: str = "z",
+    up: UpAxis = "z",
     fov: float = FIELD,
 ) -> list[Camera]:
     """Return cameras at one distance from a cloud's center that all show the whole cloud.

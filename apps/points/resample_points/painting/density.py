@@ -7,16 +7,18 @@ column_density(snapshot, "z", size=(800, 800)).value
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.painting.scenes.plans import shape_of
+from resample.showable import array_of
 from resample.types import Doubles
+from resample.words import number, warn
 from resample_points.data.particles import Particles
-from resample_points.data.smoothing import kernel_of
+from resample_points.data.smoothing import KernelName, kernel_of
 from resample_points.painting.placing import (
     PlacedParticles,
     along_axis,
@@ -48,6 +50,12 @@ class DensityMap:
     name: str  # column density, density, or the quantity
     units: str
 
+    def __array__(
+        self, dtype: DTypeLike | None = None, *, copy: bool | None = None
+    ) -> NDArray[Any]:
+        """Return `value`."""
+        return array_of(self.value, dtype, copy)
+
     def save(self, path: str | Path) -> None:
         """Write the numbers: `.npy` in float64, `.exr` in float32; rows go from top to bottom."""
         from resample.files.facts.metadata import FileMetadata
@@ -71,10 +79,10 @@ class DensityMap:
 
 def column_density(
     particles: Particles,
-    view: str | Camera | Orthographic,
+    view: Literal["x", "y", "z"] | Camera | Orthographic,
     *,
     size: tuple[int, int],
-    kernel: str = "cubic",
+    kernel: KernelName = "cubic",
     quantity: str | None = None,
     slice_at: float | None = None,
     region: ArrayLike | None = None,
@@ -118,15 +126,21 @@ def column_density(
     >>> round(float(column.value.sum()) * 0.1**2, 4)
     4.0
     """
+    if not isinstance(particles, Particles):
+        raise TypeError(
+            f"particles of {type(particles).__name__}; give Particles, such as read_particles(path)"
+        )
     shape, chosen = shape_of(size), kernel_of(kernel)
     name, value = ("", None) if quantity is None else particles.quantity(quantity)
-    if slice_at is not None and not np.isfinite(slice_at):
+    if slice_at is not None and not np.isfinite(number("slice_at", slice_at)):
         raise ValueError(f"a slice at {slice_at}; give a finite number in scene units")
     placed = _placed(particles, view, shape, region)
     if value is not None:
         placed.value[:] = value[placed.which]
     records = on_screen(records_of(placed, chosen, slice_at), placed.period_px, shape)
     is_slice = slice_at is not None
+    if is_slice and not len(records):
+        warn(f"no particle reaches the slice at {slice_at:g}")
     tables = (slice_tables if is_slice else column_tables)(kernel)
     sums = np.zeros((*shape, 1 if value is None else 2))
     _add(records, tables, FINE_SLICE if is_slice else FINE, sums)

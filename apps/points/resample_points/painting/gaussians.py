@@ -7,7 +7,7 @@ frame = render_gaussians(gaussians, gaussian_camera(gaussians, size=(800, 600)),
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from resample.painting.shaped.ellipsoids import (
     paint_ellipsoid_parts,
 )
 from resample.types import Doubles, Floats, Frame, View
+from resample.words import check_kind, check_numbers, check_threads
 from resample_points.data.cloud import Cloud
 from resample_points.data.gaussians import (
     Crop,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.2  # scene units: training leaves out centers before this depth
-PART = 1 << 18  # Gaussians whose colors are found together
+PART = 1 << 16  # Gaussians whose colors are found together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
 FRAMED = 20_000  # Gaussians that cameras are framed around, about
 TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
@@ -95,13 +96,16 @@ class GaussianStyle:
     True
     """
 
-    appearance: GaussianAppearance | str = GaussianAppearance.TRAINED
-    order: ShapedOrder | str | None = None
+    appearance: GaussianAppearance | Literal["trained", "bare", "affine"] = (
+        GaussianAppearance.TRAINED
+    )
+    order: ShapedOrder | Literal["depth", "distance", "rays"] | None = None
     trained_focal: float | None = None
     subpixels: int | None = None
     near: float | None = None
 
     def __post_init__(self) -> None:
+        check_numbers(self, "trained_focal", "subpixels", "near")
         if self.appearance not in list(GaussianAppearance):
             raise ValueError(
                 f"appearance {self.appearance!r}; known: {', '.join(GaussianAppearance)}"
@@ -270,10 +274,16 @@ def render_gaussians(
     from resample.outofcore.ellipsoids import BYTES, paint_parts
     from resample.painting.shaped.all_around import paint_around
 
+    if not isinstance(gaussians, Gaussians | StoredGaussians):
+        raise TypeError(
+            f"Gaussians of {type(gaussians).__name__}; give Gaussians, as read_gaussians(path) does"
+        )
     shape, chosen = shape_of(size), style or GaussianStyle()
+    check_kind("style", chosen, GaussianStyle, 'a GaussianStyle, such as GaussianStyle("bare")')
     wide = _rays(camera, shape)
     parts = GaussianParts(gaussians) if isinstance(gaussians, Gaussians) else gaussians
     drawn = chosen.shaped(is_antialiased=gaussians.is_antialiased, is_wide=wide is not None)
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         if wide is not None:
             picture = paint_around(parts, wide, shape, drawn)
@@ -310,7 +320,7 @@ def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
         return None
     raise ValueError(
         "Gaussians are rendered by Camera, Orthographic, Equirectangular or ProjectedCamera, not by"
-        f" {type(camera).__name__}"
+        f" {type(camera).__name__}; give a camera"
     )
 
 

@@ -7,7 +7,7 @@ frame = render_cloud(cloud, framed(cloud, size=(640, 480), azimuth=30), size=(64
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.types import Floats, Frame, Records, Screen, Statistics
 from resample.watching import told
-from resample_points.data.cloud import Cloud
+from resample.words import check_kind, check_numbers, check_threads
+from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, PinholePart, bent, pinhole_parts
@@ -93,13 +94,14 @@ class CloudStyle:
     """
 
     point_size: float = 1.0
-    light: Shading | str | None = None
+    light: Shading | Literal["none", "headlight"] | None = None
     cull: bool = False
     subpixels: int = 4
     near: float = 0.0
     edl: float = 0.0
 
     def __post_init__(self) -> None:
+        check_numbers(self, "point_size", "subpixels", "near", "edl")
         if not (np.isfinite(self.point_size) and self.point_size > 0):
             raise ValueError(f"a point size of {self.point_size}; give a factor above 0")
         if self.light is not None and self.light not in list(Shading):
@@ -165,8 +167,11 @@ def render_cloud(
     """
     from resample.engine import jit
 
+    check_cloud(cloud, Cloud | Surfels)
     chosen = CloudStyle() if style is None else style
+    check_kind("style", chosen, CloudStyle, "a CloudStyle, such as CloudStyle(edl=1)")
     shape = shape_of(size)
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         start = perf_counter()
         surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)

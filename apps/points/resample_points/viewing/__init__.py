@@ -1,4 +1,4 @@
-"""Point clouds and 3D Gaussians for `resample-points view`."""
+"""Point clouds, 3D Gaussians and particles for `resample-points view`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,15 +11,22 @@ if TYPE_CHECKING:
     from resample.view.files import FileView
     from resample.view.widgets import Viewer
     from resample_points.viewing.clouds import cloud_view, picture
+    from resample_points.viewing.particles import map_of
 
-__all__ = ["cloud_view", "picture", "suits", "view", "view_of"]
-__getattr__ = attributes(__name__, {"cloud_view": "clouds", "picture": "clouds"})
+__all__ = ["cloud_view", "map_of", "picture", "suits", "view", "view_of"]
+HOMES = {"cloud_view": "clouds", "picture": "clouds", "map_of": "particles"}
+__getattr__ = attributes(__name__, HOMES)
 
 
 def view_of(path: Path, begin: "Sequence[Choices]" = ()) -> "FileView":
-    """Return what pages show of a file: a cloud, or 3D Gaussians."""
+    """Return what pages show of a file: a cloud, 3D Gaussians, or a snapshot's particles."""
     from resample_points.files.gaussians.reading import is_gaussians
+    from resample_points.files.particles import is_snapshot
 
+    if is_snapshot(path):
+        from resample_points.viewing.particles import particle_view
+
+        return particle_view(path, begin)
     if is_gaussians(path):
         from resample_points.viewing.gaussians import gaussian_view
 
@@ -30,14 +37,14 @@ def view_of(path: Path, begin: "Sequence[Choices]" = ()) -> "FileView":
 
 
 def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
-    """Show a point cloud or 3D Gaussians in a notebook's cell: navigate, copy the Python code.
+    """Show points, 3D Gaussians or particles in a notebook's cell: navigate, copy the Python code.
 
     Parameters
     ----------
     cloud
-        File of a cloud, or of 3D Gaussians.
+        File of a cloud, of 3D Gaussians, or of a simulation's particles.
     settings
-        Initial options of `resample-points render`: `color_by="z"`.
+        Initial options of `resample-points render` or `density`: `color_by="z"`.
 
     Returns
     -------
@@ -61,11 +68,13 @@ def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
 
 
 def suits(names: Sequence[str]) -> bool:
-    """Whether the names are one file of a cloud or of 3D Gaussians."""
+    """Whether the names are one file of a cloud, of 3D Gaussians or of particles."""
     from resample_points.files.gaussians.reading import is_gaussians
+    from resample_points.files.particles import is_snapshot
     from resample_points.files.readers import is_cloud
 
     if len(names) != 1 or not Path(names[0]).exists():
         return False
     path = Path(names[0])
-    return is_gaussians(path) or (path.is_file() and is_cloud(path))
+    is_file = path.is_file()
+    return is_gaussians(path) or (is_file and (is_cloud(path) or is_snapshot(path)))

@@ -11,11 +11,9 @@ from typing import TYPE_CHECKING, Any
 from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat
-from resample.files.animations import write_film
 from resample.files.saving import screen_levels
 from resample.scene.previews import preview_size
-from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
-from resample.view.files import FileView, image_of, path_file
+from resample.view.files import FileView, image_of
 from resample.view.views import (
     PagePicture,
     Settings,
@@ -28,21 +26,25 @@ from resample.view.views import (
 )
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
-from resample_points.command.rendering import ColoredScene, film_of, path_of, scene_of
-from resample_points.geometry.framing import FIELD
+from resample_points.command.rendering import ColoredScene, scene_of
 from resample_points.geometry.spacing import Surfels
-from resample_points.scenes import cameras_of
+from resample_points.viewing.films import (
+    AROUND,
+    check_film_settings,
+    film_facts,
+    orbit_keyframes,
+    write_page_film,
+)
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-COMMAND, FILM = "resample-points render", "resample-points animate"
-RATE = 24.0  # frames per second, of the command
+COMMAND = "resample-points render"
 SHOWN = (CloudOptions, CloudAim, FrameFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
 OF_FILMS = [  # options that pictures and films share
     *(option_of(CloudOptions, field) for field in CloudOptions.model_fields),
-    *("steady", "size", "background"),
+    *AROUND,
 ]
 PREPARED = (
     "also",
@@ -99,21 +101,15 @@ class CloudPainter:
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a keyframe file of cameras around the cloud, see `resample.view.views.Filming`."""
-        return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
+        return orbit_keyframes(cameras, settings)
 
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
         """Write a film as `animate` does, see `resample.view.views.Filming`."""
-        if unknown := [key for key in settings if key not in (*ORBITING["steered"], *OF_FILMS)]:
-            raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
-        (look, aim, form), shape = _checked(settings), size[::-1]
-        with path_file(KEYFRAMES, keyframes) as file:
-            viewpoints = path_of(str(file), None, RATE, aim.start())
-        cloud = self._scene(look)
-        cameras = cameras_of(cloud.scene.surfels, viewpoints, shape, steady=aim.steady)
-        behind = form.behind() or (0.0, 0.0, 0.0)
-        write_film(path, film_of(cloud, cameras, shape, behind), RATE, progress=progress)
+        check_film_settings(settings, OF_FILMS)
+        look, aim, form = _checked(settings)
+        write_page_film(self._scene(look), aim, form, size[::-1], keyframes, path, progress)
 
     def surfels(self, settings: Settings) -> Surfels:
         """Return the prepared cloud; raises as `save` does."""
@@ -139,14 +135,14 @@ class CloudPainter:
 def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a point cloud."""
     first = CloudPainter(path)
-    settings = {"camera": "30/20/1", "steady": True, **settings_of(begin)}
+    settings = {"camera": "30,20,1", "steady": True, **settings_of(begin)}
 
     def described() -> dict[str, Any]:
         return {
             "title": path.name,
             "subtitle": f"{len(first.surfels(settings).position):,} points",
             "command": COMMAND,
-            "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
+            "film": film_facts(OF_FILMS),
             "package": "resample_points",
             "inputs": [str(path)],
             "settings": settings,
@@ -165,7 +161,7 @@ def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     path
         File of the cloud.
     settings
-        Options by name, as in settings files: `{"camera": "40/20/1.5", "up": "y"}`.
+        Options by name, as in settings files: `{"camera": "40,20,1.5", "up": "y"}`.
 
     Returns
     -------

@@ -10,12 +10,10 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat
-from resample.files.animations import write_film
 from resample.files.saving import screen_levels
 from resample.scene.picking import pixel_at, place_at
 from resample.scene.previews import PER, enlarged, preview_size
-from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
-from resample.view.files import FileView, path_file
+from resample.view.files import FileView
 from resample.view.views import (
     PagePicture,
     Settings,
@@ -32,15 +30,17 @@ from resample_points.command.gaussians import (
     SHARED,
     GaussianOptions,
     GaussianPictures,
-    gaussian_film,
     gaussians_of,
 )
-from resample_points.command.rendering import path_of
-from resample_points.geometry.framing import FIELD
-from resample_points.scenes import cameras_of
+from resample_points.viewing.films import (
+    AROUND,
+    check_film_settings,
+    film_facts,
+    orbit_keyframes,
+    write_page_film,
+)
 
-COMMAND, FILM = "resample-points render", "resample-points animate"
-RATE = 24.0  # frames per second, of the command
+COMMAND = "resample-points render"
 SHOWN = (CloudOptions, GaussianOptions, CloudAim, FrameFormat)  # options that a page can change
 OF_CLOUDS = [
     option_of(CloudOptions, name) for name in CloudOptions.model_fields if name not in SHARED
@@ -49,7 +49,7 @@ LEFT_OUT = ("size", "bits", *OF_CLOUDS)
 OF_FILMS = [  # options that pictures and films share
     *(option_of(GaussianOptions, name) for name in GaussianOptions.model_fields),
     *(option_of(CloudOptions, name) for name in SHARED),
-    *("steady", "size", "background"),
+    *AROUND,
 ]
 READ_WITH = ("also", "crop", "least_opacity", "largest")  # options that the scene depends on
 
@@ -108,22 +108,15 @@ class GaussianPainter:
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
         """Return a keyframe file of cameras, see `resample.view.views.Filming`."""
-        return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
+        return orbit_keyframes(cameras, settings)
 
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
         """Write a film as `animate` does, see `resample.view.views.Filming`."""
-        if unknown := [key for key in settings if key not in (*ORBITING["steered"], *OF_FILMS)]:
-            raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
-        (look, options, aim, form), shape = checked(settings), size[::-1]
-        scene = self.scene(look, options)
-        aim = scene.upright(aim)
-        with path_file(KEYFRAMES, keyframes) as file:
-            viewpoints = path_of(str(file), None, RATE, aim.start())
-        cameras = cameras_of(scene.framing, viewpoints, shape, steady=aim.steady)
-        behind = form.behind() or (0.0, 0.0, 0.0)
-        write_film(path, gaussian_film(scene, cameras, shape, behind), RATE, progress=progress)
+        check_film_settings(settings, OF_FILMS)
+        look, options, aim, form = checked(settings)
+        write_page_film(self.scene(look, options), aim, form, size[::-1], keyframes, path, progress)
 
     def scene(self, look: CloudOptions, options: GaussianOptions) -> GaussianPictures:
         """Return the scene, cached until the options change that it is read with."""
@@ -156,10 +149,10 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "title": path.name,
             "subtitle": f"{scene.count:,} Gaussians",
             "command": COMMAND,
-            "film": {"command": FILM, "options": OF_FILMS, **ORBITING},
+            "film": film_facts(OF_FILMS),
             "package": "resample_points",
             "inputs": [str(path)],
-            "settings": {"camera": "30/20/1", "up": scene.up, "steady": True, **given},
+            "settings": {"camera": "30,20,1", "up": scene.up, "steady": True, **given},
             "fills": is_free(begin),
             "measures": True,
         }

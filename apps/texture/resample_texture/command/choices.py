@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample_texture.mesh.rendering import Mesh, MeshStyle
 
-INTERPOLATION = Field(
-    description="Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
+INTERPOLATIONS = (
+    "Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
     "bilinear, nearest, gaussian."
 )
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
@@ -112,7 +112,7 @@ class WarpGeometry(Choices):
     ] = False
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} Default: the source's, the map's, or what holds the corners."),
+        Field(description=f"{SIZE} [default: the source's; the map's; or what holds the corners]"),
     ] = None
 
     def check(self) -> None:
@@ -146,10 +146,15 @@ class PictureFiltering(Choices):
         Field(description="Method: hybrid, paper, bilinear, opencv-supersample:n=8 ..."),
     ] = "hybrid"
     filter: MethodsFilter = None
-    interpolation: Annotated[str | None, INTERPOLATION] = None
+    interpolation: Annotated[
+        str | None,
+        Field(description=f"{INTERPOLATIONS} [default: the method's own; area-spline for hybrid]"),
+    ] = None
     quality: Annotated[
         float | None,
-        Field(description="Parts per target px that texels are split into, 1 to 16."),
+        Field(
+            description="Parts per target px that texels are split into, 1 to 16. [default: 1.5]"
+        ),
     ] = None
     linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
     encoding: Annotated[
@@ -213,7 +218,10 @@ class Besides(Reports):
     roi: Annotated[
         str | None,
         OptionTopic.APPEARANCE,
-        Field(description="Write only this part of the target: left,top,width,height in px."),
+        Field(
+            description="Write only this part of the target: left,top,width,height in px. "
+            "[default: all of it]"
+        ),
     ] = None
 
 
@@ -223,7 +231,7 @@ class MeshView(Choices):
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    camera: Viewed = "30/20/1"
+    camera: Viewed = "30,20,1"
     fov: FieldOfView = 30.0
     up: Up = "y"
     shading: Annotated[bool, Field(description="Light surfaces: by a light at the camera.")] = False
@@ -252,7 +260,7 @@ class MeshDrawing(Choices):
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    interpolation: Annotated[str, INTERPOLATION] = "area-spline"
+    interpolation: Annotated[str, Field(description=INTERPOLATIONS)] = "area-spline"
     filter: Annotated[str, Field(description="Pixel filter, such as gaussian:sigma=0.6.")] = "box"
 
     def style(self, shading: bool) -> "MeshStyle":
@@ -280,7 +288,10 @@ class MeshFormat(FrameFormat):
     texture: Annotated[
         Path | None,
         OptionTopic.SOURCE,
-        Field(description="Picture to use in place of the textures that the file names."),
+        Field(
+            description="Picture to use in place of the textures that the file names. [default: "
+            "none]"
+        ),
     ] = None
 
 

@@ -33,7 +33,7 @@ class NewSize(Choices):
         str | None,
         Field(
             description="Size in px: 400 for the longer side, 640x480 for width and height; or of "
-            "the picture's: 50%, 0.5 or 2x."
+            "the picture's: 50%, 0.5 or 2x. [default: that of --width and --height]"
         ),
     ] = None
     fit: Annotated[
@@ -41,14 +41,20 @@ class NewSize(Choices):
         Field(
             description="How the picture is filled: contain, as large as the size holds; cover, "
             "all of the size, and the rest is cut off; stretch; pad, contained and filled up with "
-            "transparency or --background. Default: contain for one number, stretch for two."
+            "transparency or --background. [default: contain for one number, stretch for two]"
         ),
     ] = None
     width: Annotated[
-        int | None, Field(ge=1, description="Width in px, instead of a size; the height follows.")
+        int | None,
+        Field(
+            ge=1, description="Width in px, instead of a size. [default: follows from the height]"
+        ),
     ] = None
     height: Annotated[
-        int | None, Field(ge=1, description="Height in px, instead of a size; the width follows.")
+        int | None,
+        Field(
+            ge=1, description="Height in px, instead of a size. [default: follows from the width]"
+        ),
     ] = None
 
     def check(self) -> None:
@@ -192,8 +198,9 @@ class Undistortion(Choices):
         NUMBERS,
         Hyphen,
         Field(
-            description="Pinhole camera to rectify for: fx,fy,cx,cy, 9 numbers or a file. Default: "
-            "the lens file's, or the lens's own matrix."
+            description="Pinhole camera to rectify for: fx,fy,cx,cy, 9 numbers or a file. "
+            "[default: "
+            "the lens file's, or the lens's own matrix]"
         ),
     ] = None
     rectify: Annotated[
@@ -202,7 +209,7 @@ class Undistortion(Choices):
         Hyphen,
         Field(
             description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "
-            "Default: the lens file's, or none."
+            "[default: that of the lens file, or none]"
         ),
     ] = None
     inverse: Annotated[
@@ -210,7 +217,7 @@ class Undistortion(Choices):
         Switch,
         Field(description="Invert the mapping: add the distortion instead of removing it."),
     ] = False
-    size: Annotated[str | None, Field(description=f"{SIZE} Default: the picture's.")] = None
+    size: Annotated[str | None, Field(description=f"{SIZE} [default: the picture's]")] = None
 
     def aim(self) -> "Aim":
         """Return a function from a picture's height and width to its target.
@@ -258,7 +265,11 @@ Files = Annotated[
     ),
 ]
 Output = Annotated[
-    flags.OptionalOutput, Parameter(help="As in warp. Default: the last of the files.")
+    flags.OptionalOutput,
+    Parameter(
+        help="Written to: a picture as in warp; a folder for several. [default: the last of the "
+        "files]"
+    ),
 ]
 
 WRITTEN, BESIDES = Written.usual(), Besides.usual()
@@ -277,7 +288,11 @@ def resize(
 ) -> None:
     """Resize pictures; each fills its target exactly, or keeps its aspect by --fit.
 
-    Example: resample-texture resize photo.jpg small.jpg --size 400
+    For example:
+
+        resample-texture resize sample:bricks small.png --size 100
+        resample-texture resize sample:bricks half.jpg --size 50%
+        resample-texture resize sample:test-card wide.png --size 640x360 --fit cover
     """
     from resample_texture.command.jobs import warp_all
 
@@ -299,7 +314,11 @@ def scale(
 ) -> None:
     """Scale pictures by an exact factor; their sizes are rounded to whole px.
 
-    Example: resample-texture scale map.tif half.tif --factor 0.5
+    For example:
+
+        resample-texture scale sample:bricks half.png --factor 0.5
+        resample-texture scale sample:bricks narrow.png --factor 0.5,1
+        resample-texture scale sample:test-card large.png --factor 2 --filter lanczos
     """
     from resample_texture.command.jobs import warp_all
 
@@ -320,7 +339,11 @@ def rotate(
 ) -> None:
     """Rotate pictures about their center; multiples of 90 degrees copy pixels.
 
-    Example: resample-texture rotate photo.png straight.png --degrees -1.5 --keep-size
+    For example:
+
+        resample-texture rotate sample:bricks turned.png --degrees 30
+        resample-texture rotate sample:bricks upright.png --degrees 90
+        resample-texture rotate sample:bricks level.png --degrees -1.5 --keep-size
     """
     from resample_texture.command.jobs import warp_all
 
@@ -338,9 +361,16 @@ def undistort(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     besides: Annotated[Besides, flags.Flat] = BESIDES,
 ) -> None:
-    """Remove a lens's distortion from pictures and rectify them, or add it.
+    r"""Remove a lens's distortion from pictures and rectify them, or add it.
 
-    Example: resample-texture undistort "shots/*.jpg" straight/ --lens gopro.yml --fisheye
+    For example:
+
+        resample-texture undistort sample:bricks a.png \
+            --lens 400,400,256,256,-0.2,0,0,0
+        resample-texture undistort sample:bricks b.png --inverse \
+            --lens 400,400,256,256,-0.2,0,0,0
+        resample-texture undistort sample:bricks c.png --fisheye \
+            --lens 300,300,256,256,0,0,0,0
     """
     from resample_texture.command.jobs import warp_all
 

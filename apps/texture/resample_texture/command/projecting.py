@@ -1,6 +1,5 @@
 """The command that shows pictures of one projection in another."""
 
-import re
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -10,6 +9,7 @@ from pydantic import Field
 from resample.command import flags
 from resample.command.flags import SIZE, Hyphen, OptionTopic
 from resample.command.settings import Choices, Written, height_and_width
+from resample.words import parts_of
 from resample_texture.command.choices import Besides, PictureFiltering, PictureWarping, Reports
 from resample_texture.command.everyday import Files, Output, separated
 
@@ -29,20 +29,22 @@ class BetweenProjections(Choices):
         Field(
             description="What is given: the picture's projection, equirectangular, "
             "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, "
-            "perspective:fov=90."
+            "perspective:fov=90. [default: none; must be given]"
         ),
     ] = None
     after: Annotated[
         str | None,
         Parameter(name="--to"),
-        Field(description="Projection of the target, as for --from."),
+        Field(
+            description="Projection of the target, as for --from. [default: none; must be given]"
+        ),
     ] = None
-    size: Annotated[str | None, Field(description=SIZE)] = None
+    size: Annotated[str | None, Field(description=f"{SIZE} [default: none; must be given]")] = None
     turn: Annotated[
         str,
         Hyphen,
-        Field(description="Turn the view right, up and clockwise by degrees: 30/10 or 30/10/5."),
-    ] = "0/0/0"
+        Field(description="Turn the view right, up and clockwise by degrees: 30,10 or 30,10,5."),
+    ] = "0,0,0"
 
     def check(self) -> None:
         """Refuse unknown projections, and a size or angles that are none."""
@@ -78,10 +80,10 @@ class BetweenProjections(Choices):
         from resample_texture.geometry.projections import rotation
 
         try:
-            right, up, clockwise = (*map(float, re.split("[/,]", self.turn)), 0.0)[:3]
+            right, up, clockwise = (*map(float, parts_of(self.turn)), 0.0)[:3]
             rotation((right, up, clockwise))
         except ValueError:
-            complaint = f"turn {self.turn!r}; give degrees right/up or right/up/clockwise, 30/10/0"
+            complaint = f"turn {self.turn!r}; give degrees right,up or right,up,clockwise, 30,10,0"
             raise ValueError(complaint) from None
         return right, up, clockwise
 
@@ -113,10 +115,16 @@ def project(
     written: Annotated[Written, flags.Flat] = WRITTEN,
     reports: Annotated[Reports, flags.Flat] = REPORTS,
 ) -> None:
-    """Show pictures of one projection in another, without seams: panoramas, cube maps, fisheyes.
+    r"""Show pictures of one projection in another, without seams: panoramas, cube maps, fisheyes.
 
-    Example: resample-texture project pano.jpg view.png --from equirectangular --to
-    perspective:fov=70 --size 640x480 --turn 30/10
+    For example:
+
+        resample-texture project sample:bricks a.png --size 400 \
+            --from perspective:fov=90 --to fisheye:fov=90
+        resample-texture project sample:bricks b.png --size 640x480 --turn 30,10 \
+            --from fisheye:fov=180 --to perspective:fov=70
+        resample-texture project sample:bricks c.png --size 400x200 \
+            --from stereographic --to equirectangular
     """
     from resample_texture.command.jobs import warp_all
 

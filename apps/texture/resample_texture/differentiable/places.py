@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.cameras.models import AnyConvention
 from resample.types import Doubles
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap, oriented, pixel_centers
@@ -44,7 +45,7 @@ class MatrixPlaces:
     matrix: ArrayLike
     shape: tuple[int, int]
     source_shape: tuple[int, int]
-    convention: str = "corner"
+    convention: AnyConvention = "corner"
     inverse: bool = False
     _back: Doubles = field(init=False, repr=False)  # (3, 3) target to source, oriented
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample import registry
 from resample.memory.mapped import contiguous
 from resample.types import Doubles
+from resample.words import check_threads
 from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.differentiable.interpolation import (
     coefficients,
@@ -29,7 +30,7 @@ from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLEC
 from resample_texture.differentiable.kernels.points import InterpolatedSource
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
 from resample_texture.texels.forward import EDGES
-from resample_texture.types import Edge
+from resample_texture.types import AnyEdge, Edge
 
 Integers = NDArray[np.int64]
 Places = MatrixPlaces | MapPlaces
@@ -67,7 +68,7 @@ class LinearWarp:
     """
 
     interpolation: Any = "area-spline:limit=none"
-    edge: str = "transparent"
+    edge: AnyEdge = "transparent"
     quality: float = 1.0
     threads: int | None = None
 
@@ -76,6 +77,7 @@ class LinearWarp:
             built = registry.build("interpolations", self.interpolation)
             object.__setattr__(self, "interpolation", built)
         pieces(self.interpolation)
+        check_threads(self.threads)
         object.__setattr__(self, "edge", edge_named(self.edge))
         if not 1.0 <= self.quality <= LARGEST_QUALITY:
             raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not {self.quality}")

@@ -1,7 +1,7 @@
 """Copy texels unchanged: shifts, quarter turns, flips; and what lies beyond a source's edges."""
 
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ class Edge(StrEnum):
     CLAMP = "clamp"  # the outermost texels, repeated
     WRAP = "wrap"  # the source again: a b c | a b c
     MIRROR = "mirror"  # the source's mirror image: a b c | c b a
+
+
+AnyEdge = Edge | Literal["transparent", "clamp", "wrap", "mirror", "reflect-101"]
 
 
 class Picks(NamedTuple):

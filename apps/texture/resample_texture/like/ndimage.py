@@ -4,7 +4,7 @@
 """
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -18,6 +18,9 @@ from resample_texture.like.common import color_behind, draw, method_of_order
 from resample_texture.texels.spans import rounded
 from resample_texture.types import Edge, Method
 
+Mode = Literal[
+    "constant", "grid-constant", "nearest", "reflect", "grid-mirror", "mirror", "grid-wrap"
+]
 MODES = {
     "constant": Edge.TRANSPARENT,
     "grid-constant": Edge.TRANSPARENT,
@@ -37,7 +40,7 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     output_shape: tuple[int, int] | None = None,
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: complex = 0.0,
     prefilter: bool = True,
     *,
@@ -68,7 +71,7 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
     coordinates: ArrayLike,
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: complex = 0.0,
     prefilter: bool = True,
     *,
@@ -101,7 +104,7 @@ def zoom(  # noqa: PLR0913 - as scipy.ndimage has it
     zoom: float | tuple[float, float],
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: complex = 0.0,
     prefilter: bool = True,
     *,
@@ -137,7 +140,7 @@ def shift(  # noqa: PLR0913 - as scipy.ndimage has it
     shift: float | tuple[float, float],
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: complex = 0.0,
     prefilter: bool = True,
     *,
@@ -159,7 +162,7 @@ def rotate(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     reshape: bool = True,
     output: NDArray[Any] | DTypeLike | None = None,
     order: int = 3,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: complex = 0.0,
     prefilter: bool = True,
     *,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from resample_texture.geometry.matrices import homography, resizing
 from resample_texture.like.common import color_behind, draw, method_of_order
 from resample_texture.types import Edge, Method
 
+Mode = Literal["constant", "edge", "symmetric", "reflect", "wrap"]
 MODES = {
     "constant": Edge.TRANSPARENT,
     "edge": Edge.CLAMP,
@@ -38,7 +39,7 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     map_args: dict[str, Any] | None = None,
     output_shape: tuple[int, int] | None = None,
     order: int | None = None,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: float = 0.0,
     clip: bool = True,
     preserve_range: bool = False,
@@ -93,7 +94,7 @@ def resize(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     image: NDArray[Any],
     output_shape: Sequence[int],
     order: int | None = None,
-    mode: str = "reflect",
+    mode: Mode = "reflect",
     cval: float = 0.0,
     clip: bool = True,
     preserve_range: bool = False,
@@ -143,7 +144,7 @@ def rescale(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     image: NDArray[Any],
     scale: float | Sequence[float],
     order: int | None = None,
-    mode: str = "reflect",
+    mode: Mode = "reflect",
     cval: float = 0.0,
     clip: bool = True,
     preserve_range: bool = False,
@@ -182,7 +183,7 @@ def rotate(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     resize: bool = False,
     center: Sequence[float] | None = None,
     order: int | None = None,
-    mode: str = "constant",
+    mode: Mode = "constant",
     cval: float = 0.0,
     clip: bool = True,
     preserve_range: bool = False,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
+from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
 from resample.lazy import old_members
@@ -225,7 +226,7 @@ def fitted_camera(
     elevation: float = 20.0,
     zoom: float = 1.0,
     fov: float = 30.0,
-    up: str = "y",
+    up: UpAxis = "y",
     size: tuple[int, int] = (512, 512),
 ) -> AnyCamera:
     """Return a camera on a sphere around a mesh.

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 
@@ -76,11 +76,11 @@ class Hybrid:
     filter: Any = "area"
     interpolation: Any = "area-spline"
     quality: float = 1.5
-    magnified: str = "cells"
+    magnified: Literal["cells", "splats"] = "cells"
     total: bool = False
     clamp: bool = False
     error: float | None = None
-    average: str = "always"
+    average: Literal["always", "shrinking"] = "always"
 
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
@@ -107,7 +107,7 @@ class Hybrid:
         return TILE if self._takes_areas and self.magnified == "cells" and not self.total else 1
 
     def visible_tiles(
-        self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+        self, source_shape: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> "VisibleTiles | None":
         """What parts of a target (height, width) see of a source (height, width).
 
@@ -117,7 +117,7 @@ class Hybrid:
             return None
         from resample_texture.texels.gather import visible_tiles
 
-        return visible_tiles(size, geometry, shape, edge, self.cells)
+        return visible_tiles(source_shape, geometry, shape, edge, self.cells)
 
     def mixed_tiles(
         self, form: tuple[int, int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -153,7 +153,7 @@ class Hybrid:
         return _clamped(warped, source) if self.clamp else warped
 
     def planned(
-        self, size: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+        self, source_shape: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Method:
         """Method for sources (height, width) that go there alone; what it can it works out now.
 
@@ -166,7 +166,7 @@ class Hybrid:
             return self
         from resample_texture.texels.gather import planned
 
-        return _Planned(self, planned(size, geometry, shape, edge, self.cells))
+        return _Planned(self, planned(source_shape, geometry, shape, edge, self.cells))
 
     def _gathering(
         self,

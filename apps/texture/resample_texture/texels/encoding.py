@@ -7,7 +7,7 @@ may be sRGB-encoded pictures, uint16 only where that is said; all other types ar
 
 from enum import StrEnum
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,9 @@ class Alpha(StrEnum):
     NONE = "none"  # no opacity
 
 
+AnyAlpha = Alpha | Literal["straight", "premultiplied", "none"]
+
+
 class Encoding(NamedTuple):
     """How to convert texels back to a picture."""
 
@@ -55,7 +58,7 @@ def decoded(
     image: NDArray[Any],
     *,
     linear_light: bool | None = None,
-    alpha: str | None = None,
+    alpha: AnyAlpha | None = None,
     is_sum: bool = False,
     gaps: int = 0,
 ) -> tuple[Floats, Encoding]:
@@ -97,7 +100,7 @@ def decoded(
     return contiguous(texels, np.float32), encoding
 
 
-def has_straight_alpha(planes: NDArray[Any], alpha: str | None) -> bool:
+def has_straight_alpha(planes: NDArray[Any], alpha: AnyAlpha | None) -> bool:
     """Whether the fourth channel of planes (H, W, C) is straight opacity."""
     if alpha is None:
         alpha = Alpha.STRAIGHT if planes.dtype.name in LEVELS else Alpha.PREMULTIPLIED

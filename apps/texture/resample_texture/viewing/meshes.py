@@ -111,7 +111,7 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "package": "resample_texture",
             "function": "mesh_picture",
             "inputs": [str(path)],
-            "settings": {"camera": "30/20/1", **settings_of(begin)},
+            "settings": {"camera": "30,20,1", **settings_of(begin)},
             "fills": is_free(begin),
             "measures": True,
         }
@@ -127,7 +127,7 @@ def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
     path
         File of the mesh.
     settings
-        Options by name, as in settings files: `{"camera": "120/20/1.2"}`.
+        Options by name, as in settings files: `{"camera": "120,20,1.2"}`.
 
     Returns
     -------

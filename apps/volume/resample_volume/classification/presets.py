@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from resample.words import choices_in, parts_of
 from resample_volume.classification import TISSUES
 from resample_volume.classification.automatic import automatic, ramp, tomographic
 from resample_volume.classification.materials import Materials, spread
@@ -99,8 +100,9 @@ PRESETS: dict[str, Callable[[], Transfer]] = {
 NUMBER = r"[-+]?[0-9]*\.?[0-9]+(?:e[-+]?[0-9]+)?"
 RANGE = re.compile(rf"({NUMBER})?\.\.({NUMBER})?", re.IGNORECASE)  # of values: 300..900, 500..
 JOINT = re.compile(r"(?<![0-9][eE])\+(?!1024\b)")  # between materials, not in 1e+5 or hu+1024
-POINT = rf"{NUMBER}/[^/,:+]+/{NUMBER}"  # value, color as displayed, opacity
-POINTS = re.compile(rf"{POINT}(?:,{POINT})*", re.IGNORECASE)
+# Points of value, color as displayed, and opacity: 40,red,0 90,white,0.5 or 40/red/0,90/white/0.5.
+POINT, SLASHED = (rf"{NUMBER}{by}[^/,:+\s]+{by}{NUMBER}" for by in ",/")
+POINTS = re.compile(rf"{POINT}(?:\s+{POINT})*|{SLASHED}(?:,{SLASHED})*", re.IGNORECASE)
 SOFT = 0.1  # of a range of values, over which its opacity rises and falls
 
 Window = tuple[float, float]  # least and greatest value
@@ -208,11 +210,11 @@ def load_transfer(name: str | Path) -> Transfer:
     name
         One of `PRESETS`; one of `TISSUES`, which are in Hounsfield units; a range of data
         values such as `300..900`, soft at its borders; points of value, color and opacity such as
-        `40/tomato/0,120/#ffcc00/0.4`, linear between them; a matplotlib colormap, over the range of
+        `40,tomato,0 120,#ffcc00,0.4`, linear between them; a matplotlib colormap, over the range of
         the data and with an opacity that rises from 0 to 1; or a file ending in .json or .toml.
         After all but a file `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes
         transparent what is below a value (for functions of fractions 0..1 of the data's range);
-        `color=tomato` takes one color, and `gradient=0.1/0.5` fades homogeneous regions, as in
+        `color=tomato` takes one color, and `gradient=0.1,0.5` fades homogeneous regions, as in
         `classify`. Several materials are joined by +: `skin:opacity=0.1+bone`.
 
     Raises
@@ -227,7 +229,7 @@ def load_transfer(name: str | Path) -> Transfer:
     >>> from resample_volume import load_transfer
     >>> load_transfer("300..900:opacity=0.2").value.tolist()
     [300.0, 360.0, 840.0, 900.0]
-    >>> load_transfer("40/tomato/0,120/#ffcc00/0.4").opacity.tolist()
+    >>> load_transfer("40,tomato,0 120,#ffcc00,0.4").opacity.tolist()
     [0.0, 0.4]
     """
     return Names().transfer(str(name))
@@ -260,6 +262,8 @@ def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFun
     if low is None and high is None:
         raise ValueError(f"{name!r} has no ends; give a range of values such as 300..900 or 300..")
     if low is not None and high is not None and not low < high:
+        if low == high:
+            raise ValueError(f"{name} is empty; give two values, such as {low:g}..{low + 1:g}")
         raise ValueError(f"{name} does not ascend; give {greatest}..{least}")
     width = SOFT * (high - low) if low is not None and high is not None else 0.0
     points = [] if low is None else [(low, SAND, 0.0), (low + width, SAND, 1.0)]
@@ -273,8 +277,8 @@ def _of_points(name: str) -> TransferFunction:
     from resample_volume.classification.files import displayed_color
 
     points = []
-    for part in name.split(","):
-        value, color, opacity = part.split("/")
+    for part in name.split("," if "/" in name else None):
+        value, color, opacity = parts_of(part)
         try:
             points.append((float(value), displayed_color(color), float(opacity)))
         except ValueError as error:
@@ -289,7 +293,7 @@ def _colormap(name: str) -> TransferFunction:
         raise ValueError(
             f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; in Hounsfield units "
             f"{', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values such as "
-            "300..900, points such as 40/red/0,90/white/0.5, or a .json or .toml file will also do"
+            "300..900, points such as '40,red,0 90,white,0.5', or a .json or .toml file will do"
         )
     return colormap(name)
 
@@ -312,8 +316,7 @@ def _adjusted(transfer: Transfer, name: str, text: str) -> Transfer:
     """Apply parameters such as `opacity=0.2,low=0.3`."""
     changes: dict[str, str] = {}
     try:
-        for part in filter(None, text.split(",")):
-            key, _, given = part.partition("=")
+        for key, given in choices_in(text):
             if key not in ADJUSTMENTS:
                 raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
             changes[key] = given
@@ -359,9 +362,9 @@ def _colored(transfer: Transfer, given: str) -> Transfer:
 
 
 def _faded(transfer: Transfer, given: str) -> Transfer:
-    ends = [_number("gradient", part) for part in given.split("/")]
+    ends = [_number("gradient", part) for part in parts_of(given)]
     if len(ends) != 2:
-        raise ValueError(f"gradient must be two fractions such as 0.1/0.5 (got {given!r})")
+        raise ValueError(f"gradient must be two fractions such as 0.1,0.5 (got {given!r})")
     return Faded(transfer, (ends[0], ends[1]))
 
 

@@ -23,6 +23,7 @@ from resample.command.flags import (
 )
 from resample.command.settings import Choices, Iso, Resampling, Shown
 from resample.console import Color
+from resample.words import parts_of
 from resample_volume.classification import PRESETS, TISSUES
 
 if TYPE_CHECKING:
@@ -47,46 +48,59 @@ class ReadOptions(Choices):
 
     reader: Annotated[
         str | None,
-        Field(description="Name of the reader, such as raw:offset=512. Default: by suffix."),
+        Field(
+            description="Name of the reader, such as raw:offset=512. [default: the one for the "
+            "file's suffix]"
+        ),
     ] = None
     shape: Annotated[
         str | None,
         Field(
-            description="Size of a raw file's grid along x, y, z, and number of times: 256x256x128."
+            description="Size of a raw file's grid along x, y, z, and number of times: "
+            "256x256x128. [default: from the header or the file's name]"
         ),
     ] = None
     dtype: Annotated[
-        str | None, Field(description="Data type of a raw file: uint8, int16, >i2 (big-endian) ...")
+        str | None,
+        Field(
+            description="Data type of a raw file: uint8, int16, >i2 (big-endian) ... "
+            "[default: from the header or the file's name]"
+        ),
     ] = None
     endian: Annotated[
         Literal["little", "big"] | None,
-        Field(description="Byte order of a raw file. Default: little."),
+        Field(description="Byte order of a raw file. [default: little]"),
     ] = None
     spacing: Annotated[
         str | None,
         Hyphen,
-        Field(description="Distances between voxels: 1x1x1.4. Default: as the file says."),
+        Field(
+            description="Distances between voxels: 1,1,1.4. [default: those in the file, "
+            "otherwise 1,1,1]"
+        ),
     ] = None
     memory: Annotated[
         str | None,
         OptionTopic.RESOURCE,
         Field(
-            description=f"{MEMORY}; the voxels of a chunked volume (OME-Zarr, zarr) may take that, "
-            "or half of the free memory."
+            description=f"{MEMORY}. [default: all free memory; half of it for the voxels of a "
+            "chunked "
+            "volume (OME-Zarr, zarr)]"
         ),
     ] = None
     level: Annotated[
         int | None,
         Field(
             ge=0,
-            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, see info.",
+            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, see info. "
+            "[default: 0]",
         ),
     ] = None
     units: Annotated[
         Literal["hu", "hu+1024", "none"] | None,
         Field(
             description="Units of the values: Hounsfield units, these plus 1024, or others. "
-            "Default: as the file says, or guessed from the values."
+            "[default: those in the file, or guessed from the values]"
         ),
     ] = None
 
@@ -101,13 +115,16 @@ class ReadOptions(Choices):
     time: Annotated[
         int | None,
         Hyphen,
-        Field(description="Index of the time, from 0; -1 is the last."),
+        Field(
+            description="Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
+        ),
     ] = None
     channel: Annotated[
         int | None,
         Hyphen,
         Field(
-            description="Index of the channel, from 0. Default: the file's colors, if it has them."
+            description="Index of the channel, from 0. [default: all, if these are colors; "
+            "otherwise 0]"
         ),
     ] = None
 
@@ -124,7 +141,7 @@ class Added(Choices):
         Several,
         Field(
             description="Another file in the scene, placed by its coordinates: pet.nrrd, or "
-            "pet.nrrd:window=5/10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
+            "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
             "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
             "up."
         ),
@@ -152,10 +169,10 @@ class AppearanceChoices(Choices):
         Field(
             description="Transfer function: auto, which adapts to the values; "
             f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
-            "of values such as 300..900; control points value/color/opacity such as "
-            "40/red/0,90/white/0.5; or a .json or .toml file of control points over values, or "
+            "of values such as 300..900; control points value,color,opacity such as "
+            "'40,red,0 90,white,0.5'; or a .json or .toml file of control points over values, or "
             "of regions over values and gradients. After a name, :opacity=0.2,low=0.3 makes it "
-            "thinner, color=tomato colors it, gradient=0.1/0.5 keeps only its surfaces. Several "
+            "thinner, color=tomato colors it, gradient=0.1,0.5 keeps only its surfaces. Several "
             "materials: skin:opacity=0.1+bone."
         ),
     ] = "auto"
@@ -164,8 +181,8 @@ class AppearanceChoices(Choices):
         Hyphen,
         Field(
             description="Window of values that auto, gray, bone, vessels, surfaces and colormaps "
-            "span, as center/width or low..high: 40/400, -160..240; for X-rays, of line "
-            "integrals. Default: the range without padding and outliers."
+            "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
+            "integrals. [default: all values but padding and outliers]"
         ),
     ] = None
     opacity_unit: Annotated[
@@ -173,10 +190,10 @@ class AppearanceChoices(Choices):
         Field(
             gt=0,
             allow_inf_nan=False,
-            description="Length in scene units to which opacities refer. Default: a voxel's size.",
+            description="Length in scene units to which opacities refer. [default: a voxel's size]",
         ),
     ] = None
-    camera: Viewed = "30/20/1"
+    camera: Viewed = "30,20,1"
     fov: FieldOfView = 30.0
     up: Up = "z"
     fit: Annotated[
@@ -191,7 +208,7 @@ class AppearanceChoices(Choices):
         str,
         Hyphen,
         Lit,
-        Field(description="Where light comes from: eye, or a scene direction such as 1/-1/2."),
+        Field(description="Where light comes from: eye, or a scene direction such as 1,-1,2."),
     ] = "eye"
     ambient: Annotated[
         float, Lit, Field(ge=0, allow_inf_nan=False, description="Ambient light.")
@@ -225,7 +242,7 @@ class AppearanceChoices(Choices):
         str | None,
         Field(
             description="Fade homogeneous regions: opacity rises between these fractions of the "
-            "steepest gradient, such as 0.1/0.5."
+            "steepest gradient, such as 0.1,0.5."
         ),
     ] = None
 
@@ -257,15 +274,15 @@ class AppearanceChoices(Choices):
         Several,
         Field(
             description="Clip by a plane through the center, keep the side the normal points to: "
-            "1/0/-1, or 1/0/-1/20 shifted by 20 scene units."
+            "1,0,-1, or 1,0,-1,20 shifted by 20 scene units."
         ),
     ] = ()
     slab: Annotated[
         str | None,
         Hyphen,
         Field(
-            description="Show only a slab: offset/thickness such as 20/10, in scene units along "
-            "the view, offset from the volume's center; or 20/10/0/0/1, along a scene direction."
+            description="Show only a slab: offset,thickness such as 20,10, in scene units along "
+            "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction."
         ),
     ] = None
     mu_water: Annotated[
@@ -273,8 +290,8 @@ class AppearanceChoices(Choices):
         Field(
             gt=0,
             allow_inf_nan=False,
-            description="Attenuation of water in an X-ray, per scene unit (mm). Default: 0.02, "
-            "near 70 keV.",
+            description="Attenuation of water in an X-ray, per scene unit (mm). [default: 0.02, "
+            "as near 70 keV]",
         ),
     ] = None
     invert: Annotated[
@@ -284,7 +301,7 @@ class AppearanceChoices(Choices):
     ] = False
     depth_cue: Annotated[
         float | None,
-        Field(ge=0, le=1, description="Fraction of the light lost at the far end."),
+        Field(ge=0, le=1, description="Fraction of the light lost at the far end. [default: 0]"),
     ] = None
 
     def of_voxels(self) -> "AppearanceChoices":
@@ -404,7 +421,7 @@ class AppearanceChoices(Choices):
             center, width = _numbers("window", self.window, 2)
             low, high = center - width / 2, center + width / 2
         if not -math.inf < low < high < math.inf:
-            raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40/400")
+            raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40,400")
         if (by := scale_named(scale)) is None:
             return low, high
         return by.place(low, "the window's end"), by.place(high, "the window's end")
@@ -460,8 +477,8 @@ class Beside(Choices):
         tuple[str, ...],
         Several,
         Field(
-            description="Plane that shows unshaded values: z=40 (voxels), x=50%, or 1/0/-1/20 as "
-            "for --clip; after a colon window=40/400 (or -160..240), colors=gray (or a "
+            description="Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
+            "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
             "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip."
         ),
     ] = ()
@@ -587,9 +604,10 @@ class Projecting(Choices):
         return self.resampling().model_copy(update={"order": order})
 
 
-def _numbers(name: str, text: str, count: int, joint: str = "/") -> list[float]:
+def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[float]:
     try:
-        numbers = [float(part) for part in text.split(joint)]
+        parts = parts_of(text) if joint == "," else text.split(joint)
+        numbers = [float(part) for part in parts]
     except ValueError:
         numbers = []
     if len(numbers) != count:

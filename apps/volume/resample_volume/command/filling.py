@@ -20,7 +20,7 @@ def filled(
     """Fit the camera to everything visible, and print it."""
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
-            "zoom-in needs a camera that orbits the volume, such as 30/20/1; leave it out for a "
+            "zoom-in needs a camera that orbits the volume, such as 30,20,1; leave it out for a "
             "camera at a fixed position"
         )
     volume, look = medium

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from resample.console import say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
+from resample.words import choices_in
 from resample_volume.classification.presets import PRESETS
 from resample_volume.classification.scales import scaled
 from resample_volume.classification.surveys import findings
@@ -44,7 +45,7 @@ class Other(NamedTuple):
 
 
 def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Other]:
-    """Parse further volumes such as `pet.nrrd:window=5/10,transfer=hot:opacity=0.3`.
+    """Parse further volumes such as `pet.nrrd:window=5,10,transfer=hot:opacity=0.3`.
 
     Chunked volumes get the memory limit of `source`.
     """
@@ -200,18 +201,14 @@ def _is_color(word: str) -> bool:
 
 def _other(text: str) -> Other:
     name, *rest = START.split(text, maxsplit=1)
-    given: dict[str, str] = {}
-    left = rest[0] if rest else ""
-    while left:
-        key, _, left = left.partition("=")
-        value, _, left = (left, "", "") if key == "transfer" else left.partition(",")
-        if key not in KEYS or not value or key in given:
-            raise ValueError(
-                f"also {text!r}; give a file, and after a colon its settings, separated by "
-                "commas, the transfer last: pet.nrrd:window=5/10,transfer=hot "
-                f"({', '.join(KEYS)})"
-            )
-        given[key] = value
+    choices, by, transfer = (rest[0] if rest else "").partition("transfer=")
+    parts = [*choices_in(choices), *([("transfer", transfer)] if by else [])]
+    given = dict(parts)
+    if not all(given.values()) or not given.keys() <= set(KEYS) or len(given) < len(parts):
+        raise ValueError(
+            f"also {text!r}; give a file, and after a colon its settings, separated by commas, the "
+            f"transfer last: pet.nrrd:window=5,10,transfer=hot ({', '.join(KEYS)})"
+        )
     if not name:
         raise ValueError(f"also {text!r} names no file; give one, as in pet.nrrd:transfer=hot")
     of_look: dict[str, str] = {}

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from resample.lazy import old_members
 from resample.memory import available_memory
@@ -11,6 +11,7 @@ from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
+from resample.words import check_kind, shortly
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
@@ -30,7 +31,8 @@ if TYPE_CHECKING:
 # Each keeps its own tables.
 OF_VOXELS, ALONG_RAYS = Resampler(), Resampler(order=Rays())
 BY_DEFAULT = Resampler(order=Rays(quality="usual"))
-GRADIENT = "central"  # if none is asked for
+Gradient = Literal["central", "sobel"]
+GRADIENT: Gradient = "central"  # if none is asked for
 SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 
@@ -60,7 +62,7 @@ class Appearance:
 
     transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes
     light: Light | None = field(default_factory=Light)  # None: colors as they are
-    gradient: str = GRADIENT  # or sobel
+    gradient: Gradient = GRADIENT  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
     classification: Classification = Classification.AUTO
     labels: "Labels | None" = None
@@ -76,6 +78,13 @@ class Appearance:
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
+        if not isinstance(self.transfer, str) and not hasattr(self.transfer, "needs_gradient"):
+            raise TypeError(
+                f"transfer {shortly(self.transfer)}; give a name, such as bone, a range of values, "
+                "such as 300..900, or a TransferFunction"
+            )
+        if self.light is not None:
+            check_kind("light", self.light, Light, "a Light, or None for colors as they are")
         object.__setattr__(self, "classification", Classification(self.classification))
         object.__setattr__(self, "planes", _planes_of(self.planes))
         object.__setattr__(self, "surfaces", _surfaces_of(self.surfaces))

@@ -100,7 +100,7 @@ def check_windows(media: Sequence[VolumeLayer]) -> None:
         if look.section is not None and look.section.normal is None:
             raise ValueError(
                 f"the slab {look.slab} is perpendicular to the view, which cannot be painted "
-                "window by window; give its direction in the scene, as in 20/10/0/0/1"
+                "window by window; give its direction in the scene, as in 20,10,0,0,1"
             )
         if not is_streamed(volume):
             raise ValueError(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from resample.types import Doubles
+from resample.words import parts_of
 from resample_volume.classification.presets import colormap
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.surveys import survey
@@ -19,10 +20,10 @@ AXES = "xyz"
 KEYS = ("window", "colors", "opacity")
 FORM = (
     "give a voxel's index along an axis (z=40) or a percentage of its extent (x=50%), or a "
-    "normal and an offset from the center along it, as for clip (1/0/-1/20); and after a colon "
-    "window, colors and opacity, as in z=40:window=40/400,colors=gray,opacity=0.5"
+    "normal and an offset from the center along it, as for clip (1,0,-1,20); and after a colon "
+    "window, colors and opacity, as in z=40:window=40,400,colors=gray,opacity=0.5"
 )
-WINDOW = "give a center and a width, 40/400, or both end values, -160..240"
+WINDOW = "give a center and a width, 40,400, or both end values, -160..240"
 GRAY = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 UNIT = Volume(np.zeros((1, 1, 1)), np.ones(3), np.zeros(3), np.eye(3), "")
 Where = str | tuple[float, float, float, float]
@@ -35,7 +36,7 @@ class ImagePlane:
     Examples
     --------
     >>> from resample_volume import ImagePlane
-    >>> ImagePlane.of("z=40:window=40/400,opacity=0.5")
+    >>> ImagePlane.of("z=40:window=40,400,opacity=0.5")
     ImagePlane(where='z=40', window=(-160.0, 240.0), colors='gray', opacity=0.5)
     """
 
@@ -73,7 +74,7 @@ class ImagePlane:
 
     @classmethod
     def of(cls, text: str) -> "ImagePlane":
-        """Parse `z=40`, `x=50%:window=40/400,colors=viridis,opacity=0.5`, `1/0/-1/20`...
+        """Parse `z=40`, `x=50%:window=40,400,colors=viridis,opacity=0.5`, `1,0,-1,20`...
 
         Raises
         ------
@@ -122,7 +123,7 @@ def _window(text: str) -> tuple[float, float]:
     """Parse a window to its end values."""
     by_ends = ".." in text
     try:
-        one, two = (float(part) for part in text.split(".." if by_ends else "/"))
+        one, two = (float(part) for part in (text.split("..") if by_ends else parts_of(text)))
     except ValueError:
         raise ValueError(f"window {text!r} of a plane; {WINDOW}") from None
     return (one, two) if by_ends else (one - two / 2, one + two / 2)

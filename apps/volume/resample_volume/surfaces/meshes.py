@@ -15,6 +15,7 @@ from resample.painting.scenes.scene import check_places
 from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.native import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
+from resample.words import choices_in
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 GRAY = 0.6  # linear, of a mesh without colors
@@ -183,7 +184,7 @@ def choices_of(
     kind: str, text: str, tail: str, known: Collection[str], form: str
 ) -> dict[str, str]:
     """Parse choices `a=b,c=d` by name."""
-    choices = dict(part.partition("=")[::2] for part in tail.split(",") if part)
+    choices = dict(choices_in(tail))
     unknown = [key for key in choices if key not in known]
     if unknown:
         raise ValueError(f"{kind} {text!r}: unknown {', '.join(unknown)}; {form}")

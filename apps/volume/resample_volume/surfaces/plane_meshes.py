@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
+from resample.words import parts_of
 from resample_volume.classification.scales import scale_named
 from resample_volume.data.memory import require_memory
 from resample_volume.surfaces.image_planes import ImagePlane, outline
@@ -26,7 +27,7 @@ FARTHEST = 0.5  # voxels that a vertex moves per step, at most
 TURNS = 3  # Newton steps, with the initial slopes
 FORM = (
     "give its center (0 is the volume's center) and thickness in scene units along the view, or "
-    "along a scene direction: 20/10 or 20/10/0/0/1"
+    "along a scene direction: 20,10 or 20,10,0,0,1"
 )
 
 
@@ -211,9 +212,9 @@ class Section(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> "Section":
-        """Parse `center/thickness` or `center/thickness/nx/ny/nz`."""
+        """Parse `center,thickness` or `center,thickness,nx,ny,nz`."""
         try:
-            numbers = [float(part) for part in text.split("/")]
+            numbers = [float(part) for part in parts_of(text)]
         except ValueError:
             numbers = []
         if len(numbers) not in (2, 5) or not np.isfinite(numbers).all():
@@ -224,7 +225,7 @@ class Section(NamedTuple):
         if not normal:
             return cls(center, thickness)
         if not any(normal):
-            raise ValueError(f"slab {text!r}: the normal must not be 0/0/0; {FORM}")
+            raise ValueError(f"slab {text!r}: the normal must not be 0,0,0; {FORM}")
         x, y, z = normal
         return cls(center, thickness, (x, y, z))
 
@@ -234,9 +235,9 @@ class Section(NamedTuple):
         if self.normal is None:
             return ()
         near, far = self.center - self.thickness / 2, self.center + self.thickness / 2
-        toward = "/".join(map(repr, self.normal))
-        back = "/".join(repr(-part) for part in self.normal)
-        return f"{toward}/{near!r}", f"{back}/{-far!r}"
+        toward = ",".join(map(repr, self.normal))
+        back = ",".join(repr(-part) for part in self.normal)
+        return f"{toward},{near!r}", f"{back},{-far!r}"
 
     def planes(self, forward: Doubles) -> Doubles:
         """Return both planes (2, 4) around the scene's origin, as `cropping.planes` does.

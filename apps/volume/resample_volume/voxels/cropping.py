@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
+from resample.words import parts_of
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import along
 from resample_volume.voxels.visible import Voxels, lattice_of
@@ -21,7 +22,7 @@ STEEPER = 1e-3  # of the steepest gradient: above the threshold for homogeneous 
 
 PER_VOXEL = {"position", "color", "extinction", "value", "gradient", "reached"}
 CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
-CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1/0/-1 or 1/0/-1/20"
+CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1,0,-1 or 1,0,-1,20"
 
 
 def planes(
@@ -210,14 +211,14 @@ def _side(axis: Doubles, least: float, origin: Doubles) -> Doubles:
 def _plane(volume: Volume, text: str, name: str) -> Doubles:
     """Parse a plane through the volume's center, or shifted from it."""
     try:
-        numbers = [float(part) for part in text.split("/")]
+        numbers = [float(part) for part in parts_of(text)]
     except ValueError:
         numbers = []
     if len(numbers) not in (3, 4) or not np.isfinite(numbers).all():
         raise ValueError(f"{name} {text!r}; {CLIP_FORM}")
     largest = max(map(abs, numbers[:3]))
     if not largest:
-        raise ValueError(f"{name} {text!r}: the normal must not be 0/0/0; {CLIP_FORM}")
+        raise ValueError(f"{name} {text!r}: the normal must not be 0,0,0; {CLIP_FORM}")
     normal = np.array(numbers[:3]) / largest
     normal /= np.linalg.norm(normal)
     last = np.array(volume.values.shape[::-1]) - 1.0

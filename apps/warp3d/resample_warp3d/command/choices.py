@@ -41,26 +41,37 @@ class Depth(Choices):
     ] = "z"
     depth_scale: Annotated[
         float | None,
-        Field(description="File values per unit: 1000 for mm, 5000 for TUM. Not for floats."),
+        Field(
+            description="File values per unit: 1000 for mm, 5000 for TUM. Not for floats. "
+            "[default: 1 for floats; integers need one]"
+        ),
     ] = None
     near: Annotated[
         float | None,
         Field(
-            description="Inverse depth: z at the largest value. Relative depth: least z; default 1."
+            description="Inverse depth: z at the largest value. Relative depth: least z. "
+            "[default: 1 "
+            "for relative depth]"
         ),
     ] = None
     far: Annotated[
         float | None,
         Field(
-            description="Inverse depth: z at 0; may be inf. Relative depth: largest z; default 10."
+            description="Inverse depth: z at 0; may be inf. Relative depth: largest z. [default: "
+            "10 "
+            "times --near for relative depth]"
         ),
     ] = None
     baseline: Annotated[
-        float | None, Field(description="Disparity: distance between the two cameras, scene units.")
+        float | None,
+        Field(
+            description="Disparity: distance between the two cameras, scene units. "
+            "[default: none; disparity needs one]"
+        ),
     ] = None
     focal: Annotated[
         float | None,
-        Field(description="Disparity: focal length in px. Default: from the intrinsics."),
+        Field(description="Disparity: focal length in px. [default: from the intrinsics]"),
     ] = None
     depth_intrinsics: Annotated[
         str | None,
@@ -75,8 +86,8 @@ class Depth(Choices):
         str | None,
         OptionTopic.SOURCE,
         Field(
-            description="Pose of the depth camera: file or file:frame, as for --pose. Default: "
-            "the picture's."
+            description="Pose of the depth camera: file or file:frame, as for --pose. [default: "
+            "the picture's]"
         ),
     ] = None
     doffs: Annotated[
@@ -187,7 +198,9 @@ class DepthWarping(Choices):
     noise: Annotated[
         float | None,
         Field(
-            ge=0, description="Relative noise of the depth, 0.002 for 0.2 %. Default: estimated."
+            ge=0,
+            description="Relative noise of the depth, 0.002 for 0.2 %. [default: estimated from "
+            "the depth]",
         ),
     ] = None
     refine: Annotated[
@@ -390,13 +403,14 @@ class Travel(Choices):
         float | None,
         Field(
             gt=0,
-            description="Size of the path, relative to the near distance. Default: 0.1; dolly 0.3.",
+            description="Size of the path, relative to the near distance. [default: 0.1; 0.3 for "
+            "dolly]",
         ),
     ] = None
     frames: Annotated[
         int | None,
         Field(
-            description="Number of frames. Default: 48; one per pose of a file, or per picture of "
-            "a film."
+            description="Number of frames. [default: 48; one per pose of a file, or per picture of "
+            "a film]"
         ),
     ] = None

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import prod
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ from resample_warp3d.depth.encodings import (
 )
 from resample_warp3d.depth.equation import lens_places, pose_warning
 from resample_warp3d.depth.files import read_depth
-from resample_warp3d.depth.refining.conditioning import Refined, refine
+from resample_warp3d.depth.refining.conditioning import Refine, Refined, refine
 from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
@@ -82,7 +82,7 @@ class DepthInput(NamedTuple):
     def refined(self, name: str, noise: float | None = None) -> Refined:
         """Refine the depth by the option `name`; what another camera did not see is filled."""
         return refine(
-            self.image, self.refine(name), noise=noise, step=self.step,
+            self.image, cast(Refine, self.refine(name)), noise=noise, step=self.step,
             is_measured=self.is_registered,
         )  # fmt: skip
 

@@ -52,7 +52,7 @@ class SourceCamera(Choices):
         OptionTopic.SOURCE,
         Field(
             description="Pose of the picture's camera: file or file:frame, as for --pose; may "
-            "contain intrinsics. Default: the identity."
+            "contain intrinsics. [default: the identity]"
         ),
     ] = None
 

@@ -10,7 +10,7 @@ from resample.command.settings import Choices, height_and_width
 from resample.words import numbers_in
 
 if TYPE_CHECKING:
-    from resample.cameras.models import Camera
+    from resample.cameras.models import AnyConvention, Camera
     from resample.types import Doubles
     from resample_warp3d.wide import CameraModel
 
@@ -27,7 +27,7 @@ class TargetCamera(Choices):
         Hyphen,
         Field(
             description="fx,fy,cx,cy[,skew] of the new picture, or a file as for --intrinsics. "
-            "Default: the source's, fitted to the size."
+            "[default: the source's, fitted to the size]"
         ),
     ] = None
     target_fov: Annotated[
@@ -42,15 +42,15 @@ class TargetCamera(Choices):
         NUMBERS,
         Hyphen,
         Field(
-            description="Lens of the new picture, as for --lens, instead of intrinsics. Default: "
-            "none."
+            description="Lens of the new picture, as for --lens, instead of intrinsics. [default: "
+            "none]"
         ),
     ] = None
     target_projection: Annotated[
         Literal["pinhole", "equirectangular", "orthographic"] | None,
         Field(
-            description="Projection of the new picture, as for --source-projection. Default: the "
-            "source's, or pinhole if intrinsics are given."
+            description="Projection of the new picture, as for --source-projection. [default: the "
+            "source's, or pinhole if intrinsics are given]"
         ),
     ] = None
     target_pixel_size: Annotated[
@@ -59,7 +59,7 @@ class TargetCamera(Choices):
     ] = None
     size: Annotated[
         str | None,
-        Field(description=f"{SIZE} Default: the source's."),
+        Field(description=f"{SIZE} [default: the source's]"),
     ] = None
 
     def check_target(self) -> None:
@@ -94,7 +94,7 @@ class TargetCamera(Choices):
         return source if self.size is None else height_and_width(self.size)
 
     def camera_model(
-        self, source: "CameraModel", source_shape: Shape, convention: str
+        self, source: "CameraModel", source_shape: Shape, convention: "AnyConvention"
     ) -> "CameraModel":
         """Return the camera of the new picture, at the source's pose.
 
@@ -127,7 +127,7 @@ class TargetCamera(Choices):
             source.sx * right, source.sy * down, source.cx * right, source.cy * down, pose
         )
 
-    def _pinhole(self, shape: Shape, convention: str) -> "Camera | None":
+    def _pinhole(self, shape: Shape, convention: "AnyConvention") -> "Camera | None":
         """Return the pinhole or lens given by options, if any."""
         from resample.cameras.calibrations.lens_files import read_calibration
         from resample.cameras.models import Camera
@@ -191,7 +191,7 @@ class Aim(TargetCamera):
         return stepped(move, turn)
 
     def camera_model(
-        self, source: "CameraModel", source_shape: Shape, convention: str
+        self, source: "CameraModel", source_shape: Shape, convention: "AnyConvention"
     ) -> "CameraModel":
         from resample.cameras.files import read_pose
 
@@ -199,7 +199,9 @@ class Aim(TargetCamera):
         pose = source.world_to_camera if self.pose is None else read_pose(self.pose)
         return seen.moved(self.step() @ pose)
 
-    def camera(self, source: "Camera", source_shape: Shape, convention: str) -> "Camera":
+    def camera(
+        self, source: "Camera", source_shape: Shape, convention: "AnyConvention"
+    ) -> "Camera":
         """Return the pinhole camera of the new picture, for methods that draw no other.
 
         Raises

@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,8 @@ from resample.types import Floats
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.wide import CameraModel, unproject
 
-BLENDS = ("feathered", "confident", "best")
+Blend = Literal["feathered", "confident", "best"]
+BLENDS = get_args(Blend)
 SHARP = 2.0  # power of the confidence in the weights
 LEAST = 1e-12  # weight of a view without confidence
 WHOLE = 0.95  # coverage from which a pixel is not border
@@ -28,14 +29,14 @@ SAME = 0.02  # relative nearness within which views show the same surface
 SOLID = 0.5  # least coverage of a view's surface that hides others
 
 
-def check_blend(blend: str) -> None:
+def check_blend(blend: Blend) -> None:
     """Refuse an unknown blend."""
     if blend not in BLENDS:
         raise ValueError(f"unknown blend {blend!r}; known: {', '.join(BLENDS)}")
 
 
 def weights(
-    views: Sequence[Warped], shown: NDArray[np.bool_], shares: Sequence[Floats], blend: str
+    views: Sequence[Warped], shown: NDArray[np.bool_], shares: Sequence[Floats], blend: Blend
 ) -> list[Floats]:
     """Return the weight (H, W) of each view; 0 where it does not show the surface.
 
@@ -89,7 +90,7 @@ def angle_share(view: Warped, source: Camera, target: CameraModel) -> Floats:
 
 
 def merge(
-    views: Sequence[Warped], blend: str = "feathered", shares: Sequence[Floats] = ()
+    views: Sequence[Warped], blend: Blend = "feathered", shares: Sequence[Floats] = ()
 ) -> Warped:
     """Merge views of one target, each warped from another source.
 
@@ -163,7 +164,7 @@ class MergedSurface(NamedTuple):
 
 
 def _surface(
-    views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: str
+    views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: Blend
 ) -> tuple[MergedSurface, NDArray[np.bool_]]:
     """Return the nearest surface of several views (V, H, W), and where each shows it."""
     solid = np.stack([view.coverage >= SOLID for view in views])

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from resample_warp3d.views.matching import (
     match_depths,
     scaled,
 )
-from resample_warp3d.views.merging import angle_share, check_blend, merge, order_of_bits
+from resample_warp3d.views.merging import Blend, angle_share, check_blend, merge, order_of_bits
 from resample_warp3d.wide import CameraModel, Passage, Way, mapping_between
 
 VOTES = ("majority", "none")
@@ -133,10 +133,10 @@ class Joining:
     Warped(24 × 32 × 3 float32, 100 % covered)
     """
 
-    blend: str = "feathered"
-    colors: str = "gain"
-    depths: str = "scale"
-    votes: str = "majority"
+    blend: Blend = "feathered"
+    colors: Literal["gain", "gain-bias", "none"] = "gain"
+    depths: Literal["scale", "none"] = "scale"
+    votes: Literal["majority", "none"] = "majority"
 
     def __post_init__(self) -> None:
         check_blend(self.blend)
@@ -271,6 +271,10 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     """
     from resample_warp3d.warping import render
 
+    if not isinstance(sources, Agreed):
+        raise TypeError(
+            f"sources of {type(sources).__name__}; give the result of agreed(...) or panorama(...)"
+        )
     chosen = Joining() if joining is None else joining
     equations = [mapping_between(each.camera, target, shape) for each in sources.standing]
     views = [

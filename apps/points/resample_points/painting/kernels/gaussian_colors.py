@@ -10,15 +10,9 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, inner_step, parallel_kernel, tasks
 from resample.types import Doubles, Floats
+from resample_points.data.harmonics import APART, CONSTANT, CUBIC, EVEN, LINEAR, MIXED, SQUARE
 
 CHUNK = 4096
-CONSTANT = 0.28209479177387814  # of degree 0
-LINEAR = 0.4886025119029199
-# Of degree 2: of xy and its like, of z², and of x² − y².
-MIXED, SQUARE, APART = 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
-# Of degree 3, from its outermost orders inward.
-CUBIC = 0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154
-EVEN = 1.445305721320277  # of z (x² − y²)
 
 Levels = NDArray[np.int16]
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.limits import check_items, neighbour
+from resample.words import parts_of
 
 LONGEST_LINE = 1000  # bytes; lines of numbers are shorter
 MOST_LINES = 10_000  # of a header
@@ -259,10 +260,10 @@ def _converted(words: list[bytes], dtype: np.dtype[Any], name: str) -> NDArray[A
 
 
 def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
-    """Return three positive numbers, given as such or as text like 1x1x1.4."""
+    """Return three positive numbers, given as such or as text like 1,1,1.4."""
     found = _numbers(numbers)
     if len(found) != 3 or not all(0 < number < float("inf") for number in found):
-        raise ValueError(f"{what} is three positive numbers like 1x1x1.4 (x, y, z), not {numbers}")
+        raise ValueError(f"{what} is three positive numbers like 1,1,1.4 (x, y, z), not {numbers}")
     return found
 
 
@@ -276,7 +277,7 @@ def steps_of(spacing: Numbers) -> tuple[float, ...]:
 
 def _numbers(numbers: Numbers) -> tuple[float, ...]:
     """Parse numbers; empty if any is invalid."""
-    pieces = numbers.lower().split("x") if isinstance(numbers, str) else numbers
+    pieces = parts_of(numbers.lower().replace("x", " ")) if isinstance(numbers, str) else numbers
     try:
         return tuple(float(piece) for piece in pieces)
     except (TypeError, ValueError):

@@ -24,5 +24,5 @@ class FilmInput(Choices):
     ] = "auto"
     fps: Annotated[
         float | None,
-        Field(description="Frames per second. Default: those of the film, or 24."),
+        Field(description="Frames per second. [default: those of the film, or 24]"),
     ] = None

@@ -32,16 +32,17 @@ class Parallax(Choices):
         float | None,
         Field(
             gt=0,
-            description="Distance between the eyes, scene units. Default: such that parallax is "
-            "at most 1.5 % of the width; for vr180 and panoramas 2 degrees.",
+            description="Distance between the eyes, scene units. [default: such that parallax is "
+            "at most 1.5 % of the width; for vr180 and panoramas 2 degrees]",
         ),
     ] = None
     zero_plane: Annotated[
         float | None,
         Field(
             gt=0,
-            description="Distance of zero parallax, scene units. Default: the median; infinite "
-            "for vr180 and panoramas.",
+            description="Distance of zero parallax, scene units. [default: the median of the "
+            "depth; "
+            "infinite for vr180 and panoramas]",
         ),
     ] = None
     layout: Annotated[
@@ -59,7 +60,7 @@ class Parallax(Choices):
         str | None,
         Field(
             description=f"{SIZE} Of each eye's picture, for vr180 (a square) and panoramas. "
-            "Default: as fine as the source."
+            "[default: as fine as the source]"
         ),
     ] = None
 

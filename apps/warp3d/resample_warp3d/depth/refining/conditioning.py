@@ -6,7 +6,7 @@ Samples near edges are assigned to surfaces by votes of samples around them, wei
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 Kinds = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
-REFINES = ("auto", "none", "snap", "sharpen", "shift", "complete", "densify")
+Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete", "densify"]
+REFINES = get_args(Refine)
 REACH = 8  # px, largest distance of voters
 DENSE = 4  # px up to which all samples vote; beyond, every other one
 FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
@@ -89,7 +90,7 @@ class Refined(NamedTuple):
 
 def refine(
     image: DepthImage,
-    name: str = "auto",
+    name: Refine = "auto",
     *,
     noise: float | None = None,
     step: float | None = None,

@@ -1,0 +1,195 @@
+"""Particles before cameras, for the command line: maps, films, and what pages show."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resample.lazy import installed_version
+from resample_points.command.choices import Aimed
+from resample_points.command.density import (
+    DensityOptions,
+    number_of,
+    particles_in,
+    region_of_crop,
+)
+
+if TYPE_CHECKING:
+    from resample.command.session import Session
+    from resample.files.animations import Shots
+    from resample.types import Floats
+    from resample_points.command.choices import CloudStart
+    from resample_points.data.cloud import Cloud
+    from resample_points.data.particles import Particles
+    from resample_points.painting.density import DensityMap
+    from resample_points.painting.mapping import MapPicture
+    from resample_points.scenes import Shape
+
+FEW = 100_000  # most particles of previews
+MEASURED = 4  # frames of a film by which the range of its colors is found
+
+
+@dataclass(frozen=True)
+class ParticlePictures:
+    """Particles, ready to be mapped with the options of a command."""
+
+    particles: "Particles"
+    options: DensityOptions
+
+    @cached_property
+    def framing(self) -> "Cloud":
+        """What cameras are framed around."""
+        from resample_points.data.cloud import Cloud
+
+        nothing = np.empty((0, 3), np.float32)
+        return Cloud(self.particles.position, nothing, nothing, np.empty(0, np.float32))
+
+    @cached_property
+    def fewer(self) -> "ParticlePictures":
+        """Every n-th particle, heavier and wider; for previews."""
+        per = -(-len(self.particles) // FEW)
+        if per < 2:
+            return self
+        few = self.particles.some(np.arange(0, len(self.particles), per))
+        smoothing = None if few.smoothing is None else few.smoothing * per ** (1 / 3)
+        return replace(self, particles=replace(few, mass=few.mass * per, smoothing=smoothing))
+
+    def upright(self, aim: Aimed) -> Aimed:
+        """Return the cameras as they are: simulations have no axis up."""
+        return aim
+
+    def measure(self, camera: Any, shape: "Shape") -> "DensityMap":
+        """Return the map that a camera sees."""
+        from resample.engine import jit
+        from resample_points.painting.density import column_density
+
+        options = self.options
+        with jit.threads(options.threads):
+            return column_density(
+                self.particles,
+                camera,
+                size=shape[::-1],
+                kernel=options.kernel,
+                quantity=options.quantity,
+                slice_at=None if options.slice is None else number_of(options.slice),
+            )
+
+    def picture(self, camera: Any, shape: "Shape") -> "MapPicture":
+        """Return the map that a camera sees, in colors."""
+        from resample_points.painting.mapping import map_picture
+
+        own = self.options
+        found = self.measure(camera, shape)
+        return map_picture(found, colormap=own.colormap, span=own.span, log=own.log)
+
+    def shown(self, camera: Any, shape: "Shape", background: Any) -> "Floats":
+        """Return a picture, with the bar of its colors if requested."""
+        from resample.measuring.color_bars import with_color_bar
+
+        picture = self.picture(camera, shape)
+        if not self.options.color_bar:
+            return picture.rgba
+        return with_color_bar(picture.rgba, picture.bar(background), background)
+
+    def spanned(self, cameras: Sequence[Any], shape: "Shape") -> "ParticlePictures":
+        """Return the scene with one range of colors for all frames of a film.
+
+        It is that of `MEASURED` frames, evenly spaced.
+        """
+        from resample_points.painting.mapping import DECADES
+
+        few = sorted({n * len(cameras) // MEASURED for n in range(MEASURED)})
+        found = [self.picture(cameras[n], shape) for n in few]
+        low, high = min(each.span[0] for each in found), max(each.span[1] for each in found)
+        if found[0].is_log and self.options.span is None:
+            low = max(low, high * 10.0**-DECADES)
+        return replace(self, options=self.options.model_copy(update={"span": f"{low!r},{high!r}"}))
+
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film."""
+        from resample.files.animations import Shots, fingerprint
+        from resample.files.saving import screen_levels
+        from resample_points.command.rendering import cameras_print
+
+        scene = self.spanned(cameras, shape)
+
+        def frame(n: int) -> Any:
+            rgba = scene.shown(cameras[n], shape, background)
+            return screen_levels(rgba, background=background)
+
+        held = self.particles
+        smoothing = () if held.smoothing is None else (held.smoothing,)
+        job = {
+            "particles": fingerprint(held.position, held.mass, *smoothing),
+            "quantity": [fingerprint(values) for values in held.quantities.values()],
+            "cameras": cameras_print(cameras),
+            "size": list(shape),
+            "look": scene.options.model_dump(exclude={"threads"}),
+            "background": list(background),
+            "version": installed_version(),
+        }
+        return Shots(len(cameras), frame, job)
+
+
+def pictures_of(session: "Session", file: Path, options: DensityOptions) -> ParticlePictures:
+    """Read the particles of a command, those in the box of --crop."""
+    particles, region = particles_in(session, file, options), region_of_crop(options.crop)
+    if region is not None:
+        inside = (particles.position >= region[0]) & (particles.position <= region[1])
+        kept = inside.all(axis=1)
+        if not kept.any():
+            raise ValueError("no particle is in the box of --crop")
+        particles = particles.some(kept)
+    return ParticlePictures(particles, options)
+
+
+def density_of(
+    session: "Session",
+    file: Path,
+    options: DensityOptions,
+    start: "CloudStart",
+    shape: tuple[int, int],
+) -> "DensityMap":
+    """Read the particles of a command, and make their map."""
+    from resample.engine import jit
+    from resample.words import naming
+    from resample_points.painting.density import column_density
+
+    if start.model_fields_set:
+        from resample_points.scenes import camera_of
+
+        scene = pictures_of(session, file, options)
+        with session.stage("paint", bar="painting"), naming(file.name):
+            return scene.measure(camera_of(scene.framing, shape, start.start()), shape)
+    particles, region = particles_in(session, file, options), region_of_crop(options.crop)
+    with (
+        jit.threads(options.threads),
+        session.stage("paint", bar="painting"),
+        naming(file.name),
+    ):
+        view = options.axis or "z"
+        return column_density(
+            particles,
+            view,
+            size=shape[::-1],
+            kernel=options.kernel,
+            quantity=options.quantity,
+            slice_at=_slice(particles, view, options.slice, region),
+            region=region,
+        )
+
+
+def _slice(particles: "Particles", axis: str, given: str | None, region: Any) -> float | None:
+    """Return where a slice is along an axis; shares are of what is shown."""
+    from resample_points.painting.placing import region_of
+
+    if given is None:
+        return None
+    text = given.strip()
+    if not text.endswith("%"):
+        return number_of(text)
+    low, high = region_of(particles, region)[:, "xyz".index(axis)]
+    return float(low + (high - low) * number_of(text[:-1]) / 100.0)

@@ -1,0 +1,142 @@
+"""Brief help: what a command does, its usage, three examples, and the options needed first."""
+
+import inspect
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from textwrap import shorten, wrap
+from typing import TYPE_CHECKING, NamedTuple, get_origin
+
+from cyclopts import App, Parameter
+from cyclopts.utils import to_tuple_converter
+
+from resample import registry
+from resample.command.flags import FULL, LIMITS, SETTINGS, described
+
+if TYPE_CHECKING:
+    from cyclopts.argument import Argument
+
+LINES, COLUMNS = 15, 80  # at most
+MOST_OPTIONS = 6
+LONGEST = 24  # characters of a default, where there is no room for more
+MORE = "show all options, by task, with their defaults"
+
+
+class Asked(NamedTuple):
+    """A command that help is asked for."""
+
+    root: App
+    name: str  # with its application, as in resample-volume render
+    command: App
+
+
+def asked_for(root: App, words: Sequence[str]) -> Asked | None:
+    """Command that a command line names, where it is now; None if there is none of that name."""
+    found = Asked(root, root.name[0], root)
+    for word in words:
+        if word.startswith("-"):
+            continue
+        if word not in list(found.command):
+            return found if found.command.default_command else None
+        command = found.command[word]
+        now = getattr(command.default_command, "now", None)
+        if now is None:
+            found = Asked(found.root, f"{found.name} {word}", command)
+            continue
+        home = registry.load("apps", now[0])
+        found = Asked(home, home.name[0], home)
+        for part in now[1:]:
+            found = Asked(home, f"{found.name} {part}", found.command[part])
+    return found
+
+
+def brief(asked: Asked) -> list[str]:
+    """Return the lines of brief help."""
+    if asked.command.default_command is None:
+        return [*_opening(asked, str(asked.command.help), "COMMAND"), *_commands(asked)]
+    text = inspect.getdoc(asked.command.default_command) or ""
+    found = asked.command.assemble_argument_collection()
+    arguments = {one.names[0]: one for one in found if one.names and one.names[0] != "*"}
+    lines = _opening(asked, text, _usage(arguments.values()))
+    count = min(MOST_OPTIONS, LINES - len(lines) - 1)
+    shown = list(_most_needed(arguments, asked.root))[:count]
+    return [*lines, *_table([_option(one, text) for one in shown])]
+
+
+def examples_in(text: str) -> list[str]:
+    """Return the lines of the examples in a text."""
+    block = text.partition("For example:\n\n")[2].partition("\n\n")[0]
+    return [line[4:] for line in block.splitlines()]
+
+
+def _opening(asked: Asked, text: str, usage: str) -> list[str]:
+    """Return what a command does, its usage and its examples."""
+    summary = " ".join(text.partition("\n\n")[0].split())
+    lines = [*wrap(summary, COLUMNS), ""]
+    lines += wrap(f"Usage: {asked.name} {usage}", COLUMNS, subsequent_indent=" " * 7)
+    return [*lines, "", "Examples:", *(f"  {line}" for line in examples_in(text)), ""]
+
+
+def _commands(asked: Asked) -> list[str]:
+    """Return the names of commands, but those of former releases."""
+    own = [name for name in asked.command if not name.startswith("-")]
+    now = {name: getattr(asked.command[name].default_command, "now", ()) for name in own}
+    named = ", ".join(name for name in own if len(now[name]) < 2)
+    lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
+    return [*lines, "COMMAND -h explains a command; --help says what each of them does."]
+
+
+def _usage(arguments: Iterable["Argument"]) -> str:
+    given, named, has_options = [], [], False
+    for argument in arguments:
+        name = argument.names[0]
+        has_options |= name.startswith("--") and not argument.required
+        if name.startswith("--"):
+            named += [f"{name} {name.rpartition('-')[2].upper()}"] if argument.required else []
+        else:
+            several = "..." if get_origin(argument.hint) is list else ""
+            given.append(f"{name}{several}" if argument.required else f"[{name}{several}]")
+    return " ".join([*given, *named, *(["[OPTIONS]"] if has_options else [])])
+
+
+def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argument"]:
+    """Yield options: those that are required, those that are needed first, then all others."""
+    options = {name: one for name, one in arguments.items() if name.startswith("--")}
+    required = [name for name, one in options.items() if one.required]
+    first = [f"--{name}" for name in ("output", *getattr(root, "first", "").split())]
+    for name in dict.fromkeys([*required, *first, *options]):
+        if name in options and not _is_rare(options[name]):
+            yield options[name]
+
+
+def _is_rare(option: "Argument") -> bool:
+    """Whether an option is one that all commands have."""
+    groups = to_tuple_converter(option.parameter.group)
+    return any(getattr(group, "name", group) in (SETTINGS, LIMITS) for group in groups)
+
+
+def _option(argument: "Argument", text: str) -> tuple[str, str, str]:
+    """Return the names of an option, its meaning and its default."""
+    from docstring_parser import parse
+
+    if argument.parameter.help is None:
+        name = argument.field_info.name
+        documented = {part.arg_name: part.description for part in parse(text).params}
+        argument.parameter = Parameter.combine(argument.parameter, Parameter(help=documented[name]))
+    return ", ".join(sorted(argument.names[:2], key=len)), *described(argument)
+
+
+def _table(options: list[tuple[str, str, str]]) -> list[str]:
+    """Return a line per option."""
+    width = max(len(names) for names, _, _ in [*options, (FULL, "", "")]) + 4
+    rows = [(f"  {names}".ljust(width), text, default) for names, text, default in options]
+    lines = [start + _fitted(text, default, COLUMNS - width) for start, text, default in rows]
+    return [*lines, f"  {FULL}".ljust(width) + MORE]
+
+
+def _fitted(text: str, default: str, room: int) -> str:
+    """Return as much of a help text as there is room for, with a short default."""
+    sentence = re.split(r"[.;](?:\s|$)", text)[0]
+    ending = "" if default in ("", "none") else f" [default: {default}]"
+    if len(sentence + ending) > room and len(ending) > LONGEST:
+        ending = ""
+    return shorten(sentence, room - len(ending), placeholder=" ...") + ending
