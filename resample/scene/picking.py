@@ -20,6 +20,12 @@ def lines_of(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
     return (start - view.translation) @ view.rotation, along @ view.rotation
 
 
+def seen_at(view: View, x: float, y: float, depth: float) -> Doubles:
+    """Scene position (3,) at a depth behind a point of a picture without distortion."""
+    (start,), (ahead,) = lines_of(view, np.array([[x, y]]))
+    return np.asarray(start + depth * ahead)
+
+
 def place_at(camera: Camera, x: float, y: float, depth: float) -> Doubles | None:
     """Scene position (3,) at a depth behind a point of the picture; None if it is infinite."""
     if not np.isfinite(depth):

@@ -12,7 +12,7 @@ import numpy as np
 
 from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
-from resample.scene.picking import lines_of, pixel_at
+from resample.scene.picking import pixel_at, seen_at
 from resample.scene.previews import preview_size
 from resample.types import Frame
 from resample.view.files import FileView, image_of
@@ -61,9 +61,8 @@ class ModelPainter:
         if not np.isfinite(depth):
             return {}
         camera = view.placed(self.mesh(form.texture), size[::-1])
-        (start,), (ahead,) = lines_of(camera.view(), np.array([[x, y]]))
-        place = ", ".join(f"{part:.6g}" for part in (start + depth * ahead).tolist())
-        return {"position": place, "depth": f"{depth:.5g}"}
+        place = seen_at(camera.view(), x, y, depth).tolist()
+        return {"position": ", ".join(f"{part:.6g}" for part in place), "depth": f"{depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does.
