@@ -57,11 +57,12 @@ class ModelPainter:
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return position and depth at a pixel, see `resample.view.views.Painter`."""
         view, drawing, form = _checked(settings)
-        depth = float(self._rendered(view, drawing, form, size).depth[pixel_at(size, x, y)])
+        pixel = pixel_at(size, x, y)
+        depth = float(self._rendered(view, drawing, form, size).depth[pixel])
         if not np.isfinite(depth):
             return {}
         camera = view.placed(self.mesh(form.texture), size[::-1])
-        place = seen_at(camera.view(), x, y, depth).tolist()
+        place = seen_at(camera.view(), pixel, depth).tolist()
         return {"position": ", ".join(f"{part:.6g}" for part in place), "depth": f"{depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:

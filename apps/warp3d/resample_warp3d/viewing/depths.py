@@ -146,7 +146,7 @@ class DepthPainter:
             "magnification": f"{warped.magnification[at]:.3g}",
             "confidence": f"{warped.confidence[at]:.2f}",
             "hole": hole,
-            **_position(seen, size, (x, y)),
+            **_position(seen, size, at),
         }
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
@@ -238,13 +238,12 @@ def depth_view(
     return FileView(first, described, _checked, kinds, LEFT_OUT)
 
 
-def _position(seen: _Rendering, size: Size, at: tuple[float, float]) -> dict[str, str]:
-    """Position in the scene of what is seen at a point; empty for panoramas and lenses."""
+def _position(seen: _Rendering, size: Size, at: tuple[int, int]) -> dict[str, str]:
+    """Position in the scene of what a pixel shows; empty for panoramas and lenses."""
     target = seen.target
     if isinstance(target, Equirectangular) or not placed_by(target, size):
         return {}
-    depth = float(seen.warped.depth[pixel_at(size, *at)])
-    place = seen_at(target.view(), *at, depth).tolist()
+    place = seen_at(target.view(), at, float(seen.warped.depth[at])).tolist()
     return {"position": ", ".join(f"{part:.6g}" for part in place)}
 
 
