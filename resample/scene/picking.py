@@ -20,7 +20,7 @@ def lines_of(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
     return (start - view.translation) @ view.rotation, along @ view.rotation
 
 
-def seen_at(view: View, pixel: tuple[int, int], depth: float) -> Doubles:
+def position_at(view: View, pixel: tuple[int, int], depth: float) -> Doubles:
     """Scene position (3,) at a depth behind the center of a pixel, by its row and column.
 
     The camera's picture has no distortion.

@@ -12,7 +12,7 @@ import numpy as np
 
 from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
-from resample.scene.picking import pixel_at, seen_at
+from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.types import Frame
 from resample.view.files import FileView, image_of
@@ -62,7 +62,7 @@ class ModelPainter:
         if not np.isfinite(depth):
             return {}
         camera = view.placed(self.mesh(form.texture), size[::-1])
-        place = seen_at(camera.view(), pixel, depth).tolist()
+        place = position_at(camera.view(), pixel, depth).tolist()
         return {"position": ", ".join(f"{part:.6g}" for part in place), "depth": f"{depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:

@@ -20,7 +20,7 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
 from resample.lazy import warn_of_old_name
-from resample.scene.picking import pixel_at, seen_at
+from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
 from resample.view.views import PagePicture, Settings, Size, chosen, placed_by, settings_of
@@ -243,7 +243,7 @@ def _position(seen: _Rendering, size: Size, at: tuple[int, int]) -> dict[str, st
     target = seen.target
     if isinstance(target, Equirectangular) or not placed_by(target, size):
         return {}
-    place = seen_at(target.view(), at, float(seen.warped.depth[at])).tolist()
+    place = position_at(target.view(), at, float(seen.warped.depth[at])).tolist()
     return {"position": ", ".join(f"{part:.6g}" for part in place)}
 
 
