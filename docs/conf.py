@@ -68,12 +68,16 @@ html_math_renderer = "mathml"  # browsers know it; MathJax would have to be fetc
 def pictures(block, block_vars, gallery_conf):  # noqa: ARG001 - sphinx-gallery's parameters
     """Figures of the pictures that a part of an example has saved; their names are captions."""
     folder = Path(block_vars["src_file"]).parent
-    found = sorted(folder.glob("*.png"), key=lambda path: path.stat().st_mtime_ns)
+    found = sorted(
+        (path for path in folder.iterdir() if path.suffix in {".png", ".webp"}),
+        key=lambda path: path.stat().st_mtime_ns,
+    )
     lines = [".. container:: pictures", ""] if found else []
     for path, goal in zip(found, block_vars["image_path_iterator"], strict=False):
-        Path(goal).parent.mkdir(parents=True, exist_ok=True)
-        shutil.move(path, goal)
-        lines += _figure(Path(goal), gallery_conf["src_dir"], path.stem.replace("-", " "))
+        target = Path(goal).with_suffix(path.suffix)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(path, target)
+        lines += _figure(target, gallery_conf["src_dir"], path.stem.replace("-", " "))
     return "\n".join(lines)
 
 

@@ -1,5 +1,6 @@
 """The `resample` command: list plugins, compare pictures, start the applications."""
 
+import errno
 import json
 import math
 import sys
@@ -118,7 +119,12 @@ def view(file: str, /, *words: Words) -> Any:
     for name in names:
         if registry.load("views", name)(files):
             return launcher(name)("view", file, *words)
-    raise ValueError(f"{', '.join(files)}: cannot be viewed; these can: {', '.join(names)}")
+    if not Path(file).exists():
+        raise FileNotFoundError(errno.ENOENT, "there is no such file", file)
+    raise ValueError(
+        f"{', '.join(files)}: no application shows this; give a picture, a mesh, a volume, a point "
+        "cloud, or a picture and its depth"
+    )
 
 
 @app.command

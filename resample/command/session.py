@@ -54,7 +54,9 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         say(f"error: {complaint}")
         status = USER_ERROR
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
-        say(f"error: {one_line(error)}")
+        from resample.command.complaints import complaint
+
+        say(f"error: {complaint(error)}")
         status = USER_ERROR
     raise SystemExit(status)
 

@@ -54,7 +54,7 @@ def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
         orbit = viewpoint_of(text)
         if not isinstance(orbit, Orbit):
             raise ValueError(
-                f"keyframe {text!r:.60} is not azimuth/elevation/zoom; films need such cameras"
+                f"keyframe {text!r:.60} is not azimuth,elevation,zoom; films need such cameras"
             )
         azimuth = orbit.azimuth if n == 0 else last + math.remainder(orbit.azimuth - last, 360.0)
         last = azimuth

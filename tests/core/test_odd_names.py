@@ -122,5 +122,8 @@ def test_commands_show_such_names_as_codes(capsys):
     capsys.readouterr()
     assert files() == [f"{ODD}-2.png", f"{ODD}.png"]
     assert ended(app, "compare", f"{ODD}-3.png", "-R", f"{ODD}.png") == 2
-    assert "caf\\xe9-3.png: there is no such file\n" in capsys.readouterr().err
+    assert (
+        "caf\\xe9-3.png: there is no such file; did you mean caf\\xe9-2.png or caf\\xe9.png?\n"
+        in capsys.readouterr().err
+    )
     assert visible("caf\udce9 \ud800") == "caf\\xe9 \\ud800"

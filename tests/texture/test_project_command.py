@@ -67,7 +67,7 @@ def test_a_folder_of_panoramas_becomes_a_folder():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ((*FLAT, "--turn", "left"), "turn 'left'; give degrees right/up or right/up/clockwise"),
+        ((*FLAT, "--turn", "left"), "turn 'left'; give degrees right,up or right,up,clockwise"),
         ((*FLAT, "--turn", "1/nan"), "turn '1/nan'; give degrees"),
         ((*PANORAMA, "--to", "mercator", "--size", "9"), "unknown projection 'mercator'"),
         ((*PANORAMA, "--to", "equirectangular", "--size", "9"), "twice as wide as high"),

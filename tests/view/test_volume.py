@@ -214,7 +214,7 @@ def test_the_resample_command_finds_the_viewer_of_a_file(
     for name in ("notes.md", "missing.nrrd"):
         assert not suits([str(tmp_path / name)])
     assert ended(resample_app, "view", tmp_path / "notes.md") == 2
-    assert "cannot be viewed" in capsys.readouterr().err
+    assert "no application shows this" in capsys.readouterr().err
 
 
 def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:

@@ -178,7 +178,7 @@ def test_keyframes_that_cannot_be_read_are_refused(tmp_path):
 @pytest.mark.parametrize("path", PATHS)
 def test_a_camera_that_is_not_around_the_volume_has_no_path(path):
     spot = Spot([0, -9, 0], [0, 0, 0], [0, 0, 1], 30.0, 0.0)
-    with pytest.raises(ValueError, match=r"give its camera as azimuth/elevation/zoom, or a file"):
+    with pytest.raises(ValueError, match=r"give its camera as azimuth,elevation,zoom, or a file"):
         flight_of(path, 8, 24.0, spot)
 
 

@@ -120,8 +120,8 @@ def test_a_window_spreads_fractions():
 @pytest.mark.parametrize(
     ("window", "transfer", "complaint"),
     [
-        ("40", "gray", "give 2 numbers as a/b"),
-        ("40/0", "gray", "its width must be above 0, as in 40/400"),
+        ("40", "gray", "give 2 numbers as a,b"),
+        ("40/0", "gray", "its width must be above 0, as in 40,400"),
         ("40/-3", "gray", "its width must be above 0"),
         ("nan/3", "gray", "its width must be above 0"),
         ("40/400", "engine", "the window applies to looks of fractions, but engine is in"),
@@ -162,7 +162,7 @@ def test_a_light_is_a_direction(light):
 
 @pytest.mark.parametrize("ramp", ["0.5", "a/b", "0.1/0.2/0.3"])
 def test_a_ramp_is_two_numbers(ramp):
-    with pytest.raises(ValueError, match=r"gradient-opacity .*; give 2 numbers as a/b"):
+    with pytest.raises(ValueError, match=r"gradient-opacity .*; give 2 numbers as a,b"):
         AppearanceChoices(gradient_opacity=ramp).appearance(BOX)
 
 

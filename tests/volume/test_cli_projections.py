@@ -248,7 +248,7 @@ def test_what_does_not_go_together_is_refused_before_any_work(
         ([*HIT, 100, "--transfer", "surfaces"], "the projection first-hit shows values, which"),
         (["--projection", "maximum", "--transfer", "surfaces"], "take one of values alone"),
         (["--crop", "8:8,:,:"], "crop '8:8,:,:', x: '8:8' holds none of the 16 voxels"),
-        (["--clip", "0/0/0"], "the normal must not be 0/0/0"),
+        (["--clip", "0/0/0"], "the normal must not be 0,0,0"),
         (["--clip", "1/0/0/nan"], "clip '1/0/0/nan'; give a normal"),
         (["--labels", "small.npy"], "labels of 4 x 4 x 4 voxels do not fit a volume of 16 x 16"),
         (["--labels", "nosuch.npy"], "nosuch.npy: there is no such file"),

@@ -113,7 +113,7 @@ def test_without_a_choice_there_are_no_planes() -> None:
         ("a:,:,:", [], "x: 'a:' is not a range"),
         (",:,:", [], "x: '' is not a range"),
         ("1.5:,:,:", [], "x: '1.5:' is not a range"),
-        (None, ["0/0/0"], "clip '0/0/0': the normal must not be 0/0/0; give a normal"),
+        (None, ["0/0/0"], "clip '0/0/0': the normal must not be 0,0,0; give a normal"),
         (None, ["1/0"], "clip '1/0'; give a normal, perhaps with"),
         (None, ["1/0/0/1/2"], "give a normal"),
         (None, ["1/0/x"], "give a normal"),

@@ -291,7 +291,7 @@ def test_words_of_planes(text, plane):
         ("z=", "give a voxel's index"),
         ("", "give a voxel's index"),
         ("1/0", "plane '1/0'; give a normal"),
-        ("0/0/0", "must not be 0/0/0"),
+        ("0/0/0", "must not be 0,0,0"),
         ("z=4:size=3", "unknown size"),
         ("z=4:window=3", "give a center and a width"),
         ("z=4:window=3/-1", "does not ascend"),

@@ -111,7 +111,7 @@ def test_a_scene_shows_slabs_in_previews_too(slab):
         ("nan/10", "give its center"),
         ("20/0", "its thickness must be above 0"),
         ("20/-1", "its thickness must be above 0"),
-        ("20/10/0/0/0", "the normal must not be 0/0/0"),
+        ("20/10/0/0/0", "the normal must not be 0,0,0"),
     ],
 )
 def test_what_is_no_slab_is_refused_without_a_volume(text, complaint):
@@ -123,7 +123,7 @@ def test_what_is_no_slab_is_refused_without_a_volume(text, complaint):
 
 
 def test_a_slab_across_the_view_is_not_painted_window_by_window():
-    with pytest.raises(ValueError, match="give its direction in the scene, as in 20/10/0/0/1"):
+    with pytest.raises(ValueError, match="give its direction in the scene, as in 20,10,0,0,1"):
         check_windows([(layers(), Appearance(slab="2/4"))])
 
 

@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from resample.cameras.models import AnyConvention
 from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
+from resample.words import check_threads
 from resample_texture.arguments import (
     REFLECT_101,
     Fill,
     Places,
+    check_shape,
     check_sums,
     edge_named,
     fill_for,
@@ -136,11 +138,13 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     >>> np.array_equal(made, warp(stored, matrix, (250, 200)).image, equal_nan=True)
     True
     """
+    check_threads(threads)
     kept = _LazyPicture(source)
     shape = whole_pair(shape, "height", "width")
     if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
     sides = _sides(side, out)
+    check_shape(shape)
     border = edge_named(edge)
     if border == REFLECT_101:
         raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")

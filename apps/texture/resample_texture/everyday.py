@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.files.exchange import picture_and_encoding
+from resample.files.exchange import check_layout, picture_and_encoding
+from resample.words import number, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
@@ -63,6 +64,7 @@ def resize(
     """
     picture, is_linear = _opened(image, linear_light)
     target = whole_pair(shape, "height", "width")
+    check_shape(target)
     matrix = resizing(_shape_of(picture), target)
     light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
     return warp(picture, matrix, target, method, edge=edge, **light, **choices)
@@ -102,7 +104,10 @@ def scale(
     (8, 42)
     """
     picture, is_linear = _opened(image, linear_light)
-    both = factor if isinstance(factor, tuple) else (factor, factor)
+    pair = factor if isinstance(factor, list | tuple | np.ndarray) else (factor, factor)
+    if len(pair) != 2:
+        raise ValueError(f"factor {shortly(factor)}; give one number, or two for x and y")
+    both = number("factor", pair[0]), number("factor", pair[1])
     target = scaled_shape(_shape_of(picture), both)
     matrix = scaling(both)
     light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
@@ -147,7 +152,7 @@ def rotate(
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
     picture, is_linear = _opened(image, linear_light)
-    source = _shape_of(picture)
+    source, degrees = _shape_of(picture), number("degrees", degrees)
     target = (
         turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
     )
@@ -159,6 +164,7 @@ def rotate(
 def _opened(image: Any, linear_light: bool | None) -> tuple[NDArray[Any], bool | None]:
     """Return a picture's array, and whether its light is filtered, as its file says by default."""
     picture, is_encoded = picture_and_encoding(image, kinds="biufc")
+    check_layout(picture)
     return picture, is_encoded if linear_light is None else linear_light
 
 

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyConvention
+from resample.files.exchange import check_layout
+from resample.words import check_threads
 from resample_texture.arguments import (
     Fill,
     Places,
-    check_layout,
     check_shape,
     edge_named,
     fill_for,
@@ -96,6 +97,7 @@ class Plan:
         ValueError
             The picture has another size or is invalid.
         """
+        check_threads(threads)
         image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
         check_layout(image)
         if image.shape[:2] != self.source_shape:

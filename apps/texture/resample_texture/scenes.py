@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyConvention
-from resample.files.exchange import picture_and_encoding
+from resample.files.exchange import check_layout, picture_and_encoding
 from resample.painting.scenes.plans import shape_of
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
@@ -71,6 +71,7 @@ class PictureScene(AnyScene):
         self, given: Any, *, linear_light: bool | None = None, alpha: AnyAlpha | None = None
     ) -> None:
         self.image, is_encoded = picture_and_encoding(given)
+        check_layout(self.image)
         if linear_light is None:
             linear_light = is_encoded
         self._light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
@@ -163,7 +164,7 @@ class PictureScene(AnyScene):
         return ids
 
     def _shape(self, size: tuple[int, int] | None) -> tuple[int, int]:
-        if self.image.ndim not in (2, 3):
+        if self.image.ndim not in (2, 3) or 0 in self.image.shape:
             raise ValueError(
                 f"a scene is of one picture, (H, W) or (H, W, C), not {self.image.shape}"
             )

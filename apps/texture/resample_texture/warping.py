@@ -6,19 +6,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyConvention
-from resample.files.exchange import picture_and_encoding
+from resample.files.exchange import check_layout, picture_and_encoding
 from resample.profiles.filters import PixelFilter
 from resample.profiles.interpolation import Interpolation
+from resample.words import check_threads
 from resample_texture.arguments import (
     Fill,
     Places,
-    check_layout,
     check_shape,
     check_sums,
     edge_named,
     fill_for,
     geometry_of,
     method_named,
+    warn_if_unknown,
     whole_pair,
     within,
     without_nodata,
@@ -138,6 +139,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     >>> warp(image, lambda x, y: (y, x), (64, 48))  # where each pixel comes from
     Warped(64 × 48 × 3 uint8, 100 % covered)
     """
+    check_threads(threads)
     image, is_encoded = picture_and_encoding(image, kinds="biufc")
     linear_light = is_encoded if linear_light is None else linear_light
     check_layout(image)
@@ -155,6 +157,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         geometry, shape, part = within(geometry, shape, roi, chosen)
     check_shape(shape)
     image = without_nodata(image, nodata)
+    warn_if_unknown(image)
     drawing = Drawing(chosen, geometry, shape, border, threads)
     drawing = drawing._replace(fill=fill_for(fill, image, alpha, chosen))
     if image.ndim == 4 and image.shape[0] > 1:

@@ -171,7 +171,7 @@ def compare(
 
         resample-volume compare checker-box
         resample-volume compare checker-box --methods points,hybrid -o compare.png
-        resample-volume compare checker-box --orders every-sample,rays --json
+        resample-volume compare checker-box --orders every-sample,axis-sheets
 
     Parameters
     ----------
@@ -265,9 +265,9 @@ def animate(
 
     For example:
 
-        resample-volume animate sample:vessel-tree -o orbit.gif
-        resample-volume animate sample:vessel-tree --path zoom -o zoom.webp
-        resample-volume animate checker-box --path threshold -o threshold
+        resample-volume animate sample:vessel-tree --frames 24 -o orbit.gif
+        resample-volume animate sample:vessel-tree --path zoom --frames 24 -o a.webp
+        resample-volume animate checker-box --path threshold --frames 24 -o frames
 
     Parameters
     ----------

@@ -1,6 +1,5 @@
 """Warp depth images to other cameras."""
 
-import operator
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -11,9 +10,11 @@ from numpy.typing import ArrayLike
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.files.exchange import as_picture
+from resample.files.exchange import as_picture, check_layout
+from resample.painting.scenes.plans import pair_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
+from resample.words import check_threads, number
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
@@ -157,7 +158,9 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     >>> np.flatnonzero(right.image[12] > 0.5).tolist()
     [14]
     """
-    nearness = two_dimensional(disparity, "disparity").astype(np.float32)
+    disparities = as_picture(disparity, "disparity map")
+    nearness = two_dimensional(disparities, "disparity").astype(np.float32)
+    fraction = number("fraction", fraction)
     image = DepthImage(as_light(color), nearness, np.empty((0, 0, 2)))
     shape = image.color.shape[0], image.color.shape[1]
     if nearness.shape != shape:
@@ -206,6 +209,7 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
 def as_light(color: Any) -> Floats:
     """Convert a picture to (H, W, C) float32; integers are divided by their largest value."""
     given = as_picture(color)
+    check_layout(given)
     if given.ndim == 2:
         given = given[..., None]
     if given.ndim != 3 or min(given.shape) < 1:
@@ -263,7 +267,8 @@ def render(
     """
     from resample.engine import jit
 
-    height, width = _height_and_width(shape)
+    check_threads(threads)
+    height, width = pair_of("shape", shape, "height and width")
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
             f"a target of {width} × {height} px; give 1 px or more each way, together at most "
@@ -296,18 +301,7 @@ def render(
 
 def shape_of(size: tuple[int, int]) -> tuple[int, int]:
     """Return height and width of a size (width, height)."""
-    try:
-        width, height = (operator.index(number) for number in size)
-    except (TypeError, ValueError):
-        raise ValueError(f"size {size!r}; give width and height, two whole numbers") from None
-    return height, width
-
-
-def _height_and_width(shape: tuple[int, int]) -> tuple[int, int]:
-    try:
-        height, width = (operator.index(number) for number in shape)
-    except (TypeError, ValueError):
-        raise ValueError(f"shape {shape!r}; give height and width, two whole numbers") from None
+    width, height = pair_of("size", size, "width and height")
     return height, width
 
 

@@ -214,7 +214,7 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
         return tour_of(Path(path), frames, fps, FIELD).viewpoints()
     if not isinstance(start, Orbit):
         raise ValueError(
-            f"the path {path} goes around the cloud; give --camera as azimuth/elevation/zoom, or a "
+            f"the path {path} goes around the cloud; give --camera as azimuth,elevation,zoom, or a "
             "file of keyframes or poses as --path"
         )
     count = FRAMES if frames is None else frames

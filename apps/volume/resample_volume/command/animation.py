@@ -109,7 +109,7 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
     if not isinstance(start, Orbit):
         raise ValueError(
             f"the path {path} goes around the volume or away from it; give its camera as "
-            "azimuth/elevation/zoom, or a file of keyframes or poses as the path"
+            "azimuth,elevation,zoom, or a file of keyframes or poses as the path"
         )
     return Flight(path, FRAMES if frames is None else frames, start)
 

@@ -1,0 +1,177 @@
+"""Say in one line what is wrong with a command line, and what to do about it."""
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cyclopts import (
+    CycloptsError,
+    MissingArgumentError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
+
+from resample.command.flags import described
+from resample.words import one_line, visible
+
+if TYPE_CHECKING:
+    from cyclopts.argument import Argument
+
+NEAR = 0.7  # likeness of two names, from which one is taken for the other
+MOST = 3  # names of files that a complaint lists
+GONE = ": there is no such file"
+# What other programs call an option -> what does it here: the first that a command has.
+SYNONYMS = {
+    "angle": "degrees turn camera",
+    "antialias aa ssaa spp samples supersample": "subpixels quality filter",
+    "azimuth elevation zoom eye view viewpoint position": "camera move",
+    "bg background-color bgcolor bg-color": "background",
+    "clim vmin vmax min max levels-range": "window range",
+    "cmap colormap palette lut colors color-map": "colormap transfer",
+    "crop-box region bbox rect": "roi crop",
+    "depth-factor depth-unit depth-units": "depth-scale",
+    "field-of-view hfov vfov fovy fov": "fov target-fov",
+    "fps framerate frame-rate rate r": "fps",
+    "frame-count n-frames num-frames length duration frames": "frames",
+    "interp interpolate sampling resample": "interpolation kernel method",
+    "intrinsic k camera-matrix focal-length": "intrinsics",
+    "isovalue iso-value isosurface": "iso",
+    "mode algorithm renderer": "method projection",
+    "out output-file outfile outpath out-file dest destination save write o": "output",
+    "percent ratio": "factor size",
+    "point-radius radius pointsize splat-size": "point-size",
+    "projection-from source-projection input-projection": "from source-projection",
+    "projection-to target-projection output-projection": "to target-projection",
+    "quality": "quality file-quality subpixels",
+    "res resolution dim dimensions dims geometry pixels px size": "size factor",
+    "rotation rotate rot": "degrees turn camera",
+    "shade lighting lights": "shading light",
+    "threads jobs n-jobs num-threads n-threads nthreads cpus cores j": "threads workers",
+    "tf transfer-function transfer preset": "transfer colormap",
+    "voxel-size voxelsize pixdim": "spacing",
+    "width height w h": "width size factor",
+}
+
+
+def complaint(error: BaseException) -> str:
+    """Describe an error of a command in one line, with what to do where that is known."""
+    if isinstance(error, FileNotFoundError):
+        return one_line(error) + _remedy(error)
+    if isinstance(error, IsADirectoryError):
+        return one_line(error) + _within(error)
+    if isinstance(error, UnknownOptionError):
+        return _of_unknown(error)
+    if isinstance(error, MissingArgumentError) and error.argument is not None:
+        return _of_missing(error)
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        return f"{_quoted(error.unused_tokens)}: {_of_too_many(error)}"
+    return one_line(error)
+
+
+def meant(given: str, known: Collection[str]) -> str | None:
+    """Name of the option that a user means by another name; None if nothing is like it.
+
+    Examples
+    --------
+    >>> meant("bg", ["box", "background"]), meant("point_size", ["size", "point-size"])
+    ('background', 'point-size')
+    """
+    name = given.lower().replace("_", "-")
+    if name in known:
+        return name
+    for names, wanted in SYNONYMS.items():
+        if name in names.split():
+            return next((one for one in wanted.split() if one in known), None)
+    near = get_close_matches(name, known, n=1, cutoff=NEAR)
+    return near[0] if near else None
+
+
+def near_files(name: str) -> list[str]:
+    """Files in the folder of a missing one whose names are like its own."""
+    path = Path(name)
+    try:
+        there = sorted(entry.name for entry in path.parent.iterdir())
+    except OSError:
+        return []
+    alike = get_close_matches(path.name, there, n=MOST, cutoff=NEAR)
+    return [str(path.parent / one) for one in alike]
+
+
+def _remedy(error: FileNotFoundError) -> str:
+    """Return what to do about a missing file, to be appended to what is wrong."""
+    text = str(error)
+    name = error.filename or (text.partition(GONE)[0] if GONE in text else "")
+    if not isinstance(name, str) or not name:
+        return ""
+    if near := near_files(name):
+        return f"; did you mean {visible(' or '.join(near))}?"
+    folder = Path(name).parent
+    return "" if folder.is_dir() else f"; there is no folder {visible(str(folder))} either"
+
+
+def _within(error: IsADirectoryError) -> str:
+    """Return a file of a folder that was given instead of a file."""
+    try:
+        there = sorted(path for path in Path(error.filename).iterdir() if path.is_file())
+    except (OSError, TypeError):
+        return ""
+    return f", such as {visible(str(there[0]))}" if there else " (it holds none)"
+
+
+def _of_unknown(error: UnknownOptionError) -> str:
+    given = (error.token.keyword or error.token.value).partition("=")[0]
+    known = list(_option_names(error.argument_collection))
+    option = meant(given.lstrip("-"), known)
+    remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
+    return visible(f"Unknown option: {given}. {remedy}")
+
+
+def _of_missing(error: MissingArgumentError) -> str:
+    """Describe a missing value, or a missing option or input."""
+    argument = error.argument
+    assert argument is not None
+    text = _clause(argument)
+    if error.keyword is not None:
+        return visible(f"{error.keyword} needs a value{': ' * bool(text)}{text}")
+    name = argument.names[0]
+    left = list(error.unused_tokens or ())
+    wrong = [word for word in left if word.startswith("-")]
+    if wrong and meant(wrong[0].partition("=")[0].lstrip("-"), [name.lstrip("-")]):
+        return visible(f"Unknown option: {wrong[0]}. Did you mean {name}?")
+    if name == "--output" and len(left) == 1:
+        return visible(f"{_command(error)} needs --output; did you mean -o {left[0]}?")
+    shown = "--output (-o)" if name == "--output" else name
+    example = f"{_command(error)} -h shows examples"
+    return visible(f"{_command(error)} needs {shown}{': ' * bool(text)}{text}; {example}")
+
+
+def _of_too_many(error: UnusedCliTokensError) -> str:
+    app = error.app
+    assert app is not None
+    found = app.assemble_argument_collection()
+    inputs = [one.names[0] for one in found if one.names and one.names[0].isupper()]
+    takes = " and ".join(inputs) or "no inputs"
+    return f"{_command(error)} takes {takes}; options begin with --, and blanks need quotes"
+
+
+def _command(error: CycloptsError) -> str:
+    """Name of the command that was called, as users write it."""
+    package = getattr(error.target, "__module__", "resample").partition(".")[0]
+    return " ".join([package.replace("_", "-"), *(error.command_chain or ())])
+
+
+def _clause(argument: "Argument") -> str:
+    """Return the first clause of an argument's help."""
+    text = described(argument)[0].removeprefix("Written to: ")
+    return re.split(r"[;.](?:\s|$)", text)[0]
+
+
+def _option_names(arguments: "Iterable[Argument]") -> Iterator[str]:
+    for argument in arguments:
+        yield from (name[2:] for name in argument.names if name.startswith("--"))
+
+
+def _quoted(words: Sequence[str]) -> str:
+    return visible(", ".join(map(repr, words)))

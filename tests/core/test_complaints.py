@@ -1,0 +1,139 @@
+"""Mistakes on command lines: one line that says what to do."""
+
+import pytest
+
+from resample import registry
+from resample.cli import app as core
+from resample.command.complaints import SYNONYMS, meant
+from tests.commands import ended, refused
+
+APPS = {"resample": core} | {name: registry.load("apps", name) for name in registry.names("apps")}
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def said(capsys, application, *words):
+    return refused(APPS[application], capsys, *words).removeprefix("resample: error: ").rstrip()
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        ("volume render checker-box -o a.png --colormap hot", "--transfer"),
+        ("volume render checker-box -o a.png --cmap=hot", "--transfer"),
+        ("points render a.ply -o a.png --cmap hot", "--colormap"),
+        ("points render a.ply -o a.png --transfer hot", "--colormap"),
+        ("volume render checker-box -o a.png --bg white", "--background"),
+        ("volume render checker-box -o a.png --width 300", "--size"),
+        ("volume render checker-box -o a.png --res 300", "--size"),
+        ("texture scale a.png b.png --factor 2 --width 300", "--factor"),
+        ("volume render checker-box -o a.png --field-of-view 30", "--fov"),
+        ("volume render checker-box -o a.png --jobs 3", "--threads"),
+        ("volume render checker-box --out a.png", "--output"),
+        ("points animate a.ply -o a.gif --framerate 30", "--fps"),
+        ("points render a.ply -o a.png --point-radius 3", "--point-size"),
+        ("texture warp a.png -o b.jpg --matrix 1,0,0,0,1,0 --filequality 3", "--file-quality"),
+        ("volume render checker-box -o a.png --voxel-size 1", "--spacing"),
+        ("warp3d render a.png b.png -o c.png --camera-matrix 1,1,1,1", "--intrinsics"),
+    ],
+)
+def test_an_option_of_other_programs_is_taken_for_ours(words, option, capsys):
+    assert said(capsys, *words.split()).endswith(f". Did you mean {option}?")
+
+
+def test_an_option_that_is_like_none_names_the_help(capsys):
+    line = said(capsys, *["volume", "render", "checker-box", "-o", "a.png", "--fps", "3"])
+    assert line == "Unknown option: --fps. resample-volume render --help lists all."
+
+
+def test_every_synonym_leads_to_an_option_of_some_command():
+    options = {
+        name.removeprefix("--")
+        for app in APPS.values()
+        for command in app
+        if not command.startswith("-")
+        for argument in app[command].assemble_argument_collection()
+        for name in argument.names
+    }
+    wanted = {one for names in SYNONYMS.values() for one in names.split()}
+    assert wanted <= options
+    given = [one for names in SYNONYMS for one in names.split()]
+    assert len(given) == len(set(given))
+
+
+def test_the_first_option_that_a_command_has_is_meant():
+    assert meant("cmap", ["transfer", "colormap"]) == "colormap"
+    assert meant("cmap", ["transfer", "size"]) == "transfer"
+    assert meant("cmap", ["size"]) is None
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (
+            "volume render checker-box",
+            "resample-volume render needs --output (-o): .png, .jpg, .tif, or .exr with linear "
+            "RGBA, depth (Z) and coverage; resample-volume render -h shows examples",
+        ),
+        ("volume render checker-box a.png", "needs --output; did you mean -o a.png?"),
+        ("volume render checker-box -o", "-o needs a value: .png, .jpg, .tif, or .exr with"),
+        ("volume render", "resample-volume render needs VOLUME; resample-volume render -h shows"),
+        ("texture rotate a.png b.png", "resample-texture rotate needs --degrees: Counterclockwise"),
+        ("volume render a.png -o b.png --camera", "--camera needs a value: Viewpoint: azimuth,"),
+        ("volume render a b -o c.png", "'b': resample-volume render takes VOLUME; options begin"),
+    ],
+)
+def test_what_is_missing_or_too_much_is_named_with_what_to_do(words, line, capsys):
+    assert line in said(capsys, *words.split())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "volume render enigne.nhdr -o a.png",
+        "volume info enigne.nhdr",
+        "points render enigne.nhdr -o a.png",
+        "texture mesh enigne.nhdr -o a.png",
+        "texture warp enigne.nhdr --matrix 1,0,0,0,1,0 -o a.png",
+        "warp3d render enigne.nhdr b.png --fov 60 --move 1,0,0 -o a.png",
+        "resample compare enigne.nhdr -R enigne.nhdr",
+        "resample view enigne.nhdr",
+    ],
+)
+def test_a_missing_file_is_complained_of_with_near_names(words, tmp_path, capsys):
+    (tmp_path / "engine.nhdr").write_text("")
+    assert said(capsys, *words.split()).endswith("there is no such file; did you mean engine.nhdr?")
+
+
+def test_a_missing_folder_of_a_missing_file_is_named(capsys):
+    line = said(capsys, "volume", "render", "scans/a.nrrd", "-o", "a.png")
+    assert line == "scans/a.nrrd: there is no such file; there is no folder scans either"
+
+
+def test_a_folder_where_a_file_is_wanted_names_files_in_it(tmp_path, capsys):
+    (tmp_path / "scans").mkdir()
+    line = said(capsys, "points", "render", "scans", "-o", "a.png")
+    assert line == "scans: is a folder; give a file in it (it holds none)"
+    (tmp_path / "scans" / "a.ply").write_text("")
+    line = said(capsys, "points", "render", "scans", "-o", "a.png")
+    assert line == "scans: is a folder; give a file in it, such as scans/a.ply"
+
+
+@pytest.mark.parametrize("name", ["notes.docx", "folder"])
+def test_what_no_application_shows_is_refused_with_what_they_show(name, tmp_path, capsys):
+    (tmp_path / "notes.docx").write_text("")
+    (tmp_path / "folder").mkdir()
+    line = said(capsys, "resample", "view", name)
+    assert line == (
+        f"{name}: no application shows this; give a picture, a mesh, a volume, a point cloud, or a "
+        "picture and its depth"
+    )
+
+
+def test_names_of_files_keep_one_line(tmp_path, capsys):
+    (tmp_path / "engine\n.nhdr").write_text("")
+    assert ended(APPS["volume"], "render", "engin.nhdr", "-o", "a.png") == 2
+    assert capsys.readouterr().err.endswith("did you mean engine\\n.nhdr?\n")
