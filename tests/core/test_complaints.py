@@ -66,8 +66,10 @@ def test_every_synonym_leads_to_an_option_of_some_command():
 
 def test_settings_files_have_the_same_synonyms(tmp_path, capsys):
     (tmp_path / "look.toml").write_text('cmap = "hot"\n')
-    line = said(capsys, *"volume render checker-box -o a.png --settings look.toml".split())
-    assert line.endswith("there is no option 'cmap'; did you mean transfer?")
+    words = "volume render checker-box -o a.png --settings look.toml"
+    assert said(capsys, *words.split()).endswith(
+        "there is no option 'cmap'; did you mean transfer?"
+    )
 
 
 def test_the_first_option_that_a_command_has_is_meant():
