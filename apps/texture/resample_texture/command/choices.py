@@ -284,7 +284,6 @@ class MeshDrawing(Choices):
 class MeshFormat(FrameFormat):
     """Size, texture, background and bits of a mesh's picture."""
 
-    size: Annotated[str, Field(description=SIZE)] = "512"
     texture: Annotated[
         Path | None,
         OptionTopic.SOURCE,
