@@ -19,7 +19,7 @@ from tests.view.conftest import Served, levels, served
 SIZE = (32, 24, 16)  # voxels along x, y, z
 SPACING = (1.0, 1.5, 2.0)
 RAMP = np.indices(SIZE[::-1])[2] * 8  # along x
-BEGIN = (AppearanceChoices(camera="20/10/1", fov=0.0, transfer="gray", window="124/248"),)
+BEGIN = (AppearanceChoices(camera="20,10,1", fov=0.0, transfer="gray", window="124,248"),)
 
 
 @pytest.fixture(scope="module")
@@ -108,10 +108,10 @@ def test_a_slice_is_shown_in_the_volume_and_cuts_it(sliced: Any) -> None:
     after(tab, lambda: tab.check("#slice-coronal-show"))
     assert tab.input_value("#option-plane") == "y=12:window=0..248"
     after(tab, lambda: tab.check("#slice-coronal-cut"))
-    assert tab.input_value("#option-clip") == "0/1/0/0.75"  # half a voxel; far from the eye
+    assert tab.input_value("#option-clip") == "0,1,0,0.75"  # half a voxel; far from the eye
     after(tab, lambda: tab.locator("#slice-coronal-range").press("ArrowRight"))
     assert tab.input_value("#option-plane").startswith("y=13:")
-    assert tab.input_value("#option-clip") == "0/1/0/2.25"
+    assert tab.input_value("#option-clip") == "0,1,0,2.25"
     after(tab, lambda: tab.click("#undo"))
     assert numbers(tab)[1] == 12
     after(tab, lambda: tab.uncheck("#slice-coronal-show"))

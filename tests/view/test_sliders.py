@@ -12,7 +12,7 @@ from tests.view.browsing import after, chromium, levels, tab_of
 from tests.view.conftest import served
 
 VOLUME = "vessel-tree:size=24"
-BEGIN = (AppearanceChoices(camera="30/20/1", fov=0.0, transfer="gray"),)
+BEGIN = (AppearanceChoices(camera="30,20,1", fov=0.0, transfer="gray"),)
 VALUES = volume_view(VOLUME).first.volume.values  # type: ignore[attr-defined]  # of its painter
 
 
@@ -51,7 +51,7 @@ def test_the_window_is_set_by_sliders_and_numbers(tab: Any) -> None:
     begun(tab)
     typed(tab, "#window-low-number", 40)
     high = float(tab.input_value("#window-high-number"))
-    center, width = map(float, tab.input_value("#option-window").split("/"))
+    center, width = map(float, tab.input_value("#option-window").split(","))
     assert (center, width) == (20 + high / 2, high - 40)
     after(tab, lambda: tab.locator("#window-high").press("ArrowLeft"))
     assert float(tab.input_value("#window-high-number")) < high
@@ -60,10 +60,10 @@ def test_the_window_is_set_by_sliders_and_numbers(tab: Any) -> None:
 
 def test_looks_in_data_units_are_spread_by_the_same_sliders(tab: Any) -> None:
     begun(tab)
-    typed(tab, "#option-transfer", "50/#102030/0,100/#ff0000/0.25,150/#ffffff/1")
+    typed(tab, "#option-transfer", "50,#102030,0 100,#ff0000,0.25 150,#ffffff,1")
     assert [tab.input_value(f"#window-{end}-number") for end in ("low", "high")] == ["50", "150"]
     typed(tab, "#window-high-number", 90)
-    assert tab.input_value("#option-transfer") == "50/#102030/0,70/#ff0000/0.25,90/#ffffff/1"
+    assert tab.input_value("#option-transfer") == "50,#102030,0 70,#ff0000,0.25 90,#ffffff,1"
     assert tab.input_value("#option-window") == ""
 
 
@@ -88,7 +88,7 @@ def test_a_light_at_the_camera_s_angles_is_the_light_at_the_eye(tab: Any) -> Non
     typed(tab, "#light-azimuth-number", 30)
     a, e = np.radians((30, 20))
     expected = np.sin(a) * np.cos(e), -np.cos(a) * np.cos(e), np.sin(e)
-    given = np.array(tab.input_value("#option-light").split("/"), float)
+    given = np.array(tab.input_value("#option-light").split(","), float)
     np.testing.assert_allclose(given, expected, atol=1e-5)  # of the text's digits
     assert np.abs(levels(tab) - at_eye).max() <= 1
 

@@ -1,6 +1,7 @@
 """Orthogonal slices of a volume as gray pictures, and values along a line."""
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +18,8 @@ PER_VOXEL = 2  # values along a line, per voxel that it passes
 SLICES = (("axial", 2, 0, 1, 1, 1), ("coronal", 1, 0, 2, 1, -1), ("sagittal", 0, 1, 2, 1, -1))
 
 
-class SlicePlane(NamedTuple):
+@dataclass(frozen=True)
+class SlicePlane:
     """Orientation of orthogonal slices; axes are those of voxels, 0: x."""
 
     name: str  # axial, coronal or sagittal
@@ -28,7 +30,8 @@ class SlicePlane(NamedTuple):
     down_sign: int  # -1: indices grow upward
 
 
-class Profile(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LineProfile:
     """Values along a line."""
 
     distance: float  # scene units
@@ -112,7 +115,7 @@ def _range(values: NDArray[np.float32], is_known: NDArray[np.bool_]) -> tuple[fl
     return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
 
 
-def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> Profile:
+def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> LineProfile:
     """Return the values between two points, interpolated linearly.
 
     Parameters
@@ -141,4 +144,4 @@ def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> Profile:
     )
     is_outside = ((place < -0.5) | (place > size - 0.5)).any(axis=1)
     values = np.where(is_outside, np.nan, value_at(found, volume.scale))
-    return Profile(float(np.linalg.norm(ends[1] - ends[0])), unit_of_space(volume), values)
+    return LineProfile(float(np.linalg.norm(ends[1] - ends[0])), unit_of_space(volume), values)

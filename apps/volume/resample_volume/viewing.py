@@ -1,7 +1,7 @@
 """Interactive page of a volume: `resample-volume view`, and `picture` without a page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -353,7 +353,7 @@ def volume_view(
                 "lattice": lattice_of(volume).tolist(),
                 "middle": centered(volume)[1].tolist(),
             },
-            "slices": [plane._asdict() for plane in slice_planes(volume)],
+            "slices": [asdict(plane) for plane in slice_planes(volume)],
             "spacing": np.asarray(volume.spacing).tolist(),
             "unit": unit_of_space(volume),
             "measures": True,

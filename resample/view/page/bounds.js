@@ -79,8 +79,8 @@ export function bounds(page) {
   const button = (id, title, text, onclick) => made("button", { id, title, hidden: true, onclick }, text);
   const crop = button("crop", "Cut a box out of the volume by handles on its sides", "Crop", () => turned(crop));
   const clip = button("clip", "Cut the volume by planes, with a handle to move and one to turn each", "Clip", () => turned(clip));
-  const add = button("clip-add", "One more plane", "+ plane", () => added());
-  const remove = button("clip-remove", "Take a plane away", "− plane", () => removed());
+  const add = button("clip-add", "One more plane", "+", () => added());
+  const remove = button("clip-remove", "Take a plane away", "−", () => removed());
   let view = null, chosen = 0;
   let sides = [], grips = []; // handles of the box, and pairs of those of planes
   lines.classList.add("lines");
