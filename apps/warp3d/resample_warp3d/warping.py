@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.files.exchange import as_picture, check_layout
+from resample.colors import from_srgb
+from resample.files.exchange import as_picture, check_layout, picture_and_encoding
 from resample.painting.scenes.plans import pair_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
@@ -32,6 +33,7 @@ from resample_warp3d.wide import CameraModel, Passage, Way, mapping_between, tak
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
 CLOSEST = 1e-30  # scene units; smaller depths are unknown
+OPACITY = 3  # channel
 LARGEST_PICTURE = 1 << 28  # pixels; a larger size is taken for a mistake
 
 
@@ -63,7 +65,8 @@ def warp(
     color
         (H, W) or (H, W, C), any number of channels, linear light, premultiplied if one is opacity;
         or anything else that `resample.files.exchange.as_picture` takes. Integers are
-        divided by their type's largest value.
+        divided by their type's largest value; uint8 of up to 4 channels is taken for sRGB levels
+        with straight opacity, as photographs are. The result is linear light.
     depth
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
         of another size that shows the same frame is scaled to the picture's size.
@@ -225,8 +228,12 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
 
 
 def as_light(color: Any) -> Floats:
-    """Convert a picture to (H, W, C) float32; integers are divided by their largest value."""
-    given = as_picture(color)
+    """Convert a picture to (H, W, C) float32, linear light, premultiplied if it has an opacity.
+
+    Integers are divided by their largest value. Of up to 4 channels, uint8 and files that say so
+    are sRGB levels with straight opacity.
+    """
+    given, is_encoded = picture_and_encoding(color)
     check_layout(given)
     if given.ndim == 2:
         given = given[..., None]
@@ -235,7 +242,12 @@ def as_light(color: Any) -> Floats:
     if given.dtype.kind == "b":
         return np.ascontiguousarray(given, np.float32)
     if given.dtype.kind == "u":
-        return np.ascontiguousarray(given / np.float32(np.iinfo(given.dtype).max), np.float32)
+        light = np.ascontiguousarray(given / np.float32(np.iinfo(given.dtype).max), np.float32)
+        if given.shape[2] > OPACITY + 1 or not (given.dtype == np.uint8 or is_encoded):
+            return light
+        light[..., :OPACITY] = from_srgb(light[..., :OPACITY])
+        light[..., :OPACITY] *= light[..., OPACITY:] if given.shape[2] > OPACITY else 1
+        return light
     if given.dtype.kind != "f":
         raise ValueError(f"color of type {given.dtype}; give unsigned integers or floats")
     return np.ascontiguousarray(given, np.float32)
