@@ -23,7 +23,7 @@ IMAGES = Path(__file__).parents[1] / "docs" / "images"
 BROWSERS = ("chromium", "chromium-browser", "chrome")
 WINDOW = {"width": 1100, "height": 680}  # px
 WIDE = {"width": 1200, "height": 800}  # px, with slices
-SMALL = {"width": 900, "height": 480}  # px, of animations
+SMALL = {"width": 1100, "height": 520}  # px, of animations
 TIME = 120_000  # ms; kernels may have to be compiled
 STEP = 60  # ms between frames of a drag
 STILL = """() => document.querySelector('.canvas img').dataset.preview === 'false'
@@ -170,9 +170,9 @@ def moving(opened: Any, volume: str) -> None:
         shots.append(shot(tab))
         tab.mouse.move(x - 90, y)
         tab.mouse.down()
-        for n in range(24):
+        for n in range(1, 19):
             before = tab.evaluate(NUMBER)
-            tab.mouse.move(x - 90 + 9 * n, y + 2 * n)
+            tab.mouse.move(x - 90 + 12 * n, y + 3 * n)
             tab.wait_for_function(f"before => {NUMBER} !== before", arg=before)
             shots.append(shot(tab))
         tab.mouse.up()

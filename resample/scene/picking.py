@@ -20,6 +20,16 @@ def lines_of(view: View, pixels: Doubles) -> tuple[Doubles, Doubles]:
     return (start - view.translation) @ view.rotation, along @ view.rotation
 
 
+def position_at(view: View, pixel: tuple[int, int], depth: float) -> Doubles:
+    """Scene position (3,) at a depth behind the center of a pixel, by its row and column.
+
+    The camera's picture has no distortion.
+    """
+    row, column = pixel
+    (start,), (ahead,) = lines_of(view, np.array([[column + 0.5, row + 0.5]]))
+    return np.asarray(start + depth * ahead)
+
+
 def place_at(camera: Camera, x: float, y: float, depth: float) -> Doubles | None:
     """Scene position (3,) at a depth behind a point of the picture; None if it is infinite."""
     if not np.isfinite(depth):

@@ -154,3 +154,16 @@ def test_films_are_made_of_one_view(files: tuple[str, str, str]) -> None:
     painter = depth_view(*files[:2], further=further).painter()
     with pytest.raises(ValueError, match="films are made from one view"):
         painter.film({}, (36, 30), "", Path("film.mp4"), print)
+
+
+@pytest.mark.parametrize("move", ["0,0,0", "0.2,-0.1,0.5"])
+def test_places_of_pixels_are_those_of_the_scene(place: Served, move: str) -> None:
+    size, point = (36, 30), np.array([1.2, 0.9, 3.0])  # on the wall; a pixel is 0.1 wide there
+    with place.page() as page:
+        settings = page.about["settings"] | {"move": move}
+        across, down, ahead = point - np.array(move.split(","), float)
+        focal = 15 / np.tan(np.radians(30))  # 60 degrees along the shorter side
+        at = {"x": 18 + focal * across / ahead, "y": 15 + focal * down / ahead}
+        page.say("pick", settings, width=size[0], height=size[1], **at)
+        found = page.told("picked")["found"]["position"]
+    np.testing.assert_allclose([float(part) for part in found.split(",")], point, atol=0.06)

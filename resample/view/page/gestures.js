@@ -72,5 +72,6 @@ export function gestures(page) {
     else if (event.key === "1" && page.steering?.exact) page.steering.exact();
     else return;
     event.preventDefault();
+    event.stopPropagation(); // a notebook has keys of its own
   });
 }

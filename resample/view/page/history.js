@@ -58,6 +58,7 @@ export function history(page) {
     const key = event.key.toLowerCase();
     if (key !== "z" && key !== "y") return;
     event.preventDefault();
+    event.stopPropagation(); // a notebook has steps of its own
     stepped(key === "y" || event.shiftKey ? 1 : -1);
   });
   return { buttons: [undo, redo], recorded, amended, isHeld: () => held };

@@ -12,7 +12,7 @@ import numpy as np
 
 from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
-from resample.scene.picking import lines_of, pixel_at
+from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.types import Frame
 from resample.view.files import FileView, image_of
@@ -57,13 +57,13 @@ class ModelPainter:
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return position and depth at a pixel, see `resample.view.views.Painter`."""
         view, drawing, form = _checked(settings)
-        depth = float(self._rendered(view, drawing, form, size).depth[pixel_at(size, x, y)])
+        pixel = pixel_at(size, x, y)
+        depth = float(self._rendered(view, drawing, form, size).depth[pixel])
         if not np.isfinite(depth):
             return {}
         camera = view.placed(self.mesh(form.texture), size[::-1])
-        (start,), (ahead,) = lines_of(camera.view(), np.array([[x, y]]))
-        place = ", ".join(f"{part:.6g}" for part in (start + depth * ahead).tolist())
-        return {"position": place, "depth": f"{depth:.5g}"}
+        place = position_at(camera.view(), pixel, depth).tolist()
+        return {"position": ", ".join(f"{part:.6g}" for part in place), "depth": f"{depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does.

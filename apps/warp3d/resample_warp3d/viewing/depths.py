@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from resample.cameras.models import Camera
+from resample.cameras.panoramic import Equirectangular
 from resample.command.session import Session
 from resample.command.settings import Choices, Written
 from resample.files.formats import WriteOptions, page_of
@@ -19,10 +20,10 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
 from resample.lazy import warn_of_old_name
-from resample.scene.picking import pixel_at
+from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, placed_by, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing
@@ -93,6 +94,7 @@ class _Rendering(NamedTuple):
     request: _DepthRequest
     kind: Kind
     warped: Warped
+    target: CameraModel  # camera of the view
 
     def picture(self) -> Picture:
         """Return the picture to write."""
@@ -122,11 +124,12 @@ class DepthPainter:
         """Picture of these options, see `resample.view.views.Painter`."""
         with cancellable(cancel):
             if quick:
-                seen = self._rendered(settings, preview_size(size))
+                size = preview_size(size)
+                seen = self._rendered(settings, size)
             else:
                 seen = self._last = self._rendered(settings, size)
             page = page_of(Path("picture.png"), seen.picture(), seen.request.options)
-        return PagePicture(shown(page.data), quick)
+        return PagePicture(shown(page.data), quick, placed_by(seen.target, size))
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return depth, magnification and more of a pixel, see `resample.view.views.Painter`."""
@@ -143,6 +146,7 @@ class DepthPainter:
             "magnification": f"{warped.magnification[at]:.3g}",
             "confidence": f"{warped.confidence[at]:.2f}",
             "hole": hole,
+            **_position(seen, size, at),
         }
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
@@ -176,7 +180,7 @@ class DepthPainter:
         target = request.aim.camera_model(taken.camera, taken.shape, request.eye.convention)
         joining = joining_of(taken, request.joint, unmixed=request.warping.unmixed)
         together = joined(Session(), sources, target, size[::-1], request.warping, joining)
-        return _Rendering(request, taken.picture.kind, together.warped)
+        return _Rendering(request, taken.picture.kind, together.warped, target)
 
     def _sources(self, request: _DepthRequest) -> _Ready:
         """Return the sources, cached while only the camera moves."""
@@ -226,11 +230,21 @@ def depth_view(
             "extent": [width, height],
             "distance": [far.near, far.middle],
             "focal": _focal(taken.camera),
+            "measures": True,
             "settings": settings,
         }
 
     kinds = [{**settings, **kind} for kind in KINDS]
     return FileView(first, described, _checked, kinds, LEFT_OUT)
+
+
+def _position(seen: _Rendering, size: Size, at: tuple[int, int]) -> dict[str, str]:
+    """Position in the scene of what a pixel shows; empty for panoramas and lenses."""
+    target = seen.target
+    if isinstance(target, Equirectangular) or not placed_by(target, size):
+        return {}
+    place = position_at(target.view(), at, float(seen.warped.depth[at])).tolist()
+    return {"position": ", ".join(f"{part:.6g}" for part in place)}
 
 
 def _focal(camera: CameraModel) -> list[float]:
