@@ -1,5 +1,6 @@
 """Help of all commands: brief by -h, and by --help with the default of every option."""
 
+import inspect
 import io
 import re
 import shlex
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from resample import registry
 from resample.cli import app as core
-from resample.command.brief import COLUMNS, LINES
+from resample.command.brief import COLUMNS, LINES, examples_in
 from resample.samples.finding import expanded
 from tests.commands import ended, imported
 
@@ -68,6 +69,22 @@ def test_brief_help_has_15_lines_and_three_examples_that_parse(
             expanded(words), exit_on_error=False, print_error=False
         )
         assert parsed[1].arguments or len(words) == 1
+
+
+def of_built_in_data():
+    """Examples that end by themselves, read built-in data alone and are no films."""
+    for application, command in commands():
+        if command not in ("view", "fetch", "figures", "demo", "animate"):
+            text = inspect.getdoc(APPS[application][command].default_command)
+            yield from ("\n".join(examples_in(text)).replace("\\\n", "").splitlines())
+
+
+@pytest.mark.sweep(kept_by="test_brief_help_has_15_lines_and_three_examples_that_parse")
+@pytest.mark.parametrize("line", list(of_built_in_data()))
+def test_examples_of_brief_help_run(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    program, *words = shlex.split(line)
+    assert ended(APPS[program], *words) == 0
 
 
 @pytest.mark.parametrize(("application", "command"), list(commands()))
