@@ -61,19 +61,23 @@ html_theme_options = {
     "pygments_light_style": "friendly",
     "pygments_dark_style": "monokai",
 }
-html_sidebars = {"index": []}
+html_sidebars = {page: [] for page in ("index", "quality", "performance", "glossary")}
 html_math_renderer = "mathml"  # browsers know it; MathJax would have to be fetched
 
 
 def pictures(block, block_vars, gallery_conf):  # noqa: ARG001 - sphinx-gallery's parameters
     """Figures of the pictures that a part of an example has saved; their names are captions."""
     folder = Path(block_vars["src_file"]).parent
-    found = sorted(folder.glob("*.png"), key=lambda path: path.stat().st_mtime_ns)
+    found = sorted(
+        (path for path in folder.iterdir() if path.suffix in {".png", ".webp"}),
+        key=lambda path: path.stat().st_mtime_ns,
+    )
     lines = [".. container:: pictures", ""] if found else []
     for path, goal in zip(found, block_vars["image_path_iterator"], strict=False):
-        Path(goal).parent.mkdir(parents=True, exist_ok=True)
-        shutil.move(path, goal)
-        lines += _figure(Path(goal), gallery_conf["src_dir"], path.stem.replace("-", " "))
+        target = Path(goal).with_suffix(path.suffix)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(path, target)
+        lines += _figure(target, gallery_conf["src_dir"], path.stem.replace("-", " "))
     return "\n".join(lines)
 
 
@@ -158,7 +162,8 @@ def write_formula(page, node):
 
 def name_notes(app, name, source):  # noqa: ARG001 - Sphinx's
     """Name lab notes, which are no part of the site, where pages link to them."""
-    source[0] = re.sub(r"\[([^\]]+)\]\(\.\./(notes/[^)]*)\)", r"\1 (`\2` in the source)", source[0])
+    link = re.compile(r"\[([^\]]+)\]\((?:\.\./)+(notes/[^)]*)\)")
+    source[0] = link.sub(r"\1 (`\2` in the source)", source[0])
 
 
 def write_command_pages(app):

@@ -34,6 +34,7 @@ from resample.painting.scenes.plans import (
     PlansOfPart,
     SamplesInParts,
     Window,
+    check_call,
     check_size,
     checked_window,
 )
@@ -158,7 +159,7 @@ class Resampler(PaintChoices):
             field or its projection does not go with the order, or choices are not for samples that
             have a scale each.
         """
-        check_size(height, width)
+        check_call(camera, height, width, threads)
         if isinstance(samples, Ellipsoids):
             with limited(threads):
                 return self._shaped(samples, camera, (height, width), clip, progress)

@@ -1,13 +1,24 @@
-"""Parse numbers in users' text; format text and errors as one safe line."""
+"""Parse and check users' numbers; format text and errors as one safe line."""
 
 import math
+import operator
 import re
-from collections.abc import Iterator
+import sys
+import warnings
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 LONGEST = 2000  # characters of a message
 DIGITS = re.compile(r"[\d.]{60,}")  # of a number
 TOO_MANY_DIGITS = re.compile(r"Exceeds the limit \(\d+ digits\) for integer string conversion.*")
+OURS = {"resample", "contextlib", "functools", "dataclasses"}  # besides applications
+OURS |= {f"resample_{name}" for name in ("points", "texture", "volume", "warp3d")}
 TOO_LARGE = "a whole number has thousands of digits, beyond 64 bits; write it as 1e30"
 
 
@@ -62,6 +73,117 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
         wanted = "numbers" if count is None else f"{count} numbers"
         raise ValueError(f"{name} {text!r:.60}; give {wanted} separated by commas")
     return numbers
+
+
+def whole_number(name: str, given: Any, least: int = 1) -> int:
+    """Return a whole number of users' arguments.
+
+    Examples
+    --------
+    >>> from resample.words import whole_number
+    >>> whole_number("threads", 0)
+    Traceback (most recent call last):
+    ...
+    ValueError: threads 0; give a whole number of 1 or more
+    """
+    try:
+        number = operator.index(given)
+    except TypeError:
+        raise TypeError(
+            f"{name} {shortly(given)}; give a whole number of {least} or more"
+        ) from None
+    if number < least:
+        raise ValueError(f"{name} {number}; give a whole number of {least} or more")
+    return number
+
+
+def check_threads(given: Any) -> None:
+    """Reject what is no number of threads; None takes all."""
+    if given is not None:
+        whole_number("threads", given)
+
+
+def number(name: str, given: Any) -> float:
+    """Return a number of users' arguments; texts are none, as `"30"`.
+
+    Examples
+    --------
+    >>> from resample.words import number
+    >>> number("degrees", "30")
+    Traceback (most recent call last):
+    ...
+    TypeError: degrees '30'; give a number
+    """
+    if not isinstance(given, str | bytes):
+        try:
+            return float(given)
+        except (TypeError, ValueError):
+            pass
+    raise TypeError(f"{name} {shortly(given)}; give a number")
+
+
+def check_numbers(choices: Any, *names: str) -> None:
+    """Reject attributes of these names that are no numbers; None is left to its meaning."""
+    for name in names:
+        given = getattr(choices, name)
+        if given is not None:
+            number(name, given)
+
+
+def doubles_of(name: str, given: Any, wanted: str) -> "NDArray[np.float64]":
+    """Return an array of users' numbers; texts, complex numbers and ragged lists are none."""
+    import numpy as np
+
+    try:
+        found = np.asarray(given)
+    except ValueError:
+        found = np.empty(0, np.object_)
+    if found.dtype.kind not in "biuf":
+        raise TypeError(f"{name} {shortly(given)}; give {wanted}")
+    return np.asarray(found, np.float64)
+
+
+def check_options(call: str, given: Mapping[str, Any], group: Any) -> None:
+    """Reject keywords that a group of options, a `TypedDict`, does not have.
+
+    Examples
+    --------
+    >>> from typing import TypedDict
+    >>> from resample.words import check_options
+    >>> check_options("warp", {"fil": 0}, TypedDict("Options", {"fill": int, "threads": int}))
+    Traceback (most recent call last):
+    ...
+    TypeError: warp has no option 'fil', did you mean 'fill'? known: fill, threads
+    """
+    known = list(group.__annotations__)
+    for name in given:
+        if name not in known:
+            from difflib import get_close_matches
+
+            close = get_close_matches(name, known, 1)
+            hint = f", did you mean {close[0]!r}?" if close else ";"
+            raise TypeError(f"{call} has no option {name!r}{hint} known: {', '.join(known)}")
+
+
+def check_kind(name: str, given: Any, kinds: Any, wanted: str) -> None:
+    """Reject an argument that is of none of some classes."""
+    if not isinstance(given, kinds):
+        raise TypeError(f"a {name} of {type(given).__name__}; give {wanted}")
+
+
+def warn(message: str, kind: type[Warning] = UserWarning) -> None:
+    """Warn at the line of the user's code from which ours was called."""
+    frame: FrameType | None = sys._getframe(1)
+    level = 2
+    while frame is not None and _is_ours(frame):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, kind, stacklevel=level)
+
+
+def _is_ours(frame: FrameType) -> bool:
+    """Whether code is of our packages, or of Python's modules that call it."""
+    name = frame.f_globals.get("__name__", "").partition(".")[0]
+    return name in OURS
 
 
 def visible(text: str) -> str:
@@ -137,12 +259,12 @@ def _field_error(detail: dict[str, object]) -> str:
     place = detail["loc"]
     field = ".".join(map(str, place)) if isinstance(place, tuple) else ""
     message = " ".join(str(detail["msg"]).removeprefix("Value error, ").split())
-    return f"{field}: {message} (got {_shortly(detail['input'])})" if field else message
+    return f"{field}: {message} (got {shortly(detail['input'])})" if field else message
 
 
-def _shortly(given: object) -> str:
-    """Representation of an input, shortened; numbers may have too many digits."""
+def shortly(given: object) -> str:
+    """Representation of an input on one line, shortened; numbers may have too many digits."""
     try:
-        return f"{given!r:.60}"
+        return f"{' '.join(repr(given).split()):.60}"
     except (ValueError, RecursionError):
         return type(given).__name__

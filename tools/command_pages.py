@@ -6,10 +6,14 @@
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from textwrap import dedent
+from unittest.mock import patch
 
+import docstring_parser
 from cyclopts import App
 from cyclopts.docs import generate_markdown_docs
 
@@ -31,13 +35,19 @@ glTF and OBJ.
 def pages(programs: Sequence[str] = PROGRAMS) -> Mapping[str, str]:
     """Markdown of all pages by name: the list of programs, and a page per program and command."""
     found = {"index": INTRODUCTION + tree(f"{program}/index" for program in programs)}
-    for program in programs:
-        app = app_of(program)
-        named = {name: app[name] for name in names_of(program, app)}
-        found[f"{program}/index"] = overview(app, named)
-        for name, command in named.items():
-            found[f"{program}/{name}"] = page(command, program, name)
+    with parsed_once():
+        for program in programs:
+            app = app_of(program)
+            named = {name: app[name] for name in names_of(program, app)}
+            found[f"{program}/index"] = overview(app, named)
+            for name, command in named.items():
+                found[f"{program}/{name}"] = page(command, program, name)
     return found
+
+
+def parsed_once() -> AbstractContextManager[object]:
+    """Parse each docstring once, as commands share the models of their options."""
+    return patch("docstring_parser.parse_from_object", cache(docstring_parser.parse_from_object))
 
 
 def app_of(program: str) -> App:

@@ -22,12 +22,15 @@ from PIL import Image
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 BROWSERS = ("chromium", "chromium-browser", "chrome")
 WINDOW = {"width": 1100, "height": 680}  # px
+WIDE = {"width": 1200, "height": 800}  # px, with slices
 SMALL = {"width": 900, "height": 480}  # px, of animations
 TIME = 120_000  # ms; kernels may have to be compiled
 STEP = 60  # ms between frames of a drag
 STILL = """() => document.querySelector('.canvas img').dataset.preview === 'false'
     && document.querySelector('.canvas').getAttribute('aria-busy') === 'false'
     && !document.querySelector('.notice')"""
+
+NUMBER = "document.querySelector('.canvas img').dataset.number"
 
 BLOCKS = "checker-box:size=96,block=4"
 FLICKER = 96  # px, side of the picture
@@ -64,7 +67,7 @@ def browser() -> Iterator[Any]:
 @contextmanager
 def page(opened: Any, address: str, size: dict[str, int]) -> Iterator[Any]:
     """Open a page and wait for its full picture."""
-    tab = opened.new_page(viewport=size)
+    tab = opened.new_page(viewport=size, color_scheme="dark")
     tab.set_default_timeout(TIME)
     for _ in range(2):  # the second time everything is compiled
         tab.goto(address)
@@ -98,7 +101,7 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
     ):
         tab.mouse.click(*middle(tab))
         settled(tab)
-        shot(tab).save(IMAGES / "viewer.png", optimize=True)
+        shot(tab).quantize(256).save(IMAGES / "viewer.png", optimize=True)
     with (
         served("resample-volume", "view", volume, "--clip=0.6/0.8/0", "--crop=40:,:,:") as address,
         page(opened, address, WINDOW) as tab,
@@ -107,6 +110,18 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
         tab.click("#crop")
         settled(tab)
         shot(tab).save(IMAGES / "viewer-cuts.webp", quality=80)
+    with served("resample-volume", "view", volume) as address, page(opened, address, WIDE) as tab:
+        tab.click("#slices")
+        tab.check("#slice-axial-show")
+        tab.check("#slice-axial-cut")
+        tab.click("#measure")
+        settled(tab)
+        for place in ((0.45, 0.4), (0.62, 0.6)):
+            box = tab.locator("#slice-sagittal").bounding_box()
+            x, y = box["x"] + place[0] * box["width"], box["y"] + place[1] * box["height"]
+            tab.mouse.click(x, y)
+        settled(tab)
+        shot(tab).save(IMAGES / "viewer-slices.webp", quality=80)
     with (
         served("resample-texture", "view", picture(folder)) as address,
         page(opened, address, WINDOW) as tab,
@@ -156,8 +171,9 @@ def moving(opened: Any, volume: str) -> None:
         tab.mouse.move(x - 90, y)
         tab.mouse.down()
         for n in range(24):
+            before = tab.evaluate(NUMBER)
             tab.mouse.move(x - 90 + 9 * n, y + 2 * n)
-            tab.wait_for_timeout(STEP)
+            tab.wait_for_function(f"before => {NUMBER} !== before", arg=before)
             shots.append(shot(tab))
         tab.mouse.up()
         settled(tab)

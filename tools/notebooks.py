@@ -4,9 +4,7 @@ Stored pictures are seen where notebooks do not run, as on pages of repositories
 cells again and compare (`tests/view/test_notebook.py`).
 """
 
-import ast
 import contextlib
-import io
 import json
 import sys
 import tempfile
@@ -15,6 +13,10 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+
+from IPython.core.interactiveshell import InteractiveShell
+from IPython.utils.capture import capture_output
+from traitlets.config import Config
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 NAMES = ("texture", "warp3d", "points", "volume")
@@ -33,24 +35,18 @@ def code_of(notebook: dict[str, Any]) -> list[dict[str, Any]]:
 
 def outputs(notebook: dict[str, Any]) -> Iterator[list[dict[str, Any]]]:
     """Run the cells in the current folder, one after the other; yields what each of them shows."""
-    names: dict[str, Any] = {}
+    shell = InteractiveShell(config=Config({"HistoryManager": {"enabled": False}}))
+    # What a cell ends with is stored below, and not printed.
+    shell.displayhook.write_output_prompt = lambda: None
+    shell.displayhook.write_format_data = lambda *_: None
     with contextlib.ExitStack() as stack:
         for number, cell in enumerate(code_of(notebook), 1):
-            printed, value = run("".join(cell["source"]), names)
-            if hasattr(value, "to_python"):  # a viewer
-                stack.enter_context(closing(value))
-            yield [*_stream(printed), *_result(value, number)]
-
-
-def run(source: str, names: dict[str, Any]) -> tuple[str, Any]:
-    """Run a cell; returns what it printed and the value that it ends with."""
-    cell = ast.parse(source)
-    last = cell.body.pop() if isinstance(cell.body[-1], ast.Expr) else None
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        exec(compile(cell, "cell", "exec"), names)  # noqa: S102 - a notebook of ours
-        rest = last and compile(ast.Expression(last.value), "cell", "eval")
-        value = rest and eval(rest, names)  # noqa: S307
-    return printed.getvalue(), value
+            with capture_output() as captured:
+                ended = shell.run_cell("".join(cell["source"]))
+            ended.raise_error()
+            if hasattr(ended.result, "to_python"):  # a viewer
+                stack.enter_context(closing(ended.result))
+            yield [*_stream(captured.stdout), *_result(ended.result, number)]
 
 
 def _stream(printed: str) -> Iterator[dict[str, Any]]:

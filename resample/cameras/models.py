@@ -8,14 +8,15 @@ W / 2, not at (W − 1) / 2 as in OpenCV's matrices.
 import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.lens import COUNT, COUNTS
-from resample.cameras.poses import rigid
+from resample.cameras.poses import pose_of, rigid
 from resample.types import Doubles, View
+from resample.words import check_options, doubles_of, number
 
 
 class Convention(StrEnum):
@@ -34,6 +35,14 @@ class LensModel(StrEnum):
 
 AnyConvention = Convention | Literal["corner", "opencv"]
 AnyLens = LensModel | Literal["pinhole", "fisheye"]
+
+
+class IntrinsicsOptions(TypedDict, total=False):
+    """Options of `Camera.from_intrinsics`."""
+
+    skew: float  # px
+    distortion: ArrayLike | None  # of a lens
+    convention: AnyConvention  # origin of the principal point
 
 
 class AnyCamera(Protocol):
@@ -102,7 +111,7 @@ class Camera:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
 
     @classmethod
-    def from_intrinsics(  # noqa: PLR0913 - the numbers of one camera, as listed in its file
+    def from_intrinsics(
         cls,
         fx: float,
         fy: float,
@@ -110,34 +119,37 @@ class Camera:
         cy: float,
         world_to_camera: ArrayLike | None = None,
         near: float = 0.0,
-        *,
-        skew: float = 0.0,
-        distortion: ArrayLike | None = None,
-        convention: AnyConvention = Convention.CORNER,
+        **options: Unpack[IntrinsicsOptions],
     ) -> "Camera":
         """Camera from focal lengths, principal point and skew, px.
 
         Parameters
         ----------
-        fx, fy, cx, cy, skew
+        fx, fy, cx, cy
             Entries of the matrix.
-        world_to_camera, near, distortion
+        world_to_camera, near
             As in the class.
-        convention
-            Origin of cx and cy.
+        options
+            `skew`, the matrix's remaining entry; `distortion`, as in the class; and `convention`,
+            the origin of cx and cy.
 
         Raises
         ------
         ValueError
             As in the class; or the convention is unknown.
         """
+        check_options("from_intrinsics", options, IntrinsicsOptions)
+        skew, distortion = options.get("skew", 0.0), options.get("distortion")
+        convention = options.get("convention", Convention.CORNER)
         if convention not in tuple(Convention):
             raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
+        for name, given in {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "skew": skew}.items():
+            number(name, given)
         offset = 0.5 if convention == Convention.OPENCV else 0.0
         matrix = np.array([[fx, skew, cx + offset], [0.0, fy, cy + offset], [0.0, 0.0, 1.0]])
-        pose = _identity() if world_to_camera is None else np.asarray(world_to_camera, np.float64)
-        given = None if distortion is None else np.asarray(distortion, np.float64)
-        return cls(matrix, pose, given, near)
+        pose = _identity() if world_to_camera is None else pose_of(world_to_camera)
+        bends = None if distortion is None else np.asarray(distortion, np.float64)
+        return cls(matrix, pose, bends, near)
 
     @classmethod
     def from_opencv(
@@ -156,7 +168,7 @@ class Camera:
         distortion, model
             As in the class.
         """
-        given = np.array(matrix, np.float64)
+        given = doubles_of("intrinsics", matrix, "numbers (3, 3), or fx, fy, cx and cy").copy()
         if given.shape == (4,):
             fx, fy, cx, cy = given
             given = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -175,8 +187,10 @@ class Camera:
         near: float = 0.0,
     ) -> "Camera":
         """Camera with square pixels and a field of view in degrees along the shorter side."""
-        if not 0 < fov < 180:
+        if not 0 < number("field of view", fov) < 180:
             raise ValueError(f"a field of view of {fov} degrees is not between 0 and 180")
+        if not (number("height", height) > 0 and number("width", width) > 0):
+            raise ValueError(f"a height of {height} and a width of {width} px; give both above 0")
         focal = min(height, width) / (2 * np.tan(np.radians(fov) / 2))
         return cls.from_intrinsics(focal, focal, width / 2, height / 2, world_to_camera, near)
 
@@ -202,7 +216,7 @@ class Camera:
 
     def moved(self, world_to_camera: ArrayLike) -> "Camera":
         """Camera with another pose."""
-        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
+        return replace(self, world_to_camera=pose_of(world_to_camera))
 
     def with_lens(self, distortion: ArrayLike, model: AnyLens = LensModel.PINHOLE) -> "Camera":
         """The same camera with a lens of these coefficients."""
@@ -287,7 +301,7 @@ class Orthographic:
 
     def moved(self, world_to_camera: ArrayLike) -> "Orthographic":
         """Camera with another pose."""
-        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
+        return replace(self, world_to_camera=pose_of(world_to_camera))
 
     def view(self) -> View:
         focal, principal = _pair(self.sx, self.sy), _pair(self.cx, self.cy)

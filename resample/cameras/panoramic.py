@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.cameras.poses import rigid
+from resample.cameras.poses import pose_of, rigid
 from resample.types import Doubles
 
 
@@ -47,7 +47,7 @@ class Equirectangular:
 
     def moved(self, world_to_camera: ArrayLike) -> "Equirectangular":
         """Camera with another pose."""
-        return replace(self, world_to_camera=np.asarray(world_to_camera, np.float64))
+        return replace(self, world_to_camera=pose_of(world_to_camera))
 
     def turned(self, yaw: float, pitch: float = 0.0) -> "Equirectangular":
         """Rotated camera: to the right by `yaw`, or else up by `pitch`, rad."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.types import Doubles
+from resample.words import doubles_of, number
 
 ROUNDED = 2e-4  # largest error of R Rᵀ from rounding to four decimals
 QUATERNION = 1e-3  # largest error of a quaternion's length from rounding to three decimals
@@ -35,9 +36,9 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
     >>> round(float(right), 3), round(float(ahead), 3)  # what is at x = 1, from 4 units away
     (1.0, 4.0)
     """
-    place = np.asarray(eye, np.float64)
-    forward = np.asarray(target, np.float64) - place
-    upward = np.asarray(up, np.float64)
+    place = doubles_of("eye", eye, "3 numbers")
+    forward = doubles_of("target", target, "3 numbers") - place
+    upward = doubles_of("up", up, "3 numbers")
     length = np.linalg.norm(forward)
     if not (np.isfinite(length) and length > 0 and np.isfinite(upward).all()):
         raise ValueError(f"a camera at {eye!r} cannot look at {target!r}")
@@ -84,8 +85,13 @@ def orbit(
         upward = -np.sign(np.sin(e)) * (np.sin(a) * aside + np.cos(a) * front)
     elif np.cos(e) < 0:  # past the pole
         upward = -upward
-    place = np.asarray(target, np.float64) + distance * outward
+    place = doubles_of("target", target, "3 numbers") + number("distance", distance) * outward
     return look_at(place, target, upward)
+
+
+def pose_of(given: ArrayLike) -> Doubles:
+    """Return a user's pose as an array; `rigid` checks it further."""
+    return doubles_of("pose", given, "numbers of the shape (3, 4) or (4, 4)")
 
 
 def rigid(pose: ArrayLike) -> Doubles:

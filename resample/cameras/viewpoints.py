@@ -9,7 +9,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.poses import UpAxis, look_at, orbit
 from resample.types import Doubles
-from resample.words import parts_of
+from resample.words import check_numbers, parts_of, shortly
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 NAMED = {
@@ -78,6 +78,7 @@ class Orbit:
     pan: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        check_numbers(self, "azimuth", "elevation", "zoom", "fov")
         if not 1e-6 <= self.zoom <= 1e6:  # beyond these float32 loses all digits
             raise ValueError(f"a zoom of {self.zoom:g}; it must be above 0, 1e-06 to 1e+06")
         if not 0 <= self.fov < 180:
@@ -218,7 +219,7 @@ def _orbit(parts: Sequence[object], given: object) -> Orbit:
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) not in (2, 3, 5):
-        raise ValueError(f"the camera {given!r}; give {FORM}")
+        raise ValueError(f"the camera {shortly(given)}; give {FORM}")
     azimuth, elevation, zoom = (*numbers, 1.0)[:3]
     right, up = numbers[3:] or (0.0, 0.0)
     return Orbit(azimuth, elevation, zoom, pan=(right, up))

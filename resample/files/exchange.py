@@ -14,16 +14,20 @@ from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.opening import Address, place_of
 from resample.showable import Behind, ChannelOrder, Showable
 from resample.types import Floats, Frame, Statistics
+from resample.words import check_kind, one_line, shortly
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+BACKGROUNDS = "3 of linear light, #rrggbb or a color's name"
 TAKEN = (
     "an array (H, W) or (H, W, C), nested lists, a path, an address of zarr, an image of Pillow's "
     "or SimpleITK's, an xarray.DataArray, or a result such as a Frame"
 )
 ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
 MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
+FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
+MANY = 16  # ... if it has as many columns and channels, at least
 COLORMAP = "turbo"
 PERCENTILES = (0.5, 99.5)  # range of the finite values that false colors span
 ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types with sRGB-encoded light
@@ -70,6 +74,16 @@ def picture_and_encoding(
     return array, None
 
 
+def check_layout(image: NDArray[Any], name: str = "image") -> None:
+    """Refuse pictures that have their channels first."""
+    form = image.shape[-3:]
+    if image.ndim in (3, 4) and form[0] in FEW_CHANNELS and min(form[1:]) >= MANY:
+        raise ValueError(
+            f"{image.shape} looks like channels first: {form[0]} rows of {form[1]} pixels with"
+            f" {form[2]} channels each; give numpy.moveaxis({name}, {image.ndim - 3}, -1)"
+        )
+
+
 def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:
     """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
     from resample.files.pictures import picture_at, read_picture
@@ -85,8 +99,11 @@ def _array(given: Any, name: str) -> NDArray[Any]:
         raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
     try:
         return np.asanyarray(given)
-    except ValueError:
-        raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+    except (ValueError, TypeError, RuntimeError) as error:
+        if isinstance(given, list | tuple):
+            raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
+        # Tensors that have a gradient, or are on a device, say what to call.
+        raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
 
 
 def _light_or_values(given: Any) -> NDArray[Any]:
@@ -118,6 +135,7 @@ def _of_labeled(given: Any, name: str) -> NDArray[Any]:
 
 def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:
     """Write a result; see `resample.showable.Showable.save`."""
+    check_kind("path", path, str | PathLike, "a text or a pathlib.Path")
     frame = result if isinstance(result, Frame) else _as_frame(result)
     write_frame(Path(path), frame, bits, _behind(background))
 
@@ -126,12 +144,12 @@ def _behind(background: Behind) -> Color | None:
     """Linear light of a background; None: transparent."""
     if background is None or isinstance(background, str):
         return None if background is None else linear_color(background)
-    light = [float(part) for part in background]
+    try:
+        light = [float(part) for part in background]
+    except TypeError:
+        raise TypeError(f"background {shortly(background)}; give {BACKGROUNDS}") from None
     if len(light) != 3:
-        raise ValueError(
-            f"a background of {len(light)} values; give 3 of linear light, #rrggbb or a color's "
-            "name"
-        )
+        raise ValueError(f"a background of {len(light)} values; give {BACKGROUNDS}")
     red, green, blue = light
     return red, green, blue
 

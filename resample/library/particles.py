@@ -7,6 +7,7 @@ from resample.painting.scenes.scene import check_samples
 from resample.painting.shaped.ellipsoids import Ellipsoids, check_ellipsoids
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.types import Doubles, Samples
+from resample.words import doubles_of
 
 
 def particles(
@@ -57,7 +58,7 @@ def particles(
     0.96
     """
     kernel = reconstruction or GaussianKernel()
-    place = np.asarray(position, np.float64)
+    place = doubles_of("positions", position, "numbers (N, 3)")
     if place.ndim != 2 or place.shape[1] != 3:
         raise ValueError(f"positions are (N, 3), not {place.shape}")
     share = _per_particle("opacity", opacity, len(place))

@@ -12,11 +12,12 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from resample.painting.scenes.plans import check_size
+from resample.painting.scenes.plans import check_size, pair_of
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.registry import build
 from resample.showable import array_of
 from resample.types import Doubles, Floats
+from resample.words import check_threads, doubles_of
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
 # Points are axis-aligned boxes, which cover rotated samples unevenly. Samples whose bounds exceed
@@ -140,6 +141,8 @@ class Scatter:
         """
         from resample.engine.jit import threads as limited
 
+        check_threads(threads)
+        shape = pair_of("shape", shape, "height and width")
         check_size(*shape)
         place, values = _samples(position, value)
         sides = _jacobians(jacobian, radius, len(place))
@@ -214,7 +217,7 @@ class Scatter:
 
 def _samples(position: ArrayLike, value: ArrayLike) -> tuple[Doubles, Floats]:
     """Positions (N, 2) and values (C, N), checked to fit together."""
-    place = np.asarray(position, np.float64)
+    place = doubles_of("positions", position, "numbers (N, 2)")
     with np.errstate(over="ignore"):
         values = np.asarray(value).astype(np.float32)
     if place.size == 0 and values.shape[:1] == (0,):

@@ -14,6 +14,7 @@ from resample.profiles.filters import Gaussian, PixelFilter
 from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import Field, LatticeField, Samples
+from resample.words import check_numbers
 
 if TYPE_CHECKING:
     from resample.painting.scenes.painters import SamplePainter
@@ -159,6 +160,8 @@ _TECHNIQUES = {
 def technique_of(primitive: str) -> Technique:
     """Technique of a primitive: the core's, or that of a plugin."""
     found = _TECHNIQUES.get(Primitive(primitive)) if primitive in list(Primitive) else None
+    if found is None:
+        _primitive_named(primitive.partition(":")[0], "primitive")
     made: Technique = found or registry.build("primitives", primitive)
     return made
 
@@ -186,6 +189,7 @@ class PaintChoices:
     method: InitVar[str | None] = None
 
     def __post_init__(self, method: str | None) -> None:
+        check_numbers(self, "threshold", "subpixels", "iso")
         if method is not None:
             object.__setattr__(self, "primitive", _primitive_named(method))
         _check_together(self)
@@ -219,13 +223,13 @@ class PaintChoices:
         return POINT_FILTER if at_pixels is None else self.pixel_filter or at_pixels
 
 
-def _primitive_named(name: str) -> Primitive | str:
+def _primitive_named(name: str, what: str = "method") -> Primitive | str:
     own = list(Primitive)
     if name in own:
         return Primitive(name)
     more = [other for other in registry.names("primitives") if other not in own]
     if name not in more:
-        raise ValueError(f"method {name!r}; known: {', '.join([*own, *more])}")
+        raise ValueError(f"{what} {name!r}; known: {', '.join([*own, *more])}")
     return name
 
 
@@ -287,6 +291,10 @@ def _check_rays(choice: PaintChoices) -> None:
 
 def check_sort_of(choice: PaintChoices, samples: Samples | Field | LatticeField) -> None:
     """Refuse a field that the order cannot classify, and samples that hold no field."""
+    if not isinstance(samples, Samples | Field | LatticeField):
+        raise TypeError(
+            f"samples of {type(samples).__name__}; give Samples, such as particles(...), or a field"
+        )
     if isinstance(samples, LatticeField) != (choice.order.summing is Summing.RAYS):
         raise ValueError(
             "a field on a lattice and the order rays belong together; got "

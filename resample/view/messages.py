@@ -41,6 +41,23 @@ class Pick(_Message):
     y: float  # px down
 
 
+class Slice(_Message):
+    """Return an orthogonal slice of a volume through a voxel, in a picture of this size."""
+
+    kind: Literal["slice"]
+    plane: Key  # by its name, as the view lists it
+    voxel: tuple[int, int, int]  # index along x, y and z
+    window: tuple[float, float] | None = None  # values, as stored, that are black and white
+
+
+class MeasureLine(_Message):
+    """Return the length of a line, and the values along it."""
+
+    kind: Literal["measure"]
+    start: tuple[float, float, float]  # scene units
+    end: tuple[float, float, float]
+
+
 class Ask(_Message):
     """Return information on options, such as the points of a curve."""
 
@@ -69,7 +86,7 @@ class Save(_Message):
     suffix: Literal[".png", ".exr"]
 
 
-Message = Draw | Pick | Ask | Export | MakeFilm | Save
+Message = Draw | Pick | Slice | MeasureLine | Ask | Export | MakeFilm | Save
 _adapter: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="kind")])
 
 

@@ -15,13 +15,24 @@ from numpy.typing import NDArray
 from resample.measuring.quality import psnr
 from resample.view.exports import exports_of
 from resample.view.files import file_of
-from resample.view.messages import Ask, Draw, Export, MakeFilm, Message, Pick, Save
+from resample.view.messages import (
+    Ask,
+    Draw,
+    Export,
+    MakeFilm,
+    MeasureLine,
+    Message,
+    Pick,
+    Save,
+    Slice,
+)
 from resample.view.views import (
     Comparing,
     Filming,
     Knowing,
     PagePicture,
     Settings,
+    Slicing,
     Viewable,
     check_page_options,
 )
@@ -120,11 +131,13 @@ class PageSession:
         if isinstance(message, Draw) and message.other is not None:
             check_page_options(command, message.other, begun)
 
-    def _answer(self, message: Pick | Ask | Export | Save) -> str | bytes:
+    def _answer(self, message: Pick | Slice | MeasureLine | Ask | Export | Save) -> str | bytes:
         size = message.width, message.height
         if isinstance(message, Pick):
             found = self._painter.pick(message.settings, size, message.x, message.y)
             return _json_message("picked", message.number, found=found)
+        if isinstance(message, Slice | MeasureLine):
+            return self._sliced(message)
         if isinstance(message, Ask):
             if not isinstance(self._painter, Knowing):
                 raise ValueError("this page has nothing to ask for")
@@ -138,6 +151,19 @@ class PageSession:
             return _json_message("exported", message.number, texts=texts)
         file = self._view.save(message.settings, size, message.suffix)
         return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
+
+    def _sliced(self, message: Slice | MeasureLine) -> str | bytes:
+        """Slice of a volume, or values along a line in it."""
+        if not isinstance(self._painter, Slicing):
+            raise ValueError("this page shows no volume that could be sliced or measured")
+        if isinstance(message, MeasureLine):
+            told = self._painter.measure(message.start, message.end)
+            return _json_message("measured", message.number, **told)
+        size = message.width, message.height
+        shown = self._painter.slice(size, message.plane, message.voxel, message.window)
+        kind, data = encoded(shown)
+        about = {"kind": "slice", "number": message.number, "type": kind, "plane": message.plane}
+        return _framed({**shown.about, **about}, data)
 
     async def _filmed(self, message: MakeFilm, cancel: Cancel) -> None:
         """Make a film and report its progress."""

@@ -9,16 +9,19 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from cyclopts import App, Group
 from cyclopts.argument import Argument
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
+from resample.cameras.models import Camera, LensModel, Orthographic
 from resample.command.flags import Marks, OptionTopic, about, marks_of, name_of
 from resample.command.settings import Choices
 from resample.command.settings_files import options_of, schema_of
+from resample.types import View
 from resample.watching import Cancel, Progress
 
 Settings = Mapping[str, Any]  # options by name, as settings files have them
 Size = tuple[int, int]  # width and height, px
+Point = tuple[float, float, float]  # scene units
 C = TypeVar("C", bound=Choices)
 
 
@@ -46,6 +49,23 @@ class Knowing(Protocol):
 
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
         """Answer a question of a page."""
+
+
+@runtime_checkable
+class Slicing(Protocol):
+    """Interface of painters of volumes; `about` lists their `slices`."""
+
+    def slice(
+        self,
+        size: Size,
+        plane: str,
+        voxel: tuple[int, int, int],
+        window: tuple[float, float] | None,
+    ) -> PagePicture:
+        """Picture of the slice through a voxel, and the voxel's `value` beside it."""
+
+    def measure(self, start: Point, end: Point) -> dict[str, Any]:
+        """Length of a line in the scene, its `unit`, and `values` along it; None: unknown."""
 
 
 @runtime_checkable
@@ -191,6 +211,28 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
             if field in model.model_fields_set and value is not None:
                 found[option_of(type(model), field)] = _plain(value)
     return found
+
+
+def projection_of(view: View, size: Size, middle: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, Any]:
+    """Return, as JSON, how points around `middle` of the scene come to pixels of a picture."""
+    return {
+        "rotation": view.rotation.tolist(),
+        "translation": (view.translation + view.rotation @ np.asarray(middle)).tolist(),
+        "focal": view.focal.tolist(),
+        "principal": view.principal.tolist(),
+        "perspective": view.perspective,
+        "size": size,
+    }
+
+
+def placed_by(camera: Any, size: Size) -> dict[str, Any]:
+    """Return what a page is told of a camera, so that it can draw lines; of lenses, nothing."""
+    is_straight = isinstance(camera, Orthographic) or (
+        isinstance(camera, Camera)
+        and camera.distortion is None
+        and camera.model == LensModel.PINHOLE
+    )
+    return {"view": projection_of(camera.view(), size)} if is_straight else {}
 
 
 def is_free(choices: Sequence[Choices]) -> bool:

@@ -16,8 +16,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "apps/texture/README.md", "apps/warp3d/README.md", "docs/library.md")
 PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md")
 HOWTOS = ("application", "clouds", "coordinates", "gaussians", "network_depth", "opencv", "xrays")
-HOWTOS += ("particles",)
-SLOW = ("planes", "projections")
+SLOW = ("particles", "planes", "projections")
 
 EXTRA = "which is not installed: pip install 'hybrid-resample["
 
@@ -105,8 +104,13 @@ def test_examples_of_documents_run(
     volume[4:12, 6:18, 8:24] = 200
     volume.tofile("engine_256x256x128_uint8.raw")
     Path("engine.nhdr").write_text(HEADER.format(" ".join(map(str, shape[::-1]))))
+    run(block, given(block, volume))
+
+
+def run(block: str, names: dict[str, Any]) -> None:
+    """Run an example, unless it wants an extra that is not there."""
     try:
-        exec(compile(block, "example", "exec"), given(block, volume))
+        exec(compile(block, "example", "exec"), names)
     except ImportError as error:
         if EXTRA not in str(error):
             raise
@@ -115,6 +119,7 @@ def test_examples_of_documents_run(
 
 def snapshot() -> dict[str, Any]:
     """What the how-to of particles is given, beside a file."""
+    pytest.importorskip("h5py", reason="pip install 'hybrid-resample[hdf5]'")
     snapshots.swift(Path("snapshot.hdf5"))
     count = len(snapshots.PLACE)
     return {
@@ -143,7 +148,7 @@ def test_examples_of_a_how_to_run_in_their_order(
     monkeypatch.chdir(tmp_path)
     names = snapshot() if name == "particles" else {}
     for block in blocks_of(f"docs/howto/{name}.md"):
-        exec(compile(block, "example", "exec"), names)
+        run(block, names)
 
 
 def test_every_how_to_with_examples_is_run() -> None:

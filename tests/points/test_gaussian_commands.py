@@ -1,6 +1,7 @@
 """3D Gaussians by commands, in pages and by `render_gaussians`."""
 
 import json
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from resample_points import (
     render_gaussians,
     write_gaussians,
 )
+from resample_points.baselines import mitsuba
 from resample_points.data.gaussians import colors_toward
 from resample_points.viewing import suits, view_of
 from tests import commands, splats
@@ -331,3 +333,39 @@ def test_deep_pictures_composite_to_the_flat_one(file, capsys):
     message = refused(capsys, "render", file, "-o", "no.exr", "--deep", "3", "--eyes", "1")
     assert "--deep is for one picture in the order of depth" in message
     assert ".exr" in refused(capsys, "render", file, "-o", "no.png", "--deep", "3")
+
+
+def test_mitsuba_is_named_where_it_is_missing(file, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
+    message = refused(capsys, "compare", file, "--methods", "rays,mitsuba", *SMALL)
+    assert "pip install 'mitsuba>=3.9'" in message
+
+
+def test_mitsuba_traces_the_same_gaussians():
+    pytest.importorskip("mitsuba")
+    given = scene(40, harmonics=0)._replace(position=np.float32(3 * scene(40).position))
+    camera = Camera(
+        np.array([[40.0, 0, 20], [0, 40, 20], [0, 0, 1]]), look_at((1, -14, 2), (0, 0, 0))
+    )
+    color = colors_toward(given, -camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3])
+    try:
+        found, _ = mitsuba.render(given, color, camera, (36, 48), 0.0)
+    except ValueError as error:
+        pytest.skip(f"{error}")
+    ours = render_gaussians(
+        given, camera, size=(48, 36), background=(0, 0, 0),
+        style=GaussianStyle("bare", "rays", subpixels=4),
+    )  # fmt: skip
+    assert twin.psnr(found, to_srgb(ours.rgba[..., :3])) > 30  # of 16 rays per pixel; 33 found
+
+
+def test_a_failure_of_mitsuba_is_one_line(tmp_path, monkeypatch):
+    broken = tmp_path / "mitsuba.py"
+    broken.write_text(
+        "import os, sys\nsys.stderr.write('LLVM ERROR: Cannot select\\n')\nos.abort()\n"
+    )
+    monkeypatch.setattr(mitsuba, "check", lambda: None)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    camera = Camera.from_fov(50, 36, 48, look_at((0, -6, 1), (0, 0, 0)))
+    with pytest.raises(ValueError, match=r"cannot run here: LLVM ERROR: Cannot select$"):
+        mitsuba.render(scene(), scene().color, camera, (36, 48), 0.0)

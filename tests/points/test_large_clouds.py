@@ -26,6 +26,7 @@ from resample_points.geometry import framing, sorting, spacing
 from resample_points.geometry.framing import ball_around, framed, framed_together
 from resample_points.geometry.spacing import prepare_cloud
 from resample_points.painting import windows
+from resample_points.painting.indexing import index_cloud
 from resample_points.painting.rendering import CloudStyle, render_cloud
 from tests import commands
 from tests.bits import assert_same
@@ -122,6 +123,27 @@ def test_a_cloud_in_files_has_the_discs_of_one_in_memory(name, pages, monkeypatc
     assert is_in_file(found.position)
     assert is_in_file(found.axes)
     assert_same_discs(found, expected)
+
+
+@pytest.mark.parametrize("name", CLOUDS)
+def test_a_cloud_in_files_knows_its_rows(name, monkeypatch):
+    monkeypatch.setattr(parts, "STEP", 333)
+    given = CLOUDS[name]()
+    found = prepare_cloud(in_files(given, 10 * sorting.SORTED))
+    assert is_in_file(found.source)
+    assert len(np.unique(found.source)) == len(found.position)
+    place = given.position[found.source] - found.origin
+    np.testing.assert_array_equal(place.astype(np.float32), found.position)
+
+
+@pytest.mark.parametrize("name", ["plain", "unknown"])
+def test_pixels_show_the_same_points_of_a_cloud_in_files(name):
+    given = CLOUDS[name]()
+    held, filed_ = prepare_cloud(given), prepare_cloud(in_files(given))
+    camera = framed(held, size=SIZE, azimuth=30, elevation=20)
+    found, expected = (index_cloud(each, camera, size=SIZE) for each in (filed_, held))
+    assert (expected >= 0).mean() > 0.2
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("choices", [{"radius": 0.03}, {"largest": np.inf}, {"largest": 0.8}])
@@ -306,6 +328,8 @@ def test_a_command_says_that_memory_does_not_hold_a_cloud_and_paints_it(
 ):
     words = ["--color-by", "intensity", "--range", "2%,98%", "--size", "64x48"]
     assert ended("render", "scan.ply", *words, "-o", "a.exr") == 0
+    shown = ["--size", "64x48", "--index"]
+    assert ended("render", "scan.ply", *shown, "a.npy", "-o", "a.png") == 0
     film = ["--size", "32x24", "--frames", "3"]
     assert ended("animate", "scan.ply", *film, "-o", "a") == 0
     assert "are in files" not in capsys.readouterr().err
@@ -317,6 +341,8 @@ def test_a_command_says_that_memory_does_not_hold_a_cloud_and_paints_it(
     assert ended("animate", "scan.ply", *film, *little, "-o", "b") == 0
     assert "are in files of" in capsys.readouterr().err
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
+    assert ended("render", "scan.ply", *shown, "b.npy", *little, "-o", "b.png") == 0
+    assert np.array_equal(np.load("a.npy"), np.load("b.npy"))
     for n in range(3):
         name = f"frame-{n:04}.png"
         assert np.array_equal(read_image(f"a/{name}"), read_image(f"b/{name}"))

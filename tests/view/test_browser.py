@@ -29,6 +29,7 @@ BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil
 pytestmark = pytest.mark.skipif(
     BROWSER is None, reason="no Chromium: apt install chromium, or another that is in the PATH"
 )
+BELOW = 19  # px under the histogram, for numbers
 BEGIN = (AppearanceChoices(camera="30/20/1"),)  # where it is not looked for
 TIME = 90_000  # ms; kernels may have to be compiled
 
@@ -142,9 +143,11 @@ def test_controls_change_the_picture(page: Any) -> None:
 
 
 def test_the_window_is_dragged_over_the_histogram(page: Any) -> None:
-    box = page.locator("#histogram").bounding_box()
+    histogram = page.locator("#histogram")
 
     def drag() -> None:
+        histogram.scroll_into_view_if_needed()
+        box = histogram.bounding_box()
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
         page.mouse.down()
         page.mouse.move(box["x"] + 0.9 * box["width"], box["y"] + 20, steps=4)
@@ -173,7 +176,9 @@ def test_points_of_the_look_are_dragged_typed_added_and_taken_away(page: Any) ->
     def drag() -> None:  # the last point, which is opaque
         page.mouse.move(box["x"] + box["width"] - 2, box["y"] + 3)
         page.mouse.down()
-        page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
+        page.mouse.move(
+            box["x"] + 0.6 * box["width"], box["y"] + 0.5 * (box["height"] - BELOW), steps=4
+        )
         page.mouse.up()
 
     assert differs(page, drag)

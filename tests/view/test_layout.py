@@ -34,7 +34,7 @@ def place() -> Iterator[Served]:
 @pytest.fixture(scope="module")
 def parallel(browser: Any) -> Iterator[Any]:
     """A tab in which lines of sight are parallel."""
-    begin = (AppearanceChoices(camera="30/20/1", fov=0.0),)
+    begin = (AppearanceChoices(camera="30,20,1", fov=0.0),)
     with (
         served(volume_view(VOLUME, begin=begin)) as address,
         tab_of(browser, address.address, (900, 500), has_touch=True) as tab,
@@ -43,7 +43,7 @@ def parallel(browser: Any) -> Iterator[Any]:
 
 
 def camera(tab: Any) -> list[float]:
-    return [float(part) for part in tab.input_value("#option-camera").split("/")]
+    return [float(part) for part in tab.input_value("#option-camera").split(",")]
 
 
 def brightness(tab: Any, name: str) -> float:

@@ -203,7 +203,8 @@ def compare(
     file
         3D Gaussians, as in render.
     methods
-        Methods separated by commas: trained, distance, rays, bare or affine, the usual projection.
+        Methods separated by commas: trained, distance, rays, bare, affine (the usual projection),
+        or mitsuba, where it is installed (its time without starting it).
     output
         Written to: all pictures side by side with enlarged details (.png).
     """

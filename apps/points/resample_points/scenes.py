@@ -20,7 +20,7 @@ from resample.scene.previews import PER, enlarged_frame, preview_size
 from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Frame
 from resample.watching import Cancel
-from resample_points.data.cloud import Cloud
+from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.files.readers import read_cloud
 from resample_points.geometry.framing import FIELD, ball_around, framed, framed_together
 from resample_points.geometry.spacing import Surfels, prepare_cloud
@@ -68,6 +68,7 @@ class CloudScene(AnyScene):
     def __init__(
         self, given: Cloud | Surfels | str | PathLike[str], *, threads: int | None = None
     ) -> None:
+        check_cloud(given, Cloud | Surfels | str | PathLike)
         cloud = given if isinstance(given, Cloud | Surfels) else read_cloud(str(given))
         self.surfels: Surfels = (
             cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud, threads=threads)

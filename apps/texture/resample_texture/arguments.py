@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.cameras.models import Convention
+from resample.words import shortly, warn
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,
@@ -19,13 +20,10 @@ from resample_texture.geometry.mappings import (
     TargetRegion,
 )
 from resample_texture.geometry.matrices import homography
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import Edge, Method
+from resample_texture.types import AnyAlpha, Edge, Fill, Method
 
 LARGEST_PICTURE = 1 << 30  # pixels; a larger size is taken for a mistake
 MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel sizes are estimated
-FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
-MANY = 16  # ... if it has as many columns and channels, at least
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
 Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
@@ -65,8 +63,12 @@ def within(
 
     A function takes and returns coordinates with pixel centers at + 0.5.
     """
-    left, top = whole_pair(roi[:2], "left", "top")
-    width, height = whole_pair(roi[2:], "width", "height")
+    try:
+        left, top, width, height = (operator.index(side) for side in roi)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{shortly(roi)} is no region: give left, top, width and height, whole numbers of px"
+        ) from None
     if left < 0 or top < 0 or left + width > shape[1] or top + height > shape[0]:
         raise ValueError(f"the region {roi} does not lie within {shape[1]} × {shape[0]} px")
     check_shape((height, width))
@@ -121,7 +123,9 @@ def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]
     except TypeError:
         numbers = []
     if len(numbers) != 2:
-        raise ValueError(f"{given!r} is no {first} and {second}: give two whole numbers of px")
+        raise ValueError(
+            f"{shortly(given)} is no {first} and {second}: give two whole numbers of px"
+        )
     return numbers[0], numbers[1]
 
 
@@ -136,17 +140,6 @@ def check_shape(shape: tuple[int, int]) -> None:
 
 
 PREMULTIPLIED: Literal["premultiplied"] = "premultiplied"
-Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
-
-
-def check_layout(image: NDArray[Any]) -> None:
-    """Refuse pictures that have their channels first."""
-    form = image.shape[-3:]
-    if image.ndim in (3, 4) and form[0] in FEW_CHANNELS and min(form[1:]) >= MANY:
-        raise ValueError(
-            f"{image.shape} looks like channels first: {form[0]} rows of {form[1]} pixels with"
-            f" {form[2]} channels each; give numpy.moveaxis(image, {image.ndim - 3}, -1)"
-        )
 
 
 def adds(method: Method) -> bool:
@@ -205,6 +198,14 @@ def without_nodata(image: NDArray[Any], nodata: complex | None) -> NDArray[Any]:
     return np.ma.MaskedArray(image, missing)
 
 
+def warn_if_unknown(image: NDArray[Any]) -> None:
+    """Warn of pictures whose values are all missing."""
+    if image.size and image.dtype.kind in "fc" and not np.isfinite(image.flat[0]):
+        known = np.isfinite(np.ma.getdata(image)) & ~np.ma.getmaskarray(image)
+        if not known.any():
+            warn("no value of the picture is finite, so that none of the result is")
+
+
 def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) -> None:
     """Refuse an `out` array that does not fit the result."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != image.dtype:
@@ -219,6 +220,8 @@ def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) ->
 def method_named(method: str | Method, **choices: Any) -> Method:
     """Return a method by name, with the given choices."""
     chosen: Any = registry.build("methods", method) if isinstance(method, str) else method
+    if not callable(chosen):
+        raise TypeError(f"method {shortly(method)}; give a name or an object that warps")
     made = {name: value for name, value in choices.items() if value is not None}
     known = {f.name for f in dataclasses.fields(chosen)} if dataclasses.is_dataclass(chosen) else ()
     for name in made:

@@ -1,12 +1,13 @@
 """Resize, scale and rotate pictures, and show them in other projections, by `warp`."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample import registry
-from resample.files.exchange import picture_and_encoding
+from resample.files.exchange import check_layout, picture_and_encoding
+from resample.words import check_options, number, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
@@ -17,8 +18,7 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import AnyEdge, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, Method, ProjectOptions, ResizeOptions, Warped
 from resample_texture.warping import warp
 
 
@@ -30,7 +30,7 @@ def resize(
     edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
     alpha: AnyAlpha | None = None,
-    **choices: Any,
+    **choices: Unpack[ResizeOptions],
 ) -> Warped:
     """Resize a picture so that it fills the target exactly.
 
@@ -45,7 +45,8 @@ def resize(
     edge, linear_light, alpha
         As `warp` takes them.
     choices
-        Its other options, such as `nodata`, `fill` or `threads`.
+        Its other options: `filter`, `interpolation`, `quality`, `total`, `nodata`, `fill`, `roi`,
+        `threads` and `out`.
 
     Raises
     ------
@@ -61,8 +62,10 @@ def resize(
     >>> resize(np.zeros((48, 64, 3), np.uint8), (30, 40))
     Warped(30 × 40 × 3 uint8, 100 % covered)
     """
+    check_options("resize", choices, ResizeOptions)
     picture, is_linear = _opened(image, linear_light)
     target = whole_pair(shape, "height", "width")
+    check_shape(target)
     matrix = resizing(_shape_of(picture), target)
     light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
     return warp(picture, matrix, target, method, edge=edge, **light, **choices)
@@ -76,7 +79,7 @@ def scale(
     edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
     alpha: AnyAlpha | None = None,
-    **choices: Any,
+    **choices: Unpack[ResizeOptions],
 ) -> Warped:
     """Scale a picture by an exact factor; its size is rounded to whole px.
 
@@ -101,8 +104,12 @@ def scale(
     >>> scale(np.ones((15, 21)), (2, 0.5)).image.shape  # along x and y
     (8, 42)
     """
+    check_options("scale", choices, ResizeOptions)
     picture, is_linear = _opened(image, linear_light)
-    both = factor if isinstance(factor, tuple) else (factor, factor)
+    pair = factor if isinstance(factor, list | tuple | np.ndarray) else (factor, factor)
+    if len(pair) != 2:
+        raise ValueError(f"factor {shortly(factor)}; give one number, or two for x and y")
+    both = number("factor", pair[0]), number("factor", pair[1])
     target = scaled_shape(_shape_of(picture), both)
     matrix = scaling(both)
     light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
@@ -118,7 +125,7 @@ def rotate(
     edge: AnyEdge = "transparent",
     linear_light: bool | None = None,
     alpha: AnyAlpha | None = None,
-    **choices: Any,
+    **choices: Unpack[ResizeOptions],
 ) -> Warped:
     """Rotate a picture counterclockwise about its center; multiples of 90° copy values.
 
@@ -146,8 +153,9 @@ def rotate(
     >>> rotate(np.ones((30, 40)), 30)
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
+    check_options("rotate", choices, ResizeOptions)
     picture, is_linear = _opened(image, linear_light)
-    source = _shape_of(picture)
+    source, degrees = _shape_of(picture), number("degrees", degrees)
     target = (
         turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
     )
@@ -159,6 +167,7 @@ def rotate(
 def _opened(image: Any, linear_light: bool | None) -> tuple[NDArray[Any], bool | None]:
     """Return a picture's array, and whether its light is filtered, as its file says by default."""
     picture, is_encoded = picture_and_encoding(image, kinds="biufc")
+    check_layout(picture)
     return picture, is_encoded if linear_light is None else linear_light
 
 
@@ -177,7 +186,7 @@ def project(
     target: str | PictureProjection,
     shape: tuple[int, int],
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    **choices: Any,
+    **choices: Unpack[ProjectOptions],
 ) -> Warped:
     """Show a picture of one projection in another, antialiased and without seams.
 
@@ -194,7 +203,8 @@ def project(
     turn
         Degrees by which the result looks to the right, up, and turns clockwise.
     choices
-        Options of `warp`: `method`, `interpolation`, `linear_light`, `fill`, `threads` ...
+        Options of `warp`: `method`, `filter`, `interpolation`, `quality`, `total`, `linear_light`,
+        `alpha`, `nodata`, `fill` and `threads`.
 
     Raises
     ------
@@ -211,6 +221,7 @@ def project(
     >>> project(panorama, "equirectangular", "fisheye:fov=220", (64, 64))
     Warped(64 × 64 × 3 uint8, 78.8 % covered)
     """
+    check_options("project", choices, ProjectOptions)
     picture, is_encoded = picture_and_encoding(image, kinds="biufc")
     if picture.ndim not in (2, 3):
         raise ValueError(f"a picture is (H, W) or (H, W, C), not {picture.shape}")
@@ -266,7 +277,7 @@ def _step(ray: NDArray[Any]) -> float:
 
 
 def _drawn(
-    picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: dict[str, Any]
+    picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: ProjectOptions
 ) -> Warped:
     """Draw what directions (h, w, 3) show."""
     from scipy import ndimage

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyConvention
+from resample.files.exchange import check_layout
+from resample.words import check_threads
 from resample_texture.arguments import (
-    Fill,
     Places,
-    check_layout,
     check_shape,
     edge_named,
     fill_for,
@@ -20,8 +20,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import AnyEdge, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, Fill, Method, Warped
 
 
 class Plan:
@@ -96,6 +95,7 @@ class Plan:
         ValueError
             The picture has another size or is invalid.
         """
+        check_threads(threads)
         image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
         check_layout(image)
         if image.shape[:2] != self.source_shape:

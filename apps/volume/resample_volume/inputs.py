@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import contiguous
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
+from resample.words import one_line
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.data.recordings import in_color, is_color
 from resample_volume.data.values import is_streamed
@@ -136,8 +137,10 @@ def _array(given: Any) -> NDArray[Any]:
         raise TypeError(f"a volume of {type(given).__name__}; give {TAKEN}")
     try:
         values = np.asanyarray(given)
-    except ValueError:
-        raise ValueError("lists of different lengths are not a volume; give " + TAKEN) from None
+    except (ValueError, TypeError, RuntimeError) as error:
+        if isinstance(given, list | tuple):
+            raise ValueError("lists of different lengths are not a volume; give " + TAKEN) from None
+        raise TypeError(f"a volume of {type(given).__name__}: {one_line(error)}") from None
     if values.dtype.kind not in "biuf":
         raise TypeError(f"a volume of {values.dtype}; its values must be real numbers")
     if type(values) is np.ndarray and values.dtype.isnative and values.dtype.name in KEPT:
@@ -173,9 +176,12 @@ def _placed(
     """Make a volume of an array (Z, Y, X), or of colors."""
     colored = values.ndim == 4 and is_color(values.shape, values.dtype)
     if (values.ndim != 3 and not colored) or 0 in values.shape:
+        turned = values.shape[1:] + values.shape[:1]
+        remedy = "of several give one"
+        if values.ndim == 4 and is_color(turned, values.dtype):
+            remedy = "if channels come first, give numpy.moveaxis(values, 0, -1)"
         raise ValueError(
-            f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; of several "
-            "give one"
+            f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; {remedy}"
         )
     volume = Volume(
         values[..., 0] if colored else values,

@@ -27,13 +27,14 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
+from resample.words import check_kind, warn
 from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.classification.transfer import Transfer
 from resample_volume.data.recordings import how
-from resample_volume.data.values import as_array, bricks_of, values_of, with_bricks
+from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of, with_bricks
 from resample_volume.media.appearance import (
     BY_DEFAULT,
     Appearance,
@@ -503,13 +504,37 @@ def render(
     """
     media = [_medium(*pair) for pair in _pairs(volume, appearance)]
     paint = resampler or resampler_for(media[0][1])
+    check_kind(
+        "resampler", paint, Resampler, "a Resampler, or None for the one that suits the look"
+    )
     subject = Subject.of(*media[0], paint) if len(media) == 1 else Subject.of_several(media, paint)
+    warn_of_nothing(subject, media, paint.projection)
     height, width = shape_of(size)
     eye = subject.camera(viewpoint_of(camera), height, width)
     seen, cuts = subject.samples_for(eye), subject.cuts(eye)
     paint = subject.painter(paint)
     frame = paint(seen, eye, height=height, width=width, progress=progress, clip=cuts)
     return subject.developed(frame)
+
+
+def warn_of_nothing(subject: Subject, media: Sequence[VolumeLayer], projection: Projection) -> None:
+    """Warn if nothing is visible, or nothing can be told apart."""
+    if len(media) > 1 or is_streamed(media[0][0]):
+        return
+    volume, look = media[0]
+    found = survey(volume)
+    least, greatest = found.whole
+    if not found.levels.value.size:
+        warn(f"no value of {volume.name} is finite: nothing is visible")
+    elif projection is not Projection.COMPOSITE:
+        return
+    elif subject.is_empty:
+        warn(
+            f"nothing of {volume.name} is visible; its values are {least:g} to {greatest:g}, of "
+            "which the transfer function, a crop or a cut shows none"
+        )
+    elif least == greatest and look.transfer == "auto" and volume.values.size > 1:
+        warn(f"all values of {volume.name} are {least:g}: nothing can be told apart")
 
 
 def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:

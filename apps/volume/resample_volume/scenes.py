@@ -25,7 +25,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
-from resample_volume.rendering import Fit, Subject, resampled_appearance
+from resample_volume.rendering import Fit, Subject, resampled_appearance, warn_of_nothing
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
@@ -58,9 +58,9 @@ class Scene(AnyScene):
     Examples
     --------
     >>> import numpy as np
-    >>> scene = Scene(np.ones((8, 8, 8), np.uint8))
-    >>> scene.render("300..900", size=(32, 24))
-    Frame(32 × 24 px, 0 % covered)
+    >>> scene = Scene(np.full((8, 8, 8), 200, np.uint8))
+    >>> scene.render("100..300", size=(32, 24))
+    Frame(32 × 24 px, 34.5 % covered, depth from 22.62)
     """
 
     given: Any
@@ -245,6 +245,7 @@ class Scene(AnyScene):
         with memoizing(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
+        warn_of_nothing(subject, [(self.volume, appearance)], paint.projection)
         return subject, eye, subject.painter(paint)
 
     def _subject(

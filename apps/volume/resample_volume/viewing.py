@@ -1,7 +1,7 @@
 """Interactive page of a volume: `resample-volume view`, and `picture` without a page."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,13 +14,23 @@ from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.files.stores.opening import is_address
 from resample.outofcore.caching import Memo, memoizing
+from resample.painting.choices import Projection
 from resample.registry import names
 from resample.resampler import Resampler
 from resample.scene.scenes import LITTLE, Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import FileView, path_file
-from resample.view.views import PagePicture, Settings, Size, chosen, is_free, settings_of
+from resample.view.views import (
+    PagePicture,
+    Point,
+    Settings,
+    Size,
+    chosen,
+    is_free,
+    projection_of,
+    settings_of,
+)
 from resample.watching import Cancel, Progress
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
@@ -32,15 +42,16 @@ from resample_volume.editing import points_of, spelled
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.source import find_reader
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, transfer_of
+from resample_volume.media.appearance import Appearance, named_transfer, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
+from resample_volume.slicing import profile, slice_levels, slice_planes
 from resample_volume.space.annotations import annotated
-from resample_volume.space.lines import measure
+from resample_volume.space.lines import measure, unit_of_space
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
-from resample_volume.voxels.visible import lattice_of
+from resample_volume.voxels.visible import lattice_of, unit_of
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
@@ -122,15 +133,7 @@ class VolumePainter:
     def _view(self, request: _VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
         """Return the projection from points around the volume's center, scene units, to pixels."""
         camera, volume = self._placed_view(request, size, quality)
-        view, middle = camera.view(), centered(volume)[1]
-        return {
-            "rotation": view.rotation.tolist(),
-            "translation": (view.translation + view.rotation @ middle).tolist(),
-            "focal": view.focal.tolist(),
-            "principal": view.principal.tolist(),
-            "perspective": view.perspective,
-            "size": size,
-        }
+        return projection_of(camera.view(), size, centered(volume)[1])
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
@@ -237,6 +240,30 @@ class VolumePainter:
             **_measured(picks, self.volume),
         }
 
+    def slice(
+        self,
+        size: Size,
+        plane: str,
+        voxel: tuple[int, int, int],
+        window: tuple[float, float] | None,
+    ) -> PagePicture:
+        """Return a slice, see `resample.view.views.Slicing`."""
+        found = {one.name: one for one in slice_planes(self.volume)}.get(plane)
+        if found is None:
+            raise ValueError(f"slice {plane!r:.40}; give axial, coronal or sagittal")
+        count = self.volume.values.shape[::-1]
+        if not all(0 <= n < most for n, most in zip(voxel, count, strict=True)):
+            raise ValueError(f"voxel {voxel} of {count}; give indices from 0")
+        levels = slice_levels(self.volume, found, voxel[found.across], size, window)
+        value = float(value_at(self.volume.values[voxel[::-1]], self.volume.scale))
+        return PagePicture(levels, False, {"value": f"{value:.6g}"})
+
+    def measure(self, start: Point, end: Point) -> dict[str, Any]:
+        """Return values along a line, see `resample.view.views.Slicing`."""
+        found = profile(self.volume, start, end)
+        values = [value if np.isfinite(value) else None for value in found.values.tolist()]
+        return {"distance": found.distance, "unit": found.unit, "values": values}
+
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
         """`points` of the look, see `resample.view.views.Knowing`."""
         if what != "points":
@@ -247,7 +274,22 @@ class VolumePainter:
             (float(value_at(place, self.volume.scale)), color, opacity)
             for place, color, opacity in points_of(transfer, survey(self.volume).span)
         ]
-        return {"points": points, "transfer": spelled(points), "unit": transfer.opacity_unit}
+        name, projection = request.choices.transfer, request.resampler.projection
+        return {
+            "points": points,
+            "transfer": spelled(points),
+            "unit": transfer.opacity_unit,
+            "usual": unit_of(named_transfer(name, self.volume, projection), self.volume),
+            "windowed": self._takes_window(name, projection),
+        }
+
+    def _takes_window(self, name: str, projection: Projection) -> bool:
+        """Return whether a window spreads a look; others are in data units already."""
+        try:
+            named_transfer(name, self.volume, projection, survey(self.volume).span)
+        except ValueError:
+            return False
+        return True
 
     def _request(self, settings: Settings) -> _VolumeRequest:
         look, resampling, beside, picture = chosen(settings, SHOWN)
@@ -311,6 +353,10 @@ def volume_view(
                 "lattice": lattice_of(volume).tolist(),
                 "middle": centered(volume)[1].tolist(),
             },
+            "slices": [asdict(plane) for plane in slice_planes(volume)],
+            "spacing": np.asarray(volume.spacing).tolist(),
+            "unit": unit_of_space(volume),
+            "measures": True,
             "histogram": _histogram(volume, known.span),
         }
 

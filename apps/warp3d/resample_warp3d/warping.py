@@ -1,19 +1,20 @@
 """Warp depth images to other cameras."""
 
-import operator
 import warnings
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.files.exchange import as_picture
+from resample.files.exchange import as_picture, check_layout
+from resample.painting.scenes.plans import pair_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
+from resample.words import check_options, check_threads, number
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
@@ -34,20 +35,26 @@ CLOSEST = 1e-30  # scene units; smaller depths are unknown
 LARGEST_PICTURE = 1 << 28  # pixels; a larger size is taken for a mistake
 
 
-def warp(  # noqa: PLR0913 - what a user may say about a warp
+class DepthWarpOptions(TypedDict, total=False):
+    """Options of `warp` besides those in its signature, as it describes them."""
+
+    filter: str | PixelFilter | None
+    noise: float | None  # relative standard deviation of the depth
+    step: float | None  # smallest step of 1 / depth
+    refine: Refine
+    threads: int | None
+
+
+def warp(
     color: Any,
     depth: Any,
     source: Camera | Orthographic,
     target: CameraModel,
     method: str | Method = "hybrid",
     *,
-    filter: str | PixelFilter | None = None,  # noqa: A002
     size: tuple[int, int] | None = None,
-    noise: float | None = None,
-    step: float | None = None,
-    refine: Refine = "auto",
     fill: bool | Filling = False,
-    threads: int | None = None,
+    **options: Unpack[DepthWarpOptions],
 ) -> Warped:
     """Warp a depth image: exact at 1:1, antialiased if shrunk, without holes if enlarged.
 
@@ -66,11 +73,19 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         lens, need the method hybrid.
     method
         Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object in that role.
+    size
+        Width and height of the target, px. Default: the source's.
+    fill
+        Fill holes: True or `picture` from the background beside them in the result; `layer` first
+        from a background layer of the source, the same for all targets.
+    options
+        Any of the options that follow; `DepthWarpOptions` has their types.
+
+    Options
+    -------
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... Default:
         the method's own, the mean over a pixel's square.
-    size
-        Width and height of the target, px. Default: the source's.
     noise
         Relative standard deviation of the depth. Default: estimated.
     step
@@ -78,9 +93,6 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     refine
         Repair of depth that does not fit the picture: `snap` moves edges to color edges, `sharpen`
         hardens soft edges, `complete` fills gaps, `none` does nothing, `auto` chooses.
-    fill
-        Fill holes: True or `picture` from the background beside them in the result; `layer` first
-        from a background layer of the source, the same for all targets.
     threads
         Most threads to use; the result does not depend on it.
 
@@ -109,14 +121,21 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     >>> warp(np.ones((32, 32, 3)), depth, camera, right, fill=True)
     Warped(32 × 32 × 3 float32, 100 % covered)
     """
+    check_options("warp", options, DepthWarpOptions)
     nearness, light = nearness_of(depth), as_light(color)
     height, width = light.shape[:2]
     image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
-    prepared = prepare(image, noise=noise, step=step, refine=refine)
+    prepared = prepare(
+        image,
+        noise=options.get("noise"),
+        step=options.get("step"),
+        refine=options.get("refine", "auto"),
+    )
     shape = (height, width) if size is None else shape_of(size)
     equation = mapping_between(source, target, shape)
+    threads, pixel = options.get("threads"), options.get("filter")
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
-    return filled(prepared, partial(seen, filter=filter), fill)
+    return filled(prepared, partial(seen, filter=pixel), fill)
 
 
 def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
@@ -157,7 +176,9 @@ def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
     >>> np.flatnonzero(right.image[12] > 0.5).tolist()
     [14]
     """
-    nearness = two_dimensional(disparity, "disparity").astype(np.float32)
+    disparities = as_picture(disparity, "disparity map")
+    nearness = two_dimensional(disparities, "disparity").astype(np.float32)
+    fraction = number("fraction", fraction)
     image = DepthImage(as_light(color), nearness, np.empty((0, 0, 2)))
     shape = image.color.shape[0], image.color.shape[1]
     if nearness.shape != shape:
@@ -206,6 +227,7 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
 def as_light(color: Any) -> Floats:
     """Convert a picture to (H, W, C) float32; integers are divided by their largest value."""
     given = as_picture(color)
+    check_layout(given)
     if given.ndim == 2:
         given = given[..., None]
     if given.ndim != 3 or min(given.shape) < 1:
@@ -263,7 +285,8 @@ def render(
     """
     from resample.engine import jit
 
-    height, width = _height_and_width(shape)
+    check_threads(threads)
+    height, width = pair_of("shape", shape, "height and width")
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
             f"a target of {width} × {height} px; give 1 px or more each way, together at most "
@@ -296,18 +319,7 @@ def render(
 
 def shape_of(size: tuple[int, int]) -> tuple[int, int]:
     """Return height and width of a size (width, height)."""
-    try:
-        width, height = (operator.index(number) for number in size)
-    except (TypeError, ValueError):
-        raise ValueError(f"size {size!r}; give width and height, two whole numbers") from None
-    return height, width
-
-
-def _height_and_width(shape: tuple[int, int]) -> tuple[int, int]:
-    try:
-        height, width = (operator.index(number) for number in shape)
-    except (TypeError, ValueError):
-        raise ValueError(f"shape {shape!r}; give height and width, two whole numbers") from None
+    width, height = pair_of("size", size, "width and height")
     return height, width
 
 

@@ -165,8 +165,9 @@ def taken_by(camera: CameraModel, image: DepthImage) -> tuple[DepthImage, Camera
         return image._replace(place=lens_places(camera, shape)), camera
     if not isinstance(camera, Orthographic):
         raise ValueError(
-            "depth images are taken by a Camera or an Orthographic one; sources of a panorama are"
-            " made by resample_warp3d.panorama"
+            "depth images are taken by a Camera or an Orthographic one, not by"
+            f" {type(camera).__name__}; sources of a panorama are made by"
+            " resample_warp3d.panorama"
         )
     known = image.nearness > 0
     if not known.any():
@@ -223,7 +224,10 @@ class Passage:
                 f" {type(self.source).__name__}; split a panorama into faces"
             )
         if not isinstance(self.target, Camera | Orthographic | Equirectangular):
-            raise ValueError(f"depth images cannot be rendered by {type(self.target).__name__}")
+            raise ValueError(
+                "depth images are rendered by Camera, Orthographic or Equirectangular, not by"
+                f" {type(self.target).__name__}; give a camera"
+            )
 
     def in_frame(self, matrix: Doubles) -> "Passage":
         """Return the map to a frame (3, 3) within this one's frame."""

@@ -2,11 +2,12 @@
 
 import operator
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from resample.types import Classifier, Doubles, Field, Floats, Indices, Layers, Samples, Single
+from resample.words import check_threads, shortly
 
 SPLATS, POINTS, MIXTURE, PAPER = "splats", "points", "mixture", "paper"  # names of painters
 ALL_PAINTERS = (SPLATS, POINTS, MIXTURE)  # of which all samples decide
@@ -111,12 +112,31 @@ def checked_window(window: Window, height: int, width: int) -> Window:
 
 def shape_of(size: Sequence[int]) -> tuple[int, int]:
     """Height and width from a size, which is width and height, px."""
-    try:
-        width, height = (operator.index(number) for number in size)
-    except (TypeError, ValueError):
-        raise ValueError(f"size {size!r}; give width and height, two whole numbers of px") from None
+    width, height = pair_of("size", size, "width and height")
     check_size(height, width)
     return height, width
+
+
+def pair_of(name: str, given: Any, wanted: str) -> tuple[int, int]:
+    """Two whole numbers of px."""
+    try:
+        first, second = (operator.index(number) for number in given)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{name} {shortly(given)}; give {wanted}, two whole numbers of px"
+        ) from None
+    return first, second
+
+
+def check_call(camera: Any, height: Any, width: Any, threads: Any) -> None:
+    """Reject what is no camera, no size of a picture, or no number of threads."""
+    check_size(*pair_of("height and width", (height, width), "both"))
+    check_threads(threads)
+    if isinstance(camera, np.ndarray) or not callable(getattr(camera, "view", None)):
+        raise TypeError(
+            f"a camera of {type(camera).__name__}; give a Camera or another with a view, such as "
+            "Camera.from_fov(60, height, width)"
+        )
 
 
 def check_size(height: int, width: int) -> None:

@@ -1,7 +1,6 @@
 // Handles by which a volume is cut: six on the sides of a box of voxels (`crop`), and two on each
 // plane (`clip`), one that moves it along its normal and one that turns it. Scene units are
-// around the volume's middle; a frame tells how they come to its pixels (`view`). And lines between
-// the last voxels that were picked.
+// around the volume's middle; a frame tells how they come to its pixels (`view`).
 
 import { between, made, rounded } from "./elements.js";
 
@@ -38,14 +37,14 @@ function spelledRanges(ranges, voxels) {
 }
 
 // Normal of length 1, and how far from the middle along it; null: it is no plane.
-function planeOf(text) {
+export function planeOf(text) {
   const numbers = String(text).split(/[,/]/).map(Number);
   if (![3, 4].includes(numbers.length) || !numbers.every(Number.isFinite)) return null;
   const normal = numbers.slice(0, 3);
   return normal.some(Boolean) ? { normal: unit(normal), offset: numbers[3] ?? 0 } : null;
 }
 
-function spelledPlane({ normal, offset }) {
+export function spelledPlane({ normal, offset }) {
   const parts = normal.map((one) => String(Number(one.toFixed(4)) || 0));
   return [...parts, ...(offset ? [rounded(offset)] : [])].join(",");
 }
@@ -80,10 +79,9 @@ export function bounds(page) {
   const button = (id, title, text, onclick) => made("button", { id, title, hidden: true, onclick }, text);
   const crop = button("crop", "Cut a box out of the volume by handles on its sides", "Crop", () => turned(crop));
   const clip = button("clip", "Cut the volume by planes, with a handle to move and one to turn each", "Clip", () => turned(clip));
-  const add = button("clip-add", "One more plane", "+ plane", () => added());
-  const remove = button("clip-remove", "Take a plane away", "− plane", () => removed());
+  const add = button("clip-add", "One more plane", "+", () => added());
+  const remove = button("clip-remove", "Take a plane away", "−", () => removed());
   let view = null, chosen = 0;
-  let measured = []; // places of the last picks
   let sides = [], grips = []; // handles of the box, and pairs of those of planes
   lines.classList.add("lines");
   lines.append(path);
@@ -278,7 +276,7 @@ export function bounds(page) {
 
   function placed() {
     if (!box() || !view) return;
-    const parts = drawnBox(isOn(crop) ? ranges() : null) + drawnPlanes(isOn(clip) ? planes() : []) + stroke(...measured);
+    const parts = drawnBox(isOn(crop) ? ranges() : null) + drawnPlanes(isOn(clip) ? planes() : []);
     path.setAttribute("d", parts);
   }
 
@@ -295,19 +293,14 @@ export function bounds(page) {
     placed();
   }
 
-  // A voxel was picked, or nothing: then lines begin anew
-  function picked({ position }) {
-    if (!box()) return;
-    const at = position?.split(",").map((word, axis) => Number(word) - box().middle[axis]);
-    measured = at ? [...measured.slice(-2), at] : [];
-    placed();
-  }
-
-  // Without handles and lines
+  // Without handles
   function reset() {
     for (const one of [crop, clip]) if (isOn(one)) turned(one);
-    measured = [];
   }
 
-  return { buttons: [crop, clip, add, remove], begin, placed, framed, picked, reset };
+  return {
+    buttons: [crop, clip, add, remove], begin, placed, framed, reset,
+    projected: (point) => (view ? projected(point) : null),
+    toward: (way) => (view ? dot(view.rotation[2], way) : 1), // above 0: away from the eye
+  };
 }

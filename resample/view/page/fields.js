@@ -2,8 +2,14 @@
 
 import { made } from "./elements.js";
 import { lens } from "./lens.js";
+import { lights } from "./light.js";
+import { rangeOf, slider } from "./sliders.js";
 
-const OPEN = ["Look", "Camera", "Picture"]; // headings that begin unfolded
+const OPEN = ["Look", "Camera", "Light", "Picture"]; // headings that begin unfolded
+
+const BELOW = { lens, light: lights }; // sliders below the texts of options
+
+const isBelow = ({ key, schema }) => key in BELOW && ![schema, ...(schema.anyOf ?? [])].some((one) => one.enum);
 
 // The input of an option, and what is read from it: undefined where nothing was given.
 function inputOf({ schema, default: usual }) {
@@ -46,22 +52,26 @@ export function fields(page) {
       const usual = Array.isArray(value) ? value.length === 0 : value === control.default;
       page.changed(key, usual ? undefined : value);
     });
-    const label = made("label", { title: help }, made("span", {}, key), input, ...(names.length ? [list] : []));
+    const how = rangeOf(control, page.about), range = how && made("input", { id: `range-${key}`, "aria-label": key });
+    const held = how && slider(how, range, input, (value, moving) => page.changed(key, value === control.default ? undefined : value, moving));
+    const label = made("label", { title: help, class: how ? "ranged" : "" }, made("span", {}, key), ...(how ? [range] : []), input, ...(names.length ? [list] : []));
     const put = (value) => {
       label.classList.toggle("changed", value !== undefined);
       const now = value ?? control.default ?? "";
       if (input.type === "checkbox") input.checked = Boolean(now);
       else input.value = Array.isArray(now) ? now.join("; ") : String(now);
+      input.dataset.shown = input.value;
+      held?.put(now === "" ? undefined : Number(now));
     };
     known.set(key, put);
     put(page.settings[key]);
     return [label];
   }
 
-  // The text of a lens has sliders below.
-  function withSliders([label]) {
-    const { element, shown } = lens(page), put = known.get("lens");
-    known.set("lens", (value) => { put(value); shown(); });
+  // Texts of a lens and of a light have sliders below.
+  function withSliders(key, [label]) {
+    const { element, shown } = BELOW[key](page), put = known.get(key);
+    known.set(key, (value) => { put(value); shown(); });
     return [label, element];
   }
 
@@ -72,7 +82,7 @@ export function fields(page) {
     for (const control of page.about.controls) {
       if (!headings.has(control.heading)) headings.set(control.heading, []);
       const parts = field(control);
-      headings.get(control.heading).push(...(control.key === "lens" ? withSliders(parts) : parts));
+      headings.get(control.heading).push(...(isBelow(control) ? withSliders(control.key, parts) : parts));
     }
     return [...headings].map(([name, labels]) =>
       made("details", { open: OPEN.includes(name) || Boolean(page.steering.unfolds) }, made("summary", {}, name), ...labels));

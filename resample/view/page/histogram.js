@@ -1,9 +1,12 @@
 // The histogram, over which the window and the points of the look are dragged: `window` and
 // `transfer`.
 
+import { drawnTicks, short, ticks } from "./axis.js";
 import { between, made, rounded } from "./elements.js";
 
 const NEAR = 12; // px within which a point of a curve is taken
+
+const BELOW_CHART = 19; // px under the histogram, for numbers
 
 const NEAR_ZERO = 1 / (1 - 1 / 10); // decades of a symmetric logarithm that are linear
 
@@ -43,6 +46,7 @@ export function histogram(page) {
   const tools = made("div", { class: "tools" }, looks, color, value, opacity,
     made("button", { id: "point-add", title: "Add a point", "aria-label": "Add a point", onclick: () => added() }, "+"),
     made("button", { id: "point-remove", title: "Take the point away", "aria-label": "Take the point away", onclick: () => removed() }, "−"));
+  const under = made("div", { class: "under", id: "under-pointer", role: "status" });
   let from = null, known = null, asked = "", chosen = -1, held = null;
   const span = () => page.about.histogram.high - page.about.histogram.low || 1;
   const shareOf = (event) => {
@@ -53,13 +57,13 @@ export function histogram(page) {
   // Opacities are drawn by their square root, as small ones matter most.
   const opacityAt = (event) => {
     const box = element.getBoundingClientRect();
-    return between(0, 1 - (event.clientY - box.top) / box.height, 1) ** 2;
+    return between(0, 1 - (event.clientY - box.top) / (box.height - BELOW_CHART), 1) ** 2;
   };
   const scale = () => scaleOf(page.about?.histogram);
   const points = () => (pointsOf(page.settings.transfer) ?? known?.points ?? []).map(
     ([one, ...rest]) => [scale().to(one), ...rest]);
   const isOwn = () => pointsOf(page.settings.transfer) !== null;
-  const ends = () => {
+  const windowEnds = () => {
     const text = String(page.settings.window ?? ""), named = text.includes("..");
     const parts = text.split(named ? ".." : /[,/]/).map(Number);
     if (parts.length !== 2 || parts.some(Number.isNaN)) return null;
@@ -79,6 +83,20 @@ export function histogram(page) {
       if (known?.unit && page.settings["opacity-unit"] === undefined) page.changed("opacity-unit", known.unit, true);
     }
     page.changed("transfer", spelledPoints(given.map(([one, ...rest]) => [scale().from(one), ...rest])), moving);
+  };
+  // Values where the look begins and ends
+  const isWindowed = () => known?.windowed !== false && (page.settings.window !== undefined || (page.settings.transfer ?? "auto") !== "auto");
+  const ends = () => {
+    const given = points(), range = windowEnds();
+    if (!isOwn() && range) return range.map(scale().from);
+    if ((isOwn() || !isWindowed()) && given.length > 1) return [given[0][0], given.at(-1)[0]].map(scale().from);
+    return [page.about.histogram.low, page.about.histogram.high].map(scale().from);
+  };
+  const spread = (low, high, moving) => {
+    const given = points(), [a, b] = [low, high].map(scale().to);
+    if ((!isOwn() && isWindowed()) || given.length < 2) { put(a, b, moving); return; }
+    const first = given[0][0], wide = given.at(-1)[0] - first || 1;
+    write(given.map(([one, ...rest]) => [a + ((one - first) / wide) * (b - a), ...rest]), moving);
   };
   const moved = (n, to, height, moving) => {
     const given = points();
@@ -109,7 +127,7 @@ export function histogram(page) {
     const box = element.getBoundingClientRect();
     const far = points().map(([one, , high]) => Math.hypot(
       event.clientX - box.left - between(0, (one - page.about.histogram.low) / span(), 1) * box.width,
-      event.clientY - box.top - (1 - Math.sqrt(high)) * box.height));
+      event.clientY - box.top - (1 - Math.sqrt(high)) * (box.height - BELOW_CHART)));
     const n = far.indexOf(Math.min(...far));
     return far[n] <= NEAR ? n : -1;
   };
@@ -126,19 +144,31 @@ export function histogram(page) {
     const ratio = window.devicePixelRatio || 1, box = element.getBoundingClientRect();
     element.width = Math.max(1, box.width * ratio);
     element.height = Math.max(1, box.height * ratio);
-    const pen = element.getContext("2d"), { counts, low } = page.about.histogram;
+    const pen = element.getContext("2d"), style = getComputedStyle(page.el);
+    const tall = element.height - BELOW_CHART * ratio, to = (place) => between(0, (place - page.about.histogram.low) / span(), 1) * element.width;
+    drawnBars(pen, tall, style);
+    drawnNumbers(pen, tall, ratio, to, style);
+    drawnCurve(pen, tall, ratio, to, style);
+    fill();
+  };
+  const drawnBars = (pen, tall, style) => {
+    const { counts, low } = page.about.histogram, range = windowEnds();
     const most = Math.log1p(Math.max(...counts, 1)), step = element.width / counts.length;
-    const style = getComputedStyle(page.el);
-    const range = ends();
     counts.forEach((count, n) => {
       const at = low + ((n + 0.5) / counts.length) * span();
       const inside = !range || (at >= range[0] && at <= range[1]);
       pen.fillStyle = style.getPropertyValue(inside ? "--bars" : "--line");
-      const tall = (Math.log1p(count) / most) * element.height;
-      pen.fillRect(n * step, element.height - tall, Math.max(1, step), tall);
+      const high = (Math.log1p(count) / most) * tall, left = Math.floor(n * step);
+      pen.fillRect(left, tall - high, Math.floor((n + 1) * step) - left, high);
     });
-    const places = points().map(([one, tint, high]) => [
-      between(0, (one - low) / span(), 1) * element.width, (1 - Math.sqrt(high)) * element.height, tint]);
+  };
+  // Round values; of a logarithm round powers
+  const drawnNumbers = (pen, tall, ratio, to, style) => {
+    const { low, high } = page.about.histogram, values = ticks(low, high), texts = values.map((place) => short(scale().from(place)));
+    drawnTicks(pen, { values, to, baseline: tall, width: element.width, ratio, color: style.getPropertyValue("--faint"), texts });
+  };
+  const drawnCurve = (pen, tall, ratio, to, style) => {
+    const places = points().map(([one, tint, high]) => [to(one), (1 - Math.sqrt(high)) * tall, tint]);
     pen.strokeStyle = style.getPropertyValue("--text");
     pen.lineWidth = 1.5 * ratio;
     pen.beginPath();
@@ -149,19 +179,27 @@ export function histogram(page) {
     places.forEach(([x, y, tint], n) => {
       const radius = (n === chosen ? 6 : 4.5) * ratio;
       pen.beginPath();
-      pen.arc(between(radius, x, element.width - radius), between(radius, y, element.height - radius), radius, 0, 7);
+      pen.arc(between(radius, x, element.width - radius), between(radius, y, tall - radius), radius, 0, 7);
       pen.fillStyle = tint;
       pen.fill();
       pen.strokeStyle = style.getPropertyValue(n === chosen ? "--accent" : "--text");
       pen.stroke();
     });
-    fill();
+  };
+  // The value under the pointer, how many voxels have it, and how opaque the look makes it
+  const told = (event) => {
+    if (!page.about?.histogram) return;
+    const { counts, low, high } = page.about.histogram, place = valueAt(event), given = points();
+    const count = counts[Math.min(counts.length - 1, Math.floor(((place - low) / (high - low || 1)) * counts.length))];
+    const next = given.findIndex(([one]) => one > place), [a, b] = [given[next - 1] ?? given.at(-1), given[next] ?? given.at(-1)];
+    const height = next === 0 ? given[0][2] : a && a[2] + (b === a ? 0 : ((place - a[0]) / (b[0] - a[0])) * (b[2] - a[2]));
+    under.textContent = `value ${short(scale().from(place))} · ${count.toLocaleString("en")} voxels${a ? ` · opacity ${short(height)}` : ""}`;
   };
   element.addEventListener("pointerdown", (event) => {
     element.setPointerCapture(event.pointerId);
     chosen = nearest(event);
     if (chosen >= 0) held = { n: chosen };
-    else if (isOwn()) held = { x: event.clientX, y: event.clientY, points: points() };
+    else if (isOwn() || (known?.windowed === false && points().length > 1)) held = { x: event.clientX, y: event.clientY, points: points() };
     else from = valueAt(event);
     draw();
   });
@@ -179,7 +217,11 @@ export function histogram(page) {
     const middle = (held.points[0][0] + held.points.at(-1)[0]) / 2;
     write(held.points.map(([one, ...rest]) => [middle + (one - middle) * wide + shift, ...rest]), moving);
   };
-  element.addEventListener("pointermove", (event) => (from !== null || held) && drag(event, true));
+  element.addEventListener("pointermove", (event) => {
+    told(event);
+    if (from !== null || held) drag(event, true);
+  });
+  element.addEventListener("pointerleave", () => { under.textContent = ""; });
   element.addEventListener("pointerup", (event) => { drag(event, false); from = held = null; });
   element.addEventListener("dblclick", (event) => {
     const n = nearest(event);
@@ -199,7 +241,7 @@ export function histogram(page) {
     else if (point && (across ?? up) !== undefined) moved(chosen, point[0] + (across ?? 0), point[2] + (up ?? 0), true);
     else if (across !== undefined && isOwn()) write(points().map(([one, ...rest]) => [one + across, ...rest]), true);
     else if (across !== undefined) {
-      const range = ends() ?? [page.about.histogram.low, page.about.histogram.high];
+      const range = windowEnds() ?? [page.about.histogram.low, page.about.histogram.high];
       if (event.shiftKey) put(range[0] - across, range[1] + across, true);
       else put(range[0] + across, range[1] + across, true);
     } else return;
@@ -234,5 +276,5 @@ export function histogram(page) {
   const forget = () => { asked = ""; known = null; };
   const offer = (names) => looks.replaceChildren(
     made("option", { value: "" }, "Looks…"), ...["auto", ...names].map((one) => made("option", { value: one }, one)));
-  return { element, tools, draw, ask, curve, forget, offer };
+  return { element, under, tools, draw, ask, curve, forget, offer, ends, spread, places: () => ends().map(scale().to), usual: () => known?.usual };
 }

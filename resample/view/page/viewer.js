@@ -16,8 +16,11 @@ import { gestures } from "./gestures.js";
 import { histogram } from "./histogram.js";
 import { history } from "./history.js";
 import { magnifier } from "./magnifier.js";
+import { measure } from "./measure.js";
 import { BEGIN, orbit, VIEWS } from "./orbit.js";
+import { slices } from "./slices.js";
 import { theme } from "./theme.js";
+import { tuning } from "./tuning.js";
 import { walk } from "./walk.js";
 
 const STILL = 160; // ms after the last gesture, from which on the whole picture is asked for
@@ -49,23 +52,27 @@ export function show(el, connect) {
   const page = {
     el, canvas, image, panes, picked, about: null, settings: {}, steering: null,
     size, placeOf, note, say, wish, put, changed, replaced, fitted,
+    // What slices and lines ask of each other, of the look and of the camera
+    window: () => look.ends(), places: () => look.places(), toward: (way) => cuts.toward(way), projected: (point) => cuts.projected(point),
+    measuring: () => ruler.isOn(), marks: () => ruler.places(), marked: (place) => ruler.marked(place), linesMoved: () => sliced.lines(),
   };
 
   const options = fields(page), look = histogram(page), beside = compare(page), past = history(page);
   const glass = magnifier(page), cuts = bounds(page), exports = exporting(page), fill = filling(page);
-  const light = theme(el, () => look.draw());
+  const sliced = slices(page), ruler = measure(page);
+  const tuned = tuning(page, look), light = theme(el, () => { look.draw(); ruler.drawn(); });
   const badge = made("span", { class: "badge", id: "badge" }, "…");
   const views = menu("views", "View from…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
   const saves = menu("save", "Save…", "Save the picture", ["PNG", "EXR"], (name) => say("save", { suffix: `.${name.toLowerCase()}` }));
   const fit = made("button", { id: "fit", title: "All of it, as large as the window has room for (0)", onclick: fitted }, "Fit");
   const exact = made("button", { id: "exact", title: "One texel for each pixel (1, or a double-click)", onclick: () => page.steering.exact() }, "1:1");
   const bar = made("div", { class: "bar" },
-    ...past.buttons, views, fit, exact, ...cuts.buttons, ...beside.buttons, glass.button,
+    ...past.buttons, views, fit, exact, ...cuts.buttons, sliced.button, ruler.button, ...beside.buttons, glass.button,
     made("span", { class: "push" }), exports.keyframe, exports.button, saves,
     made("button", { id: "reset", title: "As it began", onclick: reset }, "Reset"), light.button);
-  const side = made("aside", { class: "side" });
+  const side = made("aside", { class: "side" }), stage = made("div", { class: "stage" }, panes);
   canvas.append(badge);
-  el.append(bar, made("div", { class: "stage" }, panes), side, exports.dialog);
+  el.append(bar, stage, side, exports.dialog);
   light.put();
 
   // A list of things to do, by a name each.
@@ -102,6 +109,7 @@ export function show(el, connect) {
   function placed() {
     page.steering.placed?.();
     cuts.placed();
+    ruler.placed();
   }
 
   // Said to the viewer
@@ -147,11 +155,19 @@ export function show(el, connect) {
     if (value === undefined || value === null || value === "") delete page.settings[key];
     else page.settings[key] = value;
     options.put(key);
+    if (key === "camera" || key === "up") options.put("light"); // which may be at the eye
+  }
+
+  // The histogram and the sliders below
+  function drawn() {
+    look.draw();
+    tuned.shown();
+    sliced.refreshed();
   }
 
   function changed(key, value, moving = false) {
     put(key, value);
-    if (key === "window" || key === "transfer") look.draw();
+    if (key === "window" || key === "transfer") drawn(); else tuned.shown();
     placed();
     wish(moving);
   }
@@ -168,6 +184,8 @@ export function show(el, connect) {
   function reset() {
     if (!page.about) return;
     cuts.reset();
+    sliced.reset();
+    ruler.reset();
     picked.textContent = "";
     replaced(page.steering.atStart?.() ?? { ...page.about.settings });
   }
@@ -175,8 +193,9 @@ export function show(el, connect) {
   function replaced(given) {
     if (!page.about) return;
     page.settings = given;
+    sliced.read();
     options.putAll();
-    look.draw();
+    drawn();
     placed();
     wish(false);
   }
@@ -189,6 +208,8 @@ export function show(el, connect) {
     page.steering ??= STEERINGS[gesture](page);
     page.steering.begin?.();
     cuts.begin();
+    sliced.begin();
+    ruler.begin(stage);
     canvas.setAttribute("aria-label", `Picture: ${page.steering.hint}`);
     views.hidden = !page.steering.filled;
     exact.hidden = !page.steering.exact;
@@ -216,13 +237,18 @@ export function show(el, connect) {
     document.title = title;
     side.replaceChildren(
       made("h1", {}, title), made("div", { class: "subtitle" }, subtitle ?? ""),
-      ...(page.about.histogram ? [look.element, made("div", { class: "hint" },
-        "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window."),
-      look.tools] : []),
+      ...(page.about.histogram ? [look.element, look.under, look.tools, tuned.element, made("div", { class: "hint" },
+        "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window.")] : []),
       ...options.build(),
     );
     look.offer(names?.transfer ?? []);
-    look.draw();
+    drawn();
+  }
+
+  // A place of the scene was picked, or nothing.
+  function marked(position) {
+    const middle = page.about.box?.middle ?? [0, 0, 0];
+    ruler.marked(position ? position.split(",").map((word, axis) => Number(word) - middle[axis]) : null);
   }
 
   function told(given) {
@@ -232,14 +258,16 @@ export function show(el, connect) {
     if (given.kind === "notice") note(given.text, "message notice");
     if (given.kind === "picked") {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";
-      cuts.picked(given.found);
+      marked(given.found.position);
     }
-    if (given.kind === "told" && given.what === "points") look.curve(given.told);
+    if (given.kind === "measured") ruler.told(given);
+    if (given.kind === "told" && given.what === "points") { look.curve(given.told); tuned.shown(); sliced.refreshed(); }
     if (given.kind === "exported") exports.exported(given.texts);
   }
 
   function framed(head, bytes) {
     if (head.kind === "file") { note("", "message"); download(head.name, bytes); return; }
+    if (head.kind === "slice") { sliced.framed(head, bytes); return; }
     if (head.kind !== "frame") { beside.framed(head, bytes); return; }
     if (fill.takes(head, bytes)) return;
     note("", "message");
@@ -249,6 +277,7 @@ export function show(el, connect) {
     }
     hung(image, bytes, head.type);
     cuts.framed(head.view);
+    ruler.placed();
     image.dataset.number = head.number;
     image.dataset.preview = head.preview;
     badge.className = `badge ${head.preview ? "preview" : "final"}`;

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample.cameras.models import Camera
+from resample_points.baselines import mitsuba
+from resample_points.command.gaussians import focal_of
 
 if TYPE_CHECKING:
     from resample.types import Floats
@@ -24,6 +26,7 @@ METHODS: dict[str, dict[str, Any]] = {
     "bare": {"appearance": "bare", "order": "depth"},
     "affine": {"appearance": "affine", "order": "depth", "subpixels": 1},
 }
+OTHERS = ("mitsuba",)  # renderers of others, where they are installed
 
 
 def methods_named(names: str) -> list[str]:
@@ -36,8 +39,10 @@ def methods_named(names: str) -> list[str]:
     """
     chosen = [name.strip() for name in names.split(",")]
     for name in chosen:
-        if name not in METHODS:
-            raise ValueError(f"method {name!r}; known: {', '.join(METHODS)}")
+        if name not in (*METHODS, *OTHERS):
+            raise ValueError(f"method {name!r}; known: {', '.join((*METHODS, *OTHERS))}")
+        if name in OTHERS:
+            mitsuba.check()
     return chosen
 
 
@@ -74,10 +79,29 @@ def compare_methods(
     rows: list[dict[str, object]] = []
     pictures: dict[str, Floats] = {"16 × 16 rays": linear(values)}
     for name in names:
+        if name in OTHERS:
+            found, spent = _by_mitsuba(scene, camera, shape, float(focal_of(focal)))
+            pictures[name] = linear(found)
+            rows.append({"method": name, **measure(found, values), "ms": round(spent)})
+            continue
         render = partial(pictured, camera, shape, **METHODS[name])
         pictures[name], spent = render(), milliseconds(render, RUNS)
         rows.append({"method": name, **measure(shown(pictures[name]), values), "ms": spent})
     return rows, pictures
+
+
+def _by_mitsuba(
+    scene: "GaussianPictures", camera: Camera, shape: "Shape", focal: float
+) -> "tuple[Floats, float]":
+    """Return Mitsuba's picture in display values, and the time it took, ms."""
+    from resample_points.data.gaussians import Gaussians
+    from resample_points.painting.gaussians import DILATION, colors_of
+
+    given = scene.gaussians
+    if not isinstance(given, Gaussians):
+        raise ValueError("mitsuba takes scenes that memory holds; allow more memory")
+    color = colors_of(given, slice(None), camera.view())
+    return mitsuba.render(given, color, camera, shape, DILATION / focal**2)
 
 
 def linear(values: Any) -> "Floats":

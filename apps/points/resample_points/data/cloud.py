@@ -35,6 +35,15 @@ class Cloud(NamedTuple):
     columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
 
 
+def check_cloud(given: Any, kinds: Any) -> None:
+    """Reject what is no cloud, such as an array of places or a path."""
+    if not isinstance(given, kinds):
+        raise TypeError(
+            f"a cloud of {type(given).__name__}; give a Cloud, the result of prepare_cloud, or "
+            "read_cloud(path)"
+        )
+
+
 def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
     """Select points of a cloud by mask or indices."""
     if which.dtype == np.bool_:

@@ -12,7 +12,8 @@ from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
-from resample_points.data.cloud import Cloud, places
+from resample.words import number
+from resample_points.data.cloud import Cloud, check_cloud, places
 from resample_points.data.parts import STEP, rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels
 
@@ -132,6 +133,9 @@ def framed(
     >>> round(np.ptp(y / z).item() / 48, 2)  # of the picture's height
     0.95
     """
+    check_cloud(cloud, Cloud | Surfels)
+    if distance is not None:
+        number("distance", distance)
     seen = _visible(cloud)
     if fov == 0:
         return _parallel(seen, size, orbit(np.zeros(3), 1.0, azimuth, elevation, up))

@@ -23,7 +23,7 @@ LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first so
 SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
 SORTED = 160  # bytes per point while its bucket is sorted
 
-UNKNOWN = np.zeros(0, np.int32)  # index of points in files
+SOURCE = "row of the given cloud"  # column of a cloud in files while it is sorted
 
 Codes = NDArray[np.uint64]
 
@@ -50,7 +50,7 @@ class Ordered(NamedTuple):
 
     origin: Doubles  # (3,)
     cloud: Cloud
-    source: NDArray[np.int32]  # (N,) rows of the given cloud; (0,) for a cloud in files
+    source: NDArray[np.int32]  # (N,) rows of the given cloud
 
 
 def in_order(cloud: Cloud, radius: float | None) -> Ordered:
@@ -176,8 +176,13 @@ class _PreparedCloud(NamedTuple):
 
     def part(self, rows: slice) -> Cloud:
         """Return the points of some rows that can be drawn, relative to the origin."""
-        points = _drawn(_rows(self.cloud, rows), self.radius)
-        return points._replace(position=(points.position - self.origin).astype(np.float32))
+        given = _rows(self.cloud, rows)
+        points = _drawn(given, self.radius)
+        number = np.arange(*rows.indices(len(self.cloud.position)), dtype=np.int32)
+        if len(points.position) < len(number):
+            number = number[drawable(given)]
+        place = (points.position - self.origin).astype(np.float32)
+        return points._replace(position=place, columns={SOURCE: number})
 
     def parts(self) -> Iterator[Cloud]:
         """Yield all parts."""
@@ -187,10 +192,9 @@ class _PreparedCloud(NamedTuple):
     def allocate(self, count: int) -> Cloud:
         """Allocate arrays in files for a number of points."""
 
-        def array(is_there: bool, *width: int) -> Floats:
+        def array(is_there: bool, *width: int, kind: type[np.generic] = np.float32) -> Any:
             shape = (count if is_there else 0, *width)
-            found: Floats = zeros_beside(self.cloud.position, shape, np.float32)
-            return found
+            return zeros_beside(self.cloud.position, shape, kind)
 
         has_radius = self.radius is not None or len(self.cloud.radius) > 0
         return Cloud(
@@ -198,6 +202,7 @@ class _PreparedCloud(NamedTuple):
             array(len(self.cloud.normal) > 0, 3),
             array(len(self.cloud.color) > 0, 3),
             array(has_radius),
+            {SOURCE: array(True, kind=np.int32)},
         )
 
 
@@ -217,17 +222,24 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     origin = _middle(low, high) if count else np.zeros(3)
     given = _PreparedCloud(cloud, radius, origin)
     if not count:
-        return Ordered(origin, given.part(slice(0)), UNKNOWN)
+        return Ordered(origin, given.part(slice(0)), np.zeros(0, np.int32))
     curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
     ends = _ends(given, curve, 2 * count // most)
     ordered, start = _moved(given, curve, ends, count)
     for first, last in pairwise(start.tolist()):
-        part = _rows(ordered, slice(first, last))
+        rows = slice(first, last)
+        own = {SOURCE: ordered.columns[SOURCE][rows]}
+        part = _rows(ordered, rows)._replace(columns=own)
         part = some_of(part, canonical(part, curve))
-        for each, values in zip(ordered[:4], part[:4], strict=True):
-            each[first:last] = values
+        for each, values in zip(_arrays(ordered), _arrays(part), strict=True):
+            each[rows] = values
         report(last, count)
-    return Ordered(origin, ordered, UNKNOWN)
+    return Ordered(origin, ordered._replace(columns={}), ordered.columns[SOURCE])
+
+
+def _arrays(cloud: Cloud) -> list[NDArray[Any]]:
+    """Return the arrays of a cloud while it is sorted; those that it lacks have no rows."""
+    return [*cloud[:4], cloud.columns[SOURCE]]
 
 
 def _ends(given: _PreparedCloud, curve: MortonCurve, buckets: int) -> Codes:
@@ -259,7 +271,7 @@ def _moved(
         cuts = (np.flatnonzero(np.diff(some)) + 1).tolist()
         for begin, end in pairwise([0, *cuts, len(some)] if len(some) else []):
             place = int(free[some[begin]])
-            for values, new in zip(moved[:4], part[:4], strict=True):
+            for values, new in zip(_arrays(moved), _arrays(part), strict=True):
                 if len(new):
                     values[place : place + end - begin] = new[begin:end]
             free[some[begin]] += end - begin

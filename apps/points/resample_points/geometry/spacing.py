@@ -22,10 +22,11 @@ from resample.memory import amount, mapped
 from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats, Indices
 from resample.watching import portion, told
-from resample_points.data.cloud import Cloud
+from resample.words import check_threads, number, warn
+from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
 from resample_points.geometry.rings import MeasuredDiscs, widened
-from resample_points.geometry.sorting import UNKNOWN, Ordered, curve_through, in_order
+from resample_points.geometry.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
@@ -44,6 +45,7 @@ CODE = (
     "resample_points.geometry.rings",
     "resample_points.geometry.kernels",
 )
+UNKNOWN = np.zeros(0, np.int32)
 
 
 class Surfels(NamedTuple):
@@ -54,7 +56,7 @@ class Surfels(NamedTuple):
     axes: Floats  # (N, 2, 3) scene units, half axes; first × second is along the normal
     color: Floats  # (N, 3) linear light; or (0, 3)
     is_oriented: bool  # normals are known to point outward
-    source: NDArray[np.int32] = UNKNOWN  # (N,) rows of the cloud; or (0,) for one in files
+    source: NDArray[np.int32] = UNKNOWN  # (N,) rows of the cloud; or (0,) where not known
 
 
 def prepare_cloud(
@@ -105,17 +107,22 @@ def prepare_cloud(
     >>> round(float(np.median(np.linalg.norm(discs.axes, axis=2))), 1)  # half a diagonal
     0.7
     """
-    if not largest > 0:
+    check_cloud(cloud, Cloud)
+    if not number("largest", largest) > 0:
         raise ValueError(
             f"discs of at most {largest:g} times their neighbours'; give a factor above 0"
         )
-    if radius is not None and not (np.isfinite(radius) and radius > 0):
+    if radius is not None and not (np.isfinite(number("radius", radius)) and radius > 0):
         raise ValueError(f"a radius of {radius}; give a length above 0")
     from resample.engine import jit
 
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         with portion(0.0, SORTING):
             ordered = in_order(cloud, radius)
+        given, kept = len(cloud.position), len(ordered.cloud.position)
+        if given and not kept:
+            warn(f"none of {given} points can be drawn: no place, color or radius is finite")
         with portion(SORTING, 1.0):
             return _discs(ordered, largest, cache)
 

@@ -104,7 +104,7 @@ def pinhole_parts(camera: CloudView, shape: Shape, surfels: Surfels) -> list[Pin
         return _tiles(camera, shape)
     raise ValueError(
         f"clouds are rendered by Camera, Orthographic, Equirectangular or ProjectedCamera, not by "
-        f"{type(camera).__name__}"
+        f"{type(camera).__name__}; give a camera"
     )
 
 

@@ -16,6 +16,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.painting.scenes.plans import shape_of
 from resample.showable import array_of
 from resample.types import Doubles
+from resample.words import number, warn
 from resample_points.data.particles import Particles
 from resample_points.data.smoothing import KernelName, kernel_of
 from resample_points.painting.placing import (
@@ -125,15 +126,21 @@ def column_density(
     >>> round(float(column.value.sum()) * 0.1**2, 4)
     4.0
     """
+    if not isinstance(particles, Particles):
+        raise TypeError(
+            f"particles of {type(particles).__name__}; give Particles, such as read_particles(path)"
+        )
     shape, chosen = shape_of(size), kernel_of(kernel)
     name, value = ("", None) if quantity is None else particles.quantity(quantity)
-    if slice_at is not None and not np.isfinite(slice_at):
+    if slice_at is not None and not np.isfinite(number("slice_at", slice_at)):
         raise ValueError(f"a slice at {slice_at}; give a finite number in scene units")
     placed = _placed(particles, view, shape, region)
     if value is not None:
         placed.value[:] = value[placed.which]
     records = on_screen(records_of(placed, chosen, slice_at), placed.period_px, shape)
     is_slice = slice_at is not None
+    if is_slice and not len(records):
+        warn(f"no particle reaches the slice at {slice_at:g}")
     tables = (slice_tables if is_slice else column_tables)(kernel)
     sums = np.zeros((*shape, 1 if value is None else 2))
     _add(records, tables, FINE_SLICE if is_slice else FINE, sums)

@@ -24,6 +24,7 @@ from resample.painting.shaped.ellipsoids import (
     paint_ellipsoid_parts,
 )
 from resample.types import Doubles, Floats, Frame, View
+from resample.words import check_kind, check_numbers, check_threads
 from resample_points.data.cloud import Cloud
 from resample_points.data.gaussians import (
     Crop,
@@ -104,6 +105,7 @@ class GaussianStyle:
     near: float | None = None
 
     def __post_init__(self) -> None:
+        check_numbers(self, "trained_focal", "subpixels", "near")
         if self.appearance not in list(GaussianAppearance):
             raise ValueError(
                 f"appearance {self.appearance!r}; known: {', '.join(GaussianAppearance)}"
@@ -272,10 +274,16 @@ def render_gaussians(
     from resample.outofcore.ellipsoids import BYTES, paint_parts
     from resample.painting.shaped.all_around import paint_around
 
+    if not isinstance(gaussians, Gaussians | StoredGaussians):
+        raise TypeError(
+            f"Gaussians of {type(gaussians).__name__}; give Gaussians, as read_gaussians(path) does"
+        )
     shape, chosen = shape_of(size), style or GaussianStyle()
+    check_kind("style", chosen, GaussianStyle, 'a GaussianStyle, such as GaussianStyle("bare")')
     wide = _rays(camera, shape)
     parts = GaussianParts(gaussians) if isinstance(gaussians, Gaussians) else gaussians
     drawn = chosen.shaped(is_antialiased=gaussians.is_antialiased, is_wide=wide is not None)
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         if wide is not None:
             picture = paint_around(parts, wide, shape, drawn)
@@ -312,7 +320,7 @@ def _rays(camera: CloudView, shape: tuple[int, int]) -> Any:
         return None
     raise ValueError(
         "Gaussians are rendered by Camera, Orthographic, Equirectangular or ProjectedCamera, not by"
-        f" {type(camera).__name__}"
+        f" {type(camera).__name__}; give a camera"
     )
 
 

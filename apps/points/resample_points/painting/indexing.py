@@ -4,13 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.pixels import pixel_centers
-from resample.memory.mapped import is_in_file
 from resample.painting.scenes.plans import shape_of
-from resample_points.data.cloud import Cloud
+from resample.words import check_threads
+from resample_points.data.cloud import Cloud, check_cloud
+from resample_points.data.parts import rows_of
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, places_at
 from resample_points.painting.rendering import CloudStyle, painted_cloud
-from resample_points.painting.windows import SHOWN
+from resample_points.painting.windows import SHOWN, Visibility
 
 NOTHING = -1  # index of pixels that show nothing
 Numbers = NDArray[np.int64]
@@ -41,7 +42,7 @@ def index_cloud(
     Raises
     ------
     ValueError
-        As of `render_cloud`, or the cloud is in files, where the order of its points is lost.
+        As of `render_cloud`, or surfels do not say which points they are.
 
     Examples
     --------
@@ -58,17 +59,27 @@ def index_cloud(
 
     from resample.engine import jit
 
+    check_cloud(cloud, Cloud | Surfels)
     chosen, shape = CloudStyle() if style is None else style, shape_of(size)
     found = np.full(shape, NOTHING, np.int64)
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
-        if is_in_file(surfels.position) or len(surfels.source) < len(surfels.position):
-            raise ValueError("points of a cloud that is in files have no index; allow more memory")
+        if len(surfels.source) < len(surfels.position):
+            raise ValueError("these surfels do not say which points they are; prepare the cloud")
         painted = painted_cloud(surfels, camera, shape, chosen, None)
-    shown, which = np.isfinite(painted.first_depth), np.flatnonzero(painted.visible & SHOWN)
+    shown, which = np.isfinite(painted.first_depth), _shown(painted.visible)
     if len(which) and shown.any():
         depth = painted.first_depth[shown].astype(np.float64)
         surface = places_at(camera, shape, pixel_centers(shape)[shown], depth)
         _, nearest = KDTree(surfels.position[which]).query(surface - surfels.origin)
         found[shown] = surfels.source[which[nearest]]
     return found
+
+
+def _shown(visible: Visibility) -> Numbers:
+    """Return the points that are shown."""
+    return np.concatenate(
+        [rows.start + np.flatnonzero(visible[rows] & SHOWN) for rows in rows_of(visible)]
+        or [np.zeros(0, np.int64)]
+    )

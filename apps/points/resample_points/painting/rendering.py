@@ -19,7 +19,8 @@ from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.types import Floats, Frame, Records, Screen, Statistics
 from resample.watching import told
-from resample_points.data.cloud import Cloud
+from resample.words import check_kind, check_numbers, check_threads
+from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, PinholePart, bent, pinhole_parts
@@ -100,6 +101,7 @@ class CloudStyle:
     edl: float = 0.0
 
     def __post_init__(self) -> None:
+        check_numbers(self, "point_size", "subpixels", "near", "edl")
         if not (np.isfinite(self.point_size) and self.point_size > 0):
             raise ValueError(f"a point size of {self.point_size}; give a factor above 0")
         if self.light is not None and self.light not in list(Shading):
@@ -165,8 +167,11 @@ def render_cloud(
     """
     from resample.engine import jit
 
+    check_cloud(cloud, Cloud | Surfels)
     chosen = CloudStyle() if style is None else style
+    check_kind("style", chosen, CloudStyle, "a CloudStyle, such as CloudStyle(edl=1)")
     shape = shape_of(size)
+    check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         start = perf_counter()
         surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)

@@ -14,7 +14,16 @@ from resample.command.settings import Choices, FrameFormat
 from resample.files.saving import screen_levels
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, is_free, option_of, settings_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    is_free,
+    option_of,
+    placed_by,
+    settings_of,
+)
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, scene_of
@@ -69,7 +78,8 @@ class CloudPainter:
         with cancellable(cancel):
             form, cloud, camera = self._placed(settings, size, quick=quick)
             frame = cloud.shown(cloud.picture(camera, size[::-1]), form)
-        return PagePicture(screen_levels(frame.rgba, background=form.behind()), quick)
+        levels = screen_levels(frame.rgba, background=form.behind())
+        return PagePicture(levels, quick, placed_by(camera, size))
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the position seen at a pixel, see `resample.view.views.Painter`."""
@@ -137,6 +147,7 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "inputs": [str(path)],
             "settings": settings,
             "fills": is_free(begin),
+            "measures": True,
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)

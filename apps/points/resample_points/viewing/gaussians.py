@@ -14,7 +14,16 @@ from resample.files.saving import screen_levels
 from resample.scene.picking import pixel_at, place_at
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView
-from resample.view.views import PagePicture, Settings, Size, chosen, is_free, option_of, settings_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    is_free,
+    option_of,
+    placed_by,
+    settings_of,
+)
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import (
@@ -72,7 +81,8 @@ class GaussianPainter:
                 rgba = enlarged(small.rgba, PER, shape, smooth=True)
             else:
                 rgba = scene.picture(camera, shape, form.behind()).rgba
-        return PagePicture(screen_levels(rgba, background=form.behind()), quick)
+        levels = screen_levels(rgba, background=form.behind())
+        return PagePicture(levels, quick, placed_by(camera, size))
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the position seen at a pixel, see `resample.view.views.Painter`."""
@@ -144,6 +154,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "inputs": [str(path)],
             "settings": {"camera": "30,20,1", "up": scene.up, "steady": True, **given},
             "fills": is_free(begin),
+            "measures": True,
         }
 
     return FileView(first, described, checked, left_out=LEFT_OUT)

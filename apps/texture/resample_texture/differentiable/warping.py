@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample import registry
 from resample.memory.mapped import contiguous
 from resample.types import Doubles
+from resample.words import check_threads
 from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.differentiable.interpolation import (
     coefficients,
@@ -76,6 +77,7 @@ class LinearWarp:
             built = registry.build("interpolations", self.interpolation)
             object.__setattr__(self, "interpolation", built)
         pieces(self.interpolation)
+        check_threads(self.threads)
         object.__setattr__(self, "edge", edge_named(self.edge))
         if not 1.0 <= self.quality <= LARGEST_QUALITY:
             raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not {self.quality}")

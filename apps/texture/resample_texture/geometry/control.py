@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.types import Doubles
+from resample.words import doubles_of
 from resample_texture.geometry.coarse import PlaceFunction, coarsely
 from resample_texture.geometry.mappings import BackwardMap, Homography
 from resample_texture.geometry.matrices import from_corners
@@ -89,7 +90,7 @@ def _parsed(kind: str) -> tuple[str, int]:
 
 
 def _points(given: ArrayLike, name: str) -> Doubles:
-    points = np.asarray(given, np.float64)
+    points = doubles_of("control points", given, "numbers (N, 2)")
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
         raise ValueError(f"{name} points are finite numbers (N, 2), not {points.shape}")
     return points

@@ -104,7 +104,10 @@ def _of_lines(rows: list[list[float]], name: str) -> Doubles:
 
 def _full(matrix: ArrayLike) -> Doubles:
     """Return a matrix as (3, 3)."""
-    given = np.asarray(matrix)
+    try:
+        given = np.asarray(matrix)
+    except ValueError:  # of lists of different lengths
+        given = np.empty(0, np.object_)
     if given.shape not in ((2, 3), (3, 3)) or given.dtype.kind not in "fiu":
         raise ValueError(
             f"a matrix holds numbers of the shape (3, 3), or (2, 3) if it is affine,"

@@ -12,11 +12,11 @@ import numpy as np
 
 from resample.command.settings import Choices
 from resample.files.saving import screen_levels, write_frame
-from resample.scene.picking import pixel_at
+from resample.scene.picking import lines_of, pixel_at
 from resample.scene.previews import preview_size
 from resample.types import Frame
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, is_free, settings_of
+from resample.view.views import PagePicture, Settings, Size, chosen, is_free, placed_by, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
 from resample_texture.mesh.rendering import load_mesh, render_mesh
@@ -48,14 +48,22 @@ class ModelPainter:
         """Picture of these options, see `resample.view.views.Painter`."""
         view, drawing, form = _checked(settings)
         with cancellable(cancel):
-            seen = self._rendered(view, drawing, form, preview_size(size) if quick else size)
-        return PagePicture(screen_levels(seen.rgba, background=form.behind()), quick)
+            size = preview_size(size) if quick else size
+            seen = self._rendered(view, drawing, form, size)
+        levels = screen_levels(seen.rgba, background=form.behind())
+        camera = view.placed(self.mesh(form.texture), size[::-1])
+        return PagePicture(levels, quick, placed_by(camera, size))
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Return the depth at a pixel, see `resample.view.views.Painter`."""
-        depth = self._rendered(*_checked(settings), size).depth
-        found = float(depth[pixel_at(size, x, y)])
-        return {"depth": f"{found:.5g}"} if np.isfinite(found) else {}
+        """Return position and depth at a pixel, see `resample.view.views.Painter`."""
+        view, drawing, form = _checked(settings)
+        depth = float(self._rendered(view, drawing, form, size).depth[pixel_at(size, x, y)])
+        if not np.isfinite(depth):
+            return {}
+        camera = view.placed(self.mesh(form.texture), size[::-1])
+        (start,), (ahead,) = lines_of(camera.view(), np.array([[x, y]]))
+        place = ", ".join(f"{part:.6g}" for part in (start + depth * ahead).tolist())
+        return {"position": place, "depth": f"{depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does.
@@ -105,6 +113,7 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "inputs": [str(path)],
             "settings": {"camera": "30,20,1", **settings_of(begin)},
             "fills": is_free(begin),
+            "measures": True,
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)

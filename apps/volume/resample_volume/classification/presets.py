@@ -262,6 +262,8 @@ def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFun
     if low is None and high is None:
         raise ValueError(f"{name!r} has no ends; give a range of values such as 300..900 or 300..")
     if low is not None and high is not None and not low < high:
+        if low == high:
+            raise ValueError(f"{name} is empty; give two values, such as {low:g}..{low + 1:g}")
         raise ValueError(f"{name} does not ascend; give {greatest}..{least}")
     width = SOFT * (high - low) if low is not None and high is not None else 0.0
     points = [] if low is None else [(low, SAND, 0.0), (low + width, SAND, 1.0)]

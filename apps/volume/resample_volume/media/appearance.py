@@ -11,6 +11,7 @@ from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
+from resample.words import check_kind, shortly
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
@@ -77,6 +78,13 @@ class Appearance:
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
+        if not isinstance(self.transfer, str) and not hasattr(self.transfer, "needs_gradient"):
+            raise TypeError(
+                f"transfer {shortly(self.transfer)}; give a name, such as bone, a range of values, "
+                "such as 300..900, or a TransferFunction"
+            )
+        if self.light is not None:
+            check_kind("light", self.light, Light, "a Light, or None for colors as they are")
         object.__setattr__(self, "classification", Classification(self.classification))
         object.__setattr__(self, "planes", _planes_of(self.planes))
         object.__setattr__(self, "surfaces", _surfaces_of(self.surfaces))

@@ -12,6 +12,7 @@ from resample.memory.mapped import array_like, most_of
 from resample.outofcore.caching import memoized
 from resample.painting.choices import Projection
 from resample.types import Frame
+from resample.words import check_numbers
 from resample_volume.classification.automatic import BRIGHT
 from resample_volume.classification.surveys import Survey, survey
 from resample_volume.data.memory import require_memory
@@ -57,6 +58,7 @@ class XRay:
     )
 
     def __post_init__(self) -> None:
+        check_numbers(self, "mu_water", "added")
         if not 0 < self.mu_water < math.inf:
             raise ValueError(
                 f"mu-water is {self.mu_water:g}; it must be above 0, such as {MU_WATER} per mm"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Doubles, Flags, Floats, Lamp, Samples, Tint
+from resample.words import check_numbers
 from resample_volume.classification.labels import Labels
 from resample_volume.classification.transfer import TransferTable
 from resample_volume.data.memory import require_memory
@@ -54,6 +55,7 @@ class Light:
     occlusion: bool = False  # whether ambient light is dimmed where the surroundings are dense
 
     def __post_init__(self) -> None:
+        check_numbers(self, "ambient", "diffuse", "specular", "shininess")
         if self.direction is not None:
             _unit("light direction", self.direction)
         for name in ("ambient", "diffuse", "specular"):

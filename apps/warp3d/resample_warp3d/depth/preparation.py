@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from resample.types import Floats
+from resample.words import number
 from resample_warp3d.depth.refining.conditioning import Refine, Refined
 from resample_warp3d.depth.refining.conditioning import refine as conditioned
 from resample_warp3d.depth.refining.inspecting import known, linked, noise_of
@@ -63,7 +64,7 @@ def prepare(
     Warped(24 × 32 × 3 float32, 90.6 % covered)
     """
     for name, given in (("noise", noise), ("step", step)):
-        if given is not None and not 0.0 <= given < math.inf:
+        if given is not None and not 0.0 <= number(name, given) < math.inf:
             raise ValueError(f"{name} {given:g}; give a number of 0 or more, or leave it out")
     refined = conditioned(image, refine, noise=noise, step=step)
     return sourced(refined, noise=noise)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import rays_at, turn
+from resample.files.exchange import as_picture
 from resample.types import Doubles, Floats, Indices
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
@@ -60,7 +61,7 @@ def panorama(
     >>> joined.warped, round(joined.warped.depth[12, 16].item(), 1)
     (Warped(24 × 32 × 3 float32, 100 % covered), 3.0)
     """
-    cut = faces(as_light(color), length, world_to_camera)
+    cut = faces(as_light(color), as_picture(length, "depth map"), world_to_camera)
     prepared = [
         PosedSource(prepare(image, noise=noise, refine=refine), camera) for image, camera in cut
     ]
@@ -85,7 +86,7 @@ def faces(
             f" {color.shape[:2]} and {far.shape}"
         )
     if not (np.isfinite(far) & (far > 0)).any():
-        raise ValueError("the panorama has no depth at all")
+        raise ValueError("the panorama has no depth at all; check its unit and its file")
     known = np.where(np.isfinite(far) & (far > 0), far, np.inf)
     pose = np.eye(4) if world_to_camera is None else np.asarray(world_to_camera, np.float64)
     made = []

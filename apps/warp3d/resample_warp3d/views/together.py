@@ -271,6 +271,10 @@ def render_together(  # noqa: PLR0913 - what a user may say about a warp
     """
     from resample_warp3d.warping import render
 
+    if not isinstance(sources, Agreed):
+        raise TypeError(
+            f"sources of {type(sources).__name__}; give the result of agreed(...) or panorama(...)"
+        )
     chosen = Joining() if joining is None else joining
     equations = [mapping_between(each.camera, target, shape) for each in sources.standing]
     views = [
