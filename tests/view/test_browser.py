@@ -30,7 +30,7 @@ pytestmark = pytest.mark.skipif(
     BROWSER is None, reason="no Chromium: apt install chromium, or another that is in the PATH"
 )
 BELOW = 19  # px under the histogram, for numbers
-BEGIN = (AppearanceChoices(camera="30/20/1"),)  # where it is not looked for
+BEGIN = (AppearanceChoices(camera="30,20,1"),)  # where it is not looked for
 TIME = 90_000  # ms; kernels may have to be compiled
 
 

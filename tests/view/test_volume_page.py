@@ -29,7 +29,7 @@ pytestmark = pytest.mark.skipif(
 )
 TIME = 60_000  # ms; kernels may have to be compiled
 BEGIN = (
-    AppearanceChoices(transfer="vessels", camera="30/20/1"),
+    AppearanceChoices(transfer="vessels", camera="30,20,1"),
     PictureFormat(background="#203040"),
 )  # nothing shows through
 SHOWN = """() => {
