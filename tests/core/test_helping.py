@@ -7,12 +7,13 @@ import shlex
 from functools import cache
 
 import pytest
+from cyclopts import App
 from docstring_parser import parse_from_object
 from rich.console import Console
 
 from resample import registry
 from resample.cli import app as core
-from resample.command.brief import COLUMNS, LINES, examples_in
+from resample.command.brief import COLUMNS, LINES, Asked, brief, examples_in
 from resample.samples.finding import expanded
 from tests.commands import ended, imported
 
@@ -141,3 +142,20 @@ def test_what_follows_two_hyphens_is_no_request_for_help(capsys):
 def test_brief_help_imports_neither_numpy_nor_rich():
     loaded = imported("resample_volume.cli", "render", "-h")
     assert loaded & {"numpy", "rich", "rich.console", "numba"} == set()
+
+
+def test_applications_of_others_have_brief_help_without_examples_and_texts():
+    app = App(name="resample-stations")
+
+    @app.command
+    def film(file: str, /, *, output: str, months: int = 12, name: str | None = None) -> None:
+        """Film the year of stations."""
+
+    lines = brief(Asked(app, "resample-stations film", app["film"]))
+    assert lines[:3] == [
+        "Film the year of stations.",
+        "",
+        "Usage: resample-stations film FILE --output OUTPUT [OPTIONS]",
+    ]
+    assert "Examples:" not in lines
+    assert "  --months  [default: 12]" in lines
