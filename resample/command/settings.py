@@ -34,8 +34,8 @@ Background = Annotated[
 MethodsFilter = Annotated[
     str | None,
     Field(
-        description="Pixel filter, such as gaussian:sigma=0.6. [default: the method's own; area "
-        "for hybrid]"
+        description="Pixel filter, such as gaussian:sigma=0.6. [default: the method's own: "
+        "the mean over a pixel's area for hybrid]"
     ),
 ]
 Shown = Annotated[

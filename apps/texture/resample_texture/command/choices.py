@@ -153,7 +153,8 @@ class PictureFiltering(Choices):
     quality: Annotated[
         float | None,
         Field(
-            description="Parts per target px that texels are split into, 1 to 16. [default: 1.5]"
+            description="Parts per target px that texels are split into, 1 to 16. [default: 1.5 "
+            "for hybrid]"
         ),
     ] = None
     linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
