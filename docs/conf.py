@@ -61,7 +61,7 @@ html_theme_options = {
     "pygments_light_style": "friendly",
     "pygments_dark_style": "monokai",
 }
-html_sidebars = {"index": []}
+html_sidebars = {page: [] for page in ("index", "quality", "performance", "glossary")}
 html_math_renderer = "mathml"  # browsers know it; MathJax would have to be fetched
 
 

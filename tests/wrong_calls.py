@@ -35,7 +35,11 @@ resample.Resampler()(resample.particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), camera)
 # Pictures
 resample_texture.warp(picture, np.eye(3), (4, 5), edge="reflekt")  # type: ignore[arg-type]
 resample_texture.warp(picture, np.eye(3), 4)  # type: ignore[arg-type]
+resample_texture.warp(picture, np.eye(3), (4, 5), alpha="premul")  # type: ignore[arg-type]
+resample_texture.warp(picture, np.eye(3), (4, 5), intrepolation="cubic")  # type: ignore[call-arg]
 resample_texture.resize(picture, (4, 5), edge="reflekt")  # type: ignore[arg-type]
+resample_texture.resize(picture, (4, 5), threads="2")  # type: ignore[arg-type]
+resample_texture.rotate(picture, 30, convention="opencv")  # type: ignore[call-arg]
 resample_texture.resize(picture, (4, 5), alpha="premul")  # type: ignore[arg-type]
 resample_texture.rotate(picture, "30")  # type: ignore[arg-type]
 resample_texture.scale(picture, 2, edge="reflekt")  # type: ignore[arg-type]
@@ -50,6 +54,7 @@ resample_texture.like.ndimage.zoom(picture, 2, mode="symmetric")  # type: ignore
 
 # Depth images
 resample_warp3d.warp(picture, picture, camera, camera, refine="snapp")  # type: ignore[arg-type]
+resample_warp3d.warp(picture, picture, camera, camera, nois=0.1)  # type: ignore[call-arg]
 resample_warp3d.warp(picture, picture, camera, camera, fill="pictures")  # type: ignore[arg-type]
 resample_warp3d.warp_disparity(picture, picture, fill="pictures")  # type: ignore[arg-type]
 resample_warp3d.DepthScene(picture, picture, camera).render(camera, size=4)  # type: ignore[arg-type]

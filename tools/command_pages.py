@@ -24,6 +24,11 @@ INTRODUCTION = """# Commands
 Each page lists the arguments and options of one command, as `--help` prints them.
 `resample NAME ...` does the same as `resample-NAME ...`.
 Options of several commands have the same name and meaning in all of them.
+`-h` is brief: what a command does, three examples, the options needed first.
+
+Tuples have commas (`30,20,1.5`), sizes an x (`640x480`). Pictures without a size of their own have
+640x480 px; volumes 400x400, as a square holds them from all sides. z is up; y for meshes, as in
+glTF and OBJ.
 """
 
 

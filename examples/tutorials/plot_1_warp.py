@@ -47,8 +47,9 @@ print(f"an area of {warped.coverage.sum():.1f} pixels is covered")
 # Far and near at once
 # --------------------
 #
-# A floor up to the horizon defeats the usual methods: hundreds of its far texels fall into one pixel, its near
-# ones are several pixels large. One setting handles both. ``edge="mirror"`` continues beyond the picture.
+# A floor up to the horizon is difficult: in the distance hundreds of source pixels (texels) fall into one pixel,
+# and close to the viewer one texel covers several pixels. One setting handles both. ``edge="mirror"`` continues
+# the picture beyond its edges.
 
 from resample_texture.geometry.matrices import from_corners, page_corners
 

@@ -38,8 +38,8 @@ moved.save("moved.png", background=(0, 0, 0))
 print(moved)
 
 # %%
-# Black areas were not visible to the source. Nothing is torn or cracked, though neighbours have moved apart:
-# samples of one surface are cells of a sheet, which is cut where a surface ends.
+# Black areas were not visible to the source. There are no cracks within surfaces, although neighbouring samples
+# have moved apart: the samples of a surface are connected to a sheet, which is cut only where the surface ends.
 #
 # Types of holes
 # --------------
@@ -63,8 +63,8 @@ warp(color, depth, camera, right, fill=True).save("filled.png")
 # Closer
 # ------
 #
-# Two meters ahead, samples cover several pixels each. They share pixels in proportion to their areas, so that
-# edges stay sharp.
+# Two meters ahead, each sample covers several pixels. A pixel gets the colors of the samples in proportion to the
+# areas that they cover, so edges stay sharp.
 
 ahead = camera.moved(np.c_[np.eye(3), [0.3, 0.2, -2.0]])
 for method in ("mcmillan", "hybrid"):

@@ -35,18 +35,18 @@ print(
 frame.to_image("depth").save("depth.png")
 
 # %%
-# Looks
-# -----
+# Transfer functions
+# ------------------
 #
-# A *look* assigns colors and opacities to values: a name (``resample-volume render --help`` lists them), a
-# range of values as a material, or several of them joined.
+# A transfer function assigns colors and opacities to values. It is a name (``resample-volume render --help``
+# lists them), a range of values as a material, or several of these joined by ``+``.
 
 render(
     vessels, "10..:color=deepskyblue,opacity=0.06+250..:color=tomato,opacity=0.2", (40, 15, 0.95)
 ).save("two-materials.png", background=(1, 1, 1))
 
 # %%
-# An ``Appearance`` holds the look together with light, crops, cuts and more:
+# An ``Appearance`` holds the transfer function together with light, crops, cuts and more:
 
 from resample_volume import Appearance, Light
 
@@ -63,8 +63,8 @@ render(vessels, Appearance("vessels", crop=":,:,:64"), (40, 15, 0.95), size=(300
 # --------------
 #
 # By default rays are cast through a spline that interpolates the voxels, and values get their colors along the
-# ray (``post``). The paper does the opposite: voxels get their colors first and are splatted (``pre``), which
-# thickens thin structures.
+# ray (post-classification, ``post``). The paper does the opposite: voxels get their colors first and are drawn as
+# splats (pre-classification, ``pre``), which thickens thin structures.
 
 for classification in ("pre", "post"):
     look = Appearance("vessels", classification=classification)
@@ -98,4 +98,4 @@ print(scene.pick(100, 130, "vessels", (0, 15), size=(200, 200)))
 #     $ resample-volume animate sample:vessel-tree --transfer vessels -o turn.webp
 #     $ resample-volume view vessel-tree
 #
-# Next: :doc:`choose a look </howto/looks>`, or :doc:`volumes larger than memory </scale>`.
+# Next: :doc:`choose a transfer function </howto/looks>`, or :doc:`volumes larger than memory </scale>`.

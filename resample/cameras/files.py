@@ -174,7 +174,7 @@ def _viewpoint_in(text: str, fov: float) -> Viewpoint:
     if not text or not Path(file_and_frame(text)[0]).exists():
         raise ValueError(
             f"camera {text!r}; give azimuth,elevation,zoom, such as 30,20,1.5, of which the zoom "
-            f"may be left out, or with /right/up of a pan; one of {', '.join(NAMED)}; or a file of "
+            f"may be left out, or with ,right,up of a pan; one of {', '.join(NAMED)}; or a file of "
             "cameras: .toml, or poses of NeRF, COLMAP, TUM, Open3D"
         )
     shot = read_shot(text)

@@ -8,7 +8,7 @@ W / 2, not at (W − 1) / 2 as in OpenCV's matrices.
 import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from resample.cameras.lens import COUNT, COUNTS
 from resample.cameras.poses import pose_of, rigid
 from resample.types import Doubles, View
-from resample.words import doubles_of, number
+from resample.words import check_options, doubles_of, number
 
 
 class Convention(StrEnum):
@@ -35,6 +35,14 @@ class LensModel(StrEnum):
 
 AnyConvention = Convention | Literal["corner", "opencv"]
 AnyLens = LensModel | Literal["pinhole", "fisheye"]
+
+
+class IntrinsicsOptions(TypedDict, total=False):
+    """Options of `Camera.from_intrinsics`."""
+
+    skew: float  # px
+    distortion: ArrayLike | None  # of a lens
+    convention: AnyConvention  # origin of the principal point
 
 
 class AnyCamera(Protocol):
@@ -103,7 +111,7 @@ class Camera:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
 
     @classmethod
-    def from_intrinsics(  # noqa: PLR0913 - the numbers of one camera, as listed in its file
+    def from_intrinsics(
         cls,
         fx: float,
         fy: float,
@@ -111,27 +119,28 @@ class Camera:
         cy: float,
         world_to_camera: ArrayLike | None = None,
         near: float = 0.0,
-        *,
-        skew: float = 0.0,
-        distortion: ArrayLike | None = None,
-        convention: AnyConvention = Convention.CORNER,
+        **options: Unpack[IntrinsicsOptions],
     ) -> "Camera":
         """Camera from focal lengths, principal point and skew, px.
 
         Parameters
         ----------
-        fx, fy, cx, cy, skew
+        fx, fy, cx, cy
             Entries of the matrix.
-        world_to_camera, near, distortion
+        world_to_camera, near
             As in the class.
-        convention
-            Origin of cx and cy.
+        options
+            `skew`, the matrix's remaining entry; `distortion`, as in the class; and `convention`,
+            the origin of cx and cy.
 
         Raises
         ------
         ValueError
             As in the class; or the convention is unknown.
         """
+        check_options("from_intrinsics", options, IntrinsicsOptions)
+        skew, distortion = options.get("skew", 0.0), options.get("distortion")
+        convention = options.get("convention", Convention.CORNER)
         if convention not in tuple(Convention):
             raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
         for name, given in {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "skew": skew}.items():

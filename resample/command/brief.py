@@ -73,7 +73,8 @@ def _opening(asked: Asked, text: str, usage: str) -> list[str]:
     summary = " ".join(text.partition("\n\n")[0].split())
     lines = [*wrap(summary, COLUMNS), ""]
     lines += wrap(f"Usage: {asked.name} {usage}", COLUMNS, subsequent_indent=" " * 7)
-    return [*lines, "", "Examples:", *(f"  {line}" for line in examples_in(text)), ""]
+    found = [f"  {line}" for line in examples_in(text)]
+    return [*lines, "", *(["Examples:", *found, ""] if found else [])]
 
 
 def _commands(asked: Asked) -> list[str]:
@@ -121,7 +122,9 @@ def _option(argument: "Argument", text: str) -> tuple[str, str, str]:
     if argument.parameter.help is None:
         name = argument.field_info.name
         documented = {part.arg_name: part.description for part in parse(text).params}
-        argument.parameter = Parameter.combine(argument.parameter, Parameter(help=documented[name]))
+        argument.parameter = Parameter.combine(
+            argument.parameter, Parameter(help=documented.get(name) or "")
+        )
     return ", ".join(sorted(argument.names[:2], key=len)), *described(argument)
 
 
@@ -129,7 +132,10 @@ def _table(options: list[tuple[str, str, str]]) -> list[str]:
     """Return a line per option."""
     width = max(len(names) for names, _, _ in [*options, (FULL, "", "")]) + 4
     rows = [(f"  {names}".ljust(width), text, default) for names, text, default in options]
-    lines = [start + _fitted(text, default, COLUMNS - width) for start, text, default in rows]
+    lines = [
+        f"{start}{_fitted(text, default, COLUMNS - width)}".rstrip()
+        for start, text, default in rows
+    ]
     return [*lines, f"  {FULL}".ljust(width) + MORE]
 
 
@@ -139,4 +145,4 @@ def _fitted(text: str, default: str, room: int) -> str:
     ending = "" if default in ("", "none") else f" [default: {default}]"
     if len(sentence + ending) > room and len(ending) > LONGEST:
         ending = ""
-    return shorten(sentence, room - len(ending), placeholder=" ...") + ending
+    return f"{shorten(sentence, room - len(ending), placeholder=' ...')}{ending}".strip()

@@ -55,7 +55,7 @@ SYNONYMS = {
 }
 
 
-def complaint(error: BaseException) -> str:
+def explained(error: BaseException) -> str:
     """Describe an error of a command in one line, with what to do where that is known."""
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)

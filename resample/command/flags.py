@@ -63,6 +63,8 @@ NOTHING = (None, (), "", inspect.Parameter.empty)
 
 # Beginnings of help texts.
 SIZE = "Size in px: 400 for a square, 640x480 for width and height."
+USUAL_SIZE = "640x480"  # of pictures and films that have no size of their own
+SQUARE = f"{SIZE} A volume fits a square from all sides; published times are for 400."
 CALIBRATED = (
     "Lens: fx,fy,cx,cy,k1,k2,p1,p2[,k3...], or a .yml, .xml, .json or .toml file of OpenCV's "
     "calibration"
@@ -243,7 +245,10 @@ Up = Annotated[
     OptionTopic.APPEARANCE,
     Hyphen,
     under(CAMERA),
-    Parameter(help="Axis that points up."),
+    Parameter(
+        help="Axis that points up; z, but y for meshes (as in glTF and OBJ), and that of the file "
+        "for 3D Gaussians."
+    ),
 ]
 Steady = Annotated[
     bool,

@@ -54,9 +54,9 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         say(f"error: {complaint}")
         status = USER_ERROR
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
-        from resample.command.complaints import complaint
+        from resample.command.complaints import explained
 
-        say(f"error: {complaint(error)}")
+        say(f"error: {explained(error)}")
         status = USER_ERROR
     raise SystemExit(status)
 

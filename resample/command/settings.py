@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from resample.command.flags import SIZE, OptionTopic
+from resample.command.flags import SIZE, SQUARE, USUAL_SIZE, OptionTopic
 from resample.console import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ Background = Annotated[
 MethodsFilter = Annotated[
     str | None,
     Field(
-        description="Pixel filter, such as gaussian:sigma=0.6. [default: the method's own; area "
-        "for hybrid]"
+        description="Pixel filter, such as gaussian:sigma=0.6. [default: the method's own: "
+        "the mean over a pixel's area for hybrid]"
     ),
 ]
 Shown = Annotated[
@@ -188,7 +188,7 @@ class PictureFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: Annotated[str, Field(description=SIZE)] = "400"
+    size: Annotated[str, Field(description=SQUARE)] = "400"
     background: Annotated[
         str | None,
         Field(
@@ -232,7 +232,7 @@ class FrameFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: Annotated[str, Field(description=SIZE)] = "640x480"
+    size: Annotated[str, Field(description=SIZE)] = USUAL_SIZE
     background: Background = None
     bits: Annotated[
         Literal[8, 16],

@@ -8,7 +8,6 @@ import inspect
 import json
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from difflib import get_close_matches
 from functools import partial, wraps
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, get_args, get_type_hints
@@ -255,8 +254,10 @@ def _take(
 def _check_name(key: str, options: Mapping[str, Argument]) -> None:
     """Reject an unknown option."""
     if key not in options:
-        near = get_close_matches(key, options, n=1)
-        hint = f"did you mean {near[0]}?" if near else "--help lists what there is"
+        from resample.command.complaints import meant
+
+        near = meant(key, options)
+        hint = f"did you mean {near}?" if near else "--help lists what there is"
         raise ValueError(f"there is no option {key!r:.60}; {hint}")
 
 

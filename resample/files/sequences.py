@@ -348,7 +348,10 @@ def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
     """Expand arguments to pairs of source and target."""
     sources = list(dict.fromkeys(file for image in images for file in _files(image)))
     if not sources:
-        raise ValueError(f"{', '.join(map(str, images))}: no pictures found")
+        raise ValueError(
+            f"{', '.join(map(str, images))}: no pictures found; give files, a folder "
+            "that holds some, or a quoted pattern such as 'photos/*.jpg'"
+        )
     if output.exists() and not output.is_dir():
         raise OSError(f"{output} is not a folder; several pictures are written to one")
     if not output.exists() and output.suffix:

@@ -13,6 +13,7 @@ from resample.painting.scenes.plans import Window, check_size
 from resample.painting.scenes.scene import Clock
 from resample.painting.shaped.ellipsoids import (
     EllipsoidSource,
+    HeldRecords,
     ShapedPicture,
     ShapedScene,
     ShapedStyle,
@@ -80,7 +81,7 @@ def paint_parts(
     clock.lap("project")
     canvas, painted = empty_canvas(size), 0
     for done, task in enumerate(tasks):
-        records = held.shown()
+        records = held.records
         if records is None:
             records = scene.records(task.window, task.samples)
         clock.lap("project")
@@ -96,21 +97,17 @@ class Held:
     """Records of all parts, counted, and held as long as they fit."""
 
     def __init__(self, most: int) -> None:
-        self.count = 0
-        self.records: Floats | None = np.empty((most, WIDTH), np.float32)
+        self.count, self._most = 0, most
+        self.records: HeldRecords | None = HeldRecords(most)
 
-    def add(self, records: Floats) -> Floats:
-        """Add those of a part, and return them."""
-        done, self.count = self.count, self.count + len(records)
-        if self.records is not None and self.count <= len(self.records):
-            self.records[done : self.count] = records
+    def add(self, whole: Floats) -> Floats:
+        """Add some, and return them."""
+        self.count += len(whole)
+        if self.records is not None and self.count <= self._most:
+            self.records.add(whole)
         else:
             self.records = None
-        return records
-
-    def shown(self) -> Floats | None:
-        """Those of all parts; None if they do not fit."""
-        return None if self.records is None else self.records[: self.count]
+        return whole
 
 
 def _shown(scene: ShapedScene, window: Window) -> int:

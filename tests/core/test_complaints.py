@@ -64,6 +64,14 @@ def test_every_synonym_leads_to_an_option_of_some_command():
     assert len(given) == len(set(given))
 
 
+def test_settings_files_have_the_same_synonyms(tmp_path, capsys):
+    (tmp_path / "look.toml").write_text('cmap = "hot"\n')
+    words = "volume render checker-box -o a.png --settings look.toml"
+    assert said(capsys, *words.split()).endswith(
+        "there is no option 'cmap'; did you mean transfer?"
+    )
+
+
 def test_the_first_option_that_a_command_has_is_meant():
     assert meant("cmap", ["transfer", "colormap"]) == "colormap"
     assert meant("cmap", ["transfer", "size"]) == "transfer"
@@ -120,6 +128,37 @@ def test_a_folder_where_a_file_is_wanted_names_files_in_it(tmp_path, capsys):
     (tmp_path / "scans" / "a.ply").write_text("")
     line = said(capsys, "points", "render", "scans", "-o", "a.png")
     assert line == "scans: is a folder; give a file in it, such as scans/a.ply"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (
+            "volume render mixed -o a.png",
+            "mixed holds files of .dcm and .png; give one of them, or a folder with files of one "
+            "kind",
+        ),
+        (
+            "volume render empty -o a.png",
+            "empty holds no slices; give a folder of .dcm, .tif or .png files, or a file",
+        ),
+        (
+            "volume render checker-box --mesh mixed -o a.png",
+            "mixed: is a folder; give a file in it, such as mixed/a.dcm",
+        ),
+        (
+            "texture warp empty --matrix 1,0,0,0,1,0 -o out",
+            "empty: no pictures found; give files, a folder that holds some, or a quoted pattern "
+            "such as 'photos/*.jpg'",
+        ),
+    ],
+)
+def test_folders_that_hold_too_much_or_too_little_say_what_to_give(words, line, tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "mixed").mkdir()
+    for name in ("a.dcm", "a.png"):
+        (tmp_path / "mixed" / name).write_text("")
+    assert said(capsys, *words.split()) == line
 
 
 @pytest.mark.parametrize("name", ["notes.docx", "folder"])

@@ -1,17 +1,19 @@
 """Help of all commands: brief by -h, and by --help with the default of every option."""
 
+import inspect
 import io
 import re
 import shlex
 from functools import cache
 
 import pytest
+from cyclopts import App
 from docstring_parser import parse_from_object
 from rich.console import Console
 
 from resample import registry
 from resample.cli import app as core
-from resample.command.brief import COLUMNS, LINES
+from resample.command.brief import COLUMNS, LINES, Asked, brief, examples_in
 from resample.samples.finding import expanded
 from tests.commands import ended, imported
 
@@ -70,6 +72,22 @@ def test_brief_help_has_15_lines_and_three_examples_that_parse(
         assert parsed[1].arguments or len(words) == 1
 
 
+def of_built_in_data():
+    """Examples that end by themselves, read built-in data alone and are no films."""
+    for application, command in commands():
+        if command not in ("view", "fetch", "figures", "demo", "animate"):
+            text = inspect.getdoc(APPS[application][command].default_command)
+            yield from ("\n".join(examples_in(text)).replace("\\\n", "").splitlines())
+
+
+@pytest.mark.sweep(kept_by="test_brief_help_has_15_lines_and_three_examples_that_parse")
+@pytest.mark.parametrize("line", list(of_built_in_data()))
+def test_examples_of_brief_help_run(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    program, *words = shlex.split(line)
+    assert ended(APPS[program], *words) == 0
+
+
 @pytest.mark.parametrize(("application", "command"), list(commands()))
 def test_every_option_names_its_default_is_required_or_a_switch(application, command):
     app = APPS[application][command]
@@ -124,3 +142,20 @@ def test_what_follows_two_hyphens_is_no_request_for_help(capsys):
 def test_brief_help_imports_neither_numpy_nor_rich():
     loaded = imported("resample_volume.cli", "render", "-h")
     assert loaded & {"numpy", "rich", "rich.console", "numba"} == set()
+
+
+def test_applications_of_others_have_brief_help_without_examples_and_texts():
+    app = App(name="resample-stations")
+
+    @app.command
+    def film(file: str, /, *, output: str, months: int = 12, name: str | None = None) -> None:
+        """Film the year of stations."""
+
+    lines = brief(Asked(app, "resample-stations film", app["film"]))
+    assert lines[:3] == [
+        "Film the year of stations.",
+        "",
+        "Usage: resample-stations film FILE --output OUTPUT [OPTIONS]",
+    ]
+    assert "Examples:" not in lines
+    assert "  --months  [default: 12]" in lines

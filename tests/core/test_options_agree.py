@@ -52,3 +52,31 @@ def test_an_old_spelling_is_an_unknown_option(words, tmp_path, monkeypatch, caps
     application, *others = words
     said = refused(registry.load("apps", application), capsys, *others)
     assert f"Unknown option: {others[-2]}" in said
+
+
+def defaults(option):
+    """Defaults of an option of rendering commands, with the help that each has."""
+    for application in registry.names("apps"):
+        app = registry.load("apps", application)
+        for command in ("render", "animate", "mesh", "density", "compare"):
+            for argument in app[command].assemble_argument_collection() if command in app else ():
+                if argument.names[:1] == (option,):
+                    yield f"{application} {command}", argument
+
+
+def test_pictures_have_one_size_or_the_help_says_why():
+    other = {}
+    for name, argument in defaults("--size"):
+        size, text = argument.field_info.default, argument.parameter.help or ""
+        if size not in (None, "640x480"):
+            other[name] = size
+            assert "fits a square from all sides" in text or "Small, as methods differ" in text
+    assert other == {"volume render": "400", "volume animate": "400", "volume compare": "96"}
+
+
+def test_z_is_up_or_the_help_says_why():
+    found = {name: argument.field_info.default for name, argument in defaults("--up")}
+    assert {name: axis for name, axis in found.items() if axis != "z"} == {"texture mesh": "y"}
+    assert len(found) > 5
+    for _, argument in defaults("--up"):
+        assert "z, but y for meshes (as in glTF and OBJ)" in (argument.parameter.help or "")

@@ -1,7 +1,9 @@
 """Signatures of the public functions: what editors complete, and type checkers find."""
 
+import ast
 import importlib
 import inspect
+import textwrap
 import tomllib
 import typing
 from collections.abc import Callable, Iterator
@@ -17,6 +19,7 @@ import resample_texture
 import resample_volume
 import resample_warp3d
 from resample_texture.like import ndimage, scikit
+from resample_texture.mesh import rendering as meshes
 
 PACKAGES = ["resample", "resample_points", "resample_texture", "resample_volume", "resample_warp3d"]
 
@@ -57,6 +60,15 @@ def names_in(annotation: Any) -> set[str]:
     if typing.get_origin(annotation) is typing.Literal:
         return set(map(str, typing.get_args(annotation)))
     return set().union(*map(names_in, typing.get_args(annotation)))
+
+
+def annotation_of(function: Callable[..., Any], parameter: str) -> Any:
+    """Type of a parameter, or of an option in the group that a function takes."""
+    given = parameters(function)
+    if parameter in given:
+        return given[parameter].annotation
+    (group,) = typing.get_args(list(given.values())[-1].annotation)
+    return typing.get_type_hints(group)[parameter]
 
 
 def takes_any_text(annotation: Any) -> bool:
@@ -141,7 +153,7 @@ CHOICES: list[tuple[Callable[..., Any], str, Callable[[Any], Any]]] = [
 def test_names_in_signatures_are_those_that_errors_list(
     function: Callable[..., Any], parameter: str, call: Callable[[Any], Any]
 ) -> None:
-    known = names_in(parameters(function)[parameter].annotation)
+    known = names_in(annotation_of(function, parameter))
     assert known
     with pytest.raises((ValueError, LookupError)) as caught:
         call("reflekt")
@@ -159,3 +171,98 @@ def test_mypy_looks_for_wrong_calls() -> None:
     assert settings["modules"] == ["tests.wrong_calls"]
     calls = (root / "tests" / "wrong_calls.py").read_text(encoding="utf-8")
     assert calls.count("# type: ignore[") > 30
+
+
+MOST_ARGUMENTS = 8  # of a public function; options beyond are in a named group of keywords
+HOVER = 3 * 100  # characters: three lines of an editor
+
+# What has more, and why.
+LONGER = {
+    "resample_texture.warp_like_opencv": "has the signature of cv2.warpPerspective",
+}
+
+
+def written(found: Callable[..., Any]) -> ast.FunctionDef:
+    """A function as its source has it, where aliases of types have their names."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(found)))
+    function = tree.body[0]
+    assert isinstance(function, ast.FunctionDef)
+    return function
+
+
+def functions() -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Public functions and methods; classes are records, or groups of options themselves.
+
+    Not the drop-ins of `resample_texture.like`, whose signatures are those of what they replace.
+    """
+    others = [(f"{meshes.__name__}.{name}", getattr(meshes, name)) for name in meshes.__all__]
+    for name, found in [*public(), *others]:
+        if inspect.isfunction(found) or inspect.ismethod(found):
+            yield name, found
+
+
+def test_public_functions_take_few_arguments() -> None:
+    longer = {
+        name: len(given)
+        for name, found in functions()
+        if len(given := [one for one in parameters(found) if one != "self"]) > MOST_ARGUMENTS
+    }
+    assert set(longer) == set(LONGER), longer
+
+
+def test_signatures_fit_three_lines_of_an_editor() -> None:
+    lengths = {}
+    for name, found in functions():
+        function = written(found)
+        text = f"{function.name}({ast.unparse(function.args)}) -> {ast.unparse(function.returns)}"  # type: ignore[arg-type]
+        lengths[name] = len(text.replace("self, ", ""))
+    assert {name for name, length in lengths.items() if length > HOVER} == set()
+
+
+GROUPED: dict[str, Callable[..., Any]] = {
+    "warp": lambda **given: resample_texture.warp(PICTURE, np.eye(3), SHAPE, **given),
+    "resize": lambda **given: resample_texture.resize(PICTURE, SHAPE, **given),
+    "rotate": lambda **given: resample_texture.rotate(PICTURE, 30, **given),
+    "scale": lambda **given: resample_texture.scale(PICTURE, 2, **given),
+    "project": lambda **given: resample_texture.project(
+        np.zeros((64, 128, 3), np.uint8), "equirectangular", "perspective", SHAPE, **given
+    ),
+    "warp_chunks": lambda **given: resample_texture.warp_chunks(PICTURE, np.eye(3), SHAPE, **given),
+    "render": lambda **given: resample_texture.PictureScene(PICTURE).render(np.eye(3), **given),
+    "preview": lambda **given: resample_texture.PictureScene(PICTURE).render(
+        np.eye(3), quality="preview", **given
+    ),
+    "depth": lambda **given: resample_warp3d.warp(PICTURE, PICTURE, EYE, EYE, **given),
+    "from_intrinsics": lambda **given: resample.Camera.from_intrinsics(1, 1, 0, 0, **given),
+}
+
+
+@pytest.mark.parametrize("name", GROUPED)
+def test_unknown_options_of_groups_are_refused(name: str) -> None:
+    with pytest.raises(TypeError, match=r"no option 'nonsense'.* known: \w+, ") as caught:
+        GROUPED[name](nonsense=3)
+    assert "\n" not in str(caught.value)
+
+
+def test_options_with_a_typing_error_have_a_suggestion() -> None:
+    with pytest.raises(TypeError, match="no option 'intrepolation', did you mean 'interpolation'"):
+        resample_texture.warp(PICTURE, np.eye(3), SHAPE, intrepolation="lanczos")  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("name", GROUPED)
+def test_groups_name_the_options_that_docstrings_describe(name: str) -> None:
+    function = {
+        "render": resample_texture.PictureScene.render,
+        "preview": resample_texture.PictureScene.render,
+        "depth": resample_warp3d.warp,
+        "from_intrinsics": resample.Camera.from_intrinsics,
+    }.get(name) or getattr(resample_texture, name)
+    (group,) = (
+        typing.get_args(given.annotation)[0]
+        for given in parameters(function).values()
+        if given.kind is inspect.Parameter.VAR_KEYWORD
+    )
+    told = inspect.getdoc(function) or ""
+    if "As `resize` takes them" in told:
+        told += inspect.getdoc(resample_texture.resize) or ""
+    assert not [one for one in group.__annotations__ if one not in told]

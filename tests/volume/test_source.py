@@ -78,7 +78,7 @@ def test_a_folder_is_read_by_what_it_holds(tmp_path):
     (tmp_path / "1.png").write_bytes(b"")
     assert isinstance(find_reader(tmp_path), TiffStack)
     (tmp_path / "IM0001").write_bytes(bytes(128) + b"DICM")
-    with pytest.raises(ValueError, match=r"files of \.dcm and \.png; name one"):
+    with pytest.raises(ValueError, match=r"files of \.dcm and \.png; give one of them"):
         find_reader(tmp_path)
     (tmp_path / "1.png").unlink()
     assert isinstance(find_reader(tmp_path), Dicom)

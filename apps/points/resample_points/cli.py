@@ -123,7 +123,7 @@ def animate(
     frames: flags.AppearanceFlag[int | None] = None,
     start: Annotated[CloudStart, flags.Flat] = START,
     fps: flags.FramesPerSecond = 24.0,
-    size: flags.Size = "640x480",
+    size: flags.Size = flags.USUAL_SIZE,
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
     particles: Annotated[ParticleOptions, flags.Flat] = PARTICLES,
@@ -186,7 +186,7 @@ def compare(
     aim: Annotated[CloudAim, flags.Flat] = AIM,
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
-    size: flags.Size = "640x480",
+    size: flags.Size = flags.USUAL_SIZE,
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,
 ) -> None:

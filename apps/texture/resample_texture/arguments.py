@@ -20,8 +20,7 @@ from resample_texture.geometry.mappings import (
     TargetRegion,
 )
 from resample_texture.geometry.matrices import homography
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import Edge, Method
+from resample_texture.types import AnyAlpha, Edge, Fill, Method
 
 LARGEST_PICTURE = 1 << 30  # pixels; a larger size is taken for a mistake
 MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel sizes are estimated
@@ -141,7 +140,6 @@ def check_shape(shape: tuple[int, int]) -> None:
 
 
 PREMULTIPLIED: Literal["premultiplied"] = "premultiplied"
-Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
 
 
 def adds(method: Method) -> bool:

@@ -9,18 +9,16 @@ import math
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.cameras.models import AnyConvention
 from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
-from resample.words import check_threads
+from resample.words import check_options, check_threads
 from resample_texture.arguments import (
     REFLECT_101,
-    Fill,
     Places,
     check_shape,
     check_sums,
@@ -35,8 +33,7 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import AnyEdge, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, ChunkOptions, Method, Warped
 
 SIDE = 1024  # px of chunks, unless the target has its own chunks
 
@@ -80,7 +77,7 @@ class _Way(NamedTuple):
     fill: Any  # see `Drawing.fill`
 
 
-def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
+def warp_chunks(
     source: Any,
     matrix: ArrayLike | Geometry | Places,
     shape: tuple[int, int],
@@ -89,13 +86,7 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     out: Any = None,
     side: int | tuple[int, int] | None = None,
     edge: AnyEdge = "transparent",
-    convention: AnyConvention = "corner",
-    inverse: bool = False,
-    linear_light: bool | None = None,
-    alpha: AnyAlpha | None = None,
-    fill: Fill | None = None,
-    total: bool | None = None,
-    threads: int | None = None,
+    **options: Unpack[ChunkOptions],
 ) -> Any:
     """Warp a picture larger than memory, chunk by chunk; pixels equal those of `warp`.
 
@@ -107,10 +98,11 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     source
         (H, W) or (H, W, C), anything with `shape` and `dtype` that returns arrays for slices:
         `zarr.open_array(...)`, `dask.array`, `numpy.memmap`.
-    matrix, shape, method, edge, convention, inverse, linear_light, alpha, fill, total, threads
-        As `warp` takes them. Geometry must be a matrix or a backward map, and the method one whose
-        pixels gather from a part of the source, as the default. `reflect-101` is not available.
-        With `total` the source is read as a whole, and sums are those of `warp`.
+    matrix, shape, method, edge, options
+        As `warp` takes them; of its options `convention`, `inverse`, `linear_light`, `alpha`,
+        `fill`, `total` and `threads`. Geometry must be a matrix or a backward map, and the method
+        one whose pixels gather from a part of the source, as the default. `reflect-101` is not
+        available. With `total` the source is read as a whole, and sums are those of `warp`.
     out
         (height, width) or (height, width, C): anything that takes arrays for slices; it is filled.
         None: return a dask array, whose chunks are warped on demand.
@@ -138,6 +130,8 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     >>> np.array_equal(made, warp(stored, matrix, (250, 200)).image, equal_nan=True)
     True
     """
+    check_options("warp_chunks", options, ChunkOptions)
+    threads, total, alpha = options.get("threads"), options.get("total"), options.get("alpha")
     check_threads(threads)
     kept = _LazyPicture(source)
     shape = whole_pair(shape, "height", "width")
@@ -148,12 +142,14 @@ def warp_chunks(  # noqa: PLR0913 - what a user may say about a warp
     border = edge_named(edge)
     if border == REFLECT_101:
         raise ValueError(f"edge {REFLECT_101} is only for pictures in memory; use mirror")
-    geometry = geometry_of(matrix, shape, convention, inverse)
+    geometry = geometry_of(
+        matrix, shape, options.get("convention", "corner"), options.get("inverse", False)
+    )
     chosen = method_named(method, total=total)
     check_sums(kept.dtype, chosen)
-    filling = fill_for(fill, kept, alpha, chosen)
+    filling = fill_for(options.get("fill"), kept, alpha, chosen)
     way = _Way(chosen, geometry, shape, border, threads, filling)
-    light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+    light: dict[str, Any] = {"linear_light": options.get("linear_light"), "alpha": alpha}
     is_partly, boxes = _is_read_in_parts(kept, way), boxes_of(shape, sides)
     chunk = partial(_chunk, way=way, light=light, is_partly=is_partly)
     if out is None:

@@ -329,7 +329,7 @@ def animate(
     path: flags.AppearanceFlag[Literal["fly", "turn"]] = "fly",
     frames: flags.AppearanceFlag[int] = 48,
     fps: flags.FramesPerSecond = 24.0,
-    size: flags.Size = "426x240",
+    size: flags.Size = flags.USUAL_SIZE,
     method: flags.AppearanceFlag[str] = "hybrid",
     edge: flags.AppearanceFlag[Edges] = "transparent",
     background: flags.FilmBackground = "#9dbbd8",

@@ -22,8 +22,6 @@ from resample_texture.geometry.shifts import (
 )
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
-    Alpha,
-    AnyAlpha,
     Encoding,
     check_picture,
     complex_of_parts,
@@ -43,7 +41,7 @@ from resample_texture.texels.gaps import (
     unmasked,
 )
 from resample_texture.texels.spans import WIDE
-from resample_texture.types import Edge, Method, Warped, WarpedMeans
+from resample_texture.types import Alpha, AnyAlpha, Edge, Method, Warped, WarpedMeans
 
 if TYPE_CHECKING:
     from resample_texture.texels.gather import MixedTiles

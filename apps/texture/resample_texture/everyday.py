@@ -1,13 +1,13 @@
 """Resize, scale and rotate pictures, and show them in other projections, by `warp`."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample import registry
 from resample.files.exchange import check_layout, picture_and_encoding
-from resample.words import number, shortly
+from resample.words import check_options, number, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
@@ -18,8 +18,7 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import AnyEdge, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, Method, ProjectOptions, ResizeOptions, Warped
 from resample_texture.warping import warp
 
 
@@ -31,7 +30,7 @@ def resize(
     edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
     alpha: AnyAlpha | None = None,
-    **choices: Any,
+    **choices: Unpack[ResizeOptions],
 ) -> Warped:
     """Resize a picture so that it fills the target exactly.
 
@@ -46,7 +45,8 @@ def resize(
     edge, linear_light, alpha
         As `warp` takes them.
     choices
-        Its other options, such as `nodata`, `fill` or `threads`.
+        Its other options: `filter`, `interpolation`, `quality`, `total`, `nodata`, `fill`, `roi`,
+        `threads` and `out`.
 
     Raises
     ------
@@ -62,6 +62,7 @@ def resize(
     >>> resize(np.zeros((48, 64, 3), np.uint8), (30, 40))
     Warped(30 × 40 × 3 uint8, 100 % covered)
     """
+    check_options("resize", choices, ResizeOptions)
     picture, is_linear = _opened(image, linear_light)
     target = whole_pair(shape, "height", "width")
     check_shape(target)
@@ -78,7 +79,7 @@ def scale(
     edge: AnyEdge = "clamp",
     linear_light: bool | None = None,
     alpha: AnyAlpha | None = None,
-    **choices: Any,
+    **choices: Unpack[ResizeOptions],
 ) -> Warped:
     """Scale a picture by an exact factor; its size is rounded to whole px.
 
@@ -103,6 +104,7 @@ def scale(
     >>> scale(np.ones((15, 21)), (2, 0.5)).image.shape  # along x and y
     (8, 42)
     """
+    check_options("scale", choices, ResizeOptions)
     picture, is_linear = _opened(image, linear_light)
     pair = factor if isinstance(factor, list | tuple | np.ndarray) else (factor, factor)
     if len(pair) != 2:
@@ -123,7 +125,7 @@ def rotate(
     edge: AnyEdge = "transparent",
     linear_light: bool | None = None,
     alpha: AnyAlpha | None = None,
-    **choices: Any,
+    **choices: Unpack[ResizeOptions],
 ) -> Warped:
     """Rotate a picture counterclockwise about its center; multiples of 90° copy values.
 
@@ -151,6 +153,7 @@ def rotate(
     >>> rotate(np.ones((30, 40)), 30)
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
+    check_options("rotate", choices, ResizeOptions)
     picture, is_linear = _opened(image, linear_light)
     source, degrees = _shape_of(picture), number("degrees", degrees)
     target = (
@@ -183,7 +186,7 @@ def project(
     target: str | PictureProjection,
     shape: tuple[int, int],
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    **choices: Any,
+    **choices: Unpack[ProjectOptions],
 ) -> Warped:
     """Show a picture of one projection in another, antialiased and without seams.
 
@@ -200,7 +203,8 @@ def project(
     turn
         Degrees by which the result looks to the right, up, and turns clockwise.
     choices
-        Options of `warp`: `method`, `interpolation`, `linear_light`, `fill`, `threads` ...
+        Options of `warp`: `method`, `filter`, `interpolation`, `quality`, `total`, `linear_light`,
+        `alpha`, `nodata`, `fill` and `threads`.
 
     Raises
     ------
@@ -217,6 +221,7 @@ def project(
     >>> project(panorama, "equirectangular", "fisheye:fov=220", (64, 64))
     Warped(64 × 64 × 3 uint8, 78.8 % covered)
     """
+    check_options("project", choices, ProjectOptions)
     picture, is_encoded = picture_and_encoding(image, kinds="biufc")
     if picture.ndim not in (2, 3):
         raise ValueError(f"a picture is (H, W) or (H, W, C), not {picture.shape}")
@@ -272,7 +277,7 @@ def _step(ray: NDArray[Any]) -> float:
 
 
 def _drawn(
-    picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: dict[str, Any]
+    picture: NDArray[Any], before: PictureProjection, ray: NDArray[Any], choices: ProjectOptions
 ) -> Warped:
     """Draw what directions (h, w, 3) show."""
     from scipy import ndimage

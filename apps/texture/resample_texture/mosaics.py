@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.showable import array_of
 from resample.types import Doubles
+from resample.words import check_options
 from resample_texture.arguments import PREMULTIPLIED, Places, check_shape, geometry_of, whole_pair
 from resample_texture.geometry.mappings import (
     BackwardMap,
@@ -17,7 +18,7 @@ from resample_texture.geometry.mappings import (
     source_coordinates,
 )
 from resample_texture.geometry.reprojection import ERROR, World, reprojection
-from resample_texture.types import Warped
+from resample_texture.types import ReprojectOptions, Warped
 from resample_texture.warping import warp
 
 SUPPORT = {
@@ -35,7 +36,7 @@ def reproject(
     *,
     transform: Any = None,
     error: float = ERROR,
-    **choices: Any,
+    **choices: Unpack[ReprojectOptions],
 ) -> Warped:
     """Show a picture of one coordinate system in another: of the sky, of maps, of the Earth.
 
@@ -57,7 +58,8 @@ def reproject(
         Of a pixel's place in the source, px, at most, as checked on a grid of 4 px; 0 transforms
         every pixel.
     choices
-        Options of `warp`: `method`, `interpolation`, `fill`, `total`, `threads` ...
+        Options of `warp`: `method`, `edge`, `filter`, `interpolation`, `quality`, `total`,
+        `linear_light`, `alpha`, `nodata`, `fill`, `roi`, `threads` and `out`.
 
     Returns
     -------
@@ -76,6 +78,7 @@ def reproject(
     >>> reproject(np.ones((40, 40)), coarse, fine, (60, 60))
     WarpedMeans(60 × 60 float64, 100 % covered)
     """
+    check_options("reproject", choices, ReprojectOptions)
     shape = whole_pair(shape, "height", "width")
     check_shape(shape)
     geometry = reprojection(source, target, shape, transform=transform, error=error)

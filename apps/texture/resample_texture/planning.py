@@ -9,7 +9,6 @@ from resample.cameras.models import AnyConvention
 from resample.files.exchange import check_layout
 from resample.words import check_threads
 from resample_texture.arguments import (
-    Fill,
     Places,
     check_shape,
     edge_named,
@@ -21,8 +20,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.texels.encoding import AnyAlpha
-from resample_texture.types import AnyEdge, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, Fill, Method, Warped
 
 
 class Plan:

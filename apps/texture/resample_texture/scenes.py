@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Floats
 from resample.watching import Cancel
+from resample.words import check_options
 from resample_texture.arguments import (
     PREMULTIPLIED,
     Places,
@@ -30,17 +31,26 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.encoding import AnyAlpha, Encoding, decoded
+from resample_texture.texels.encoding import Encoding, decoded
 from resample_texture.texels.pyramid import shrunk
-from resample_texture.types import AnyEdge, Edge, Method, Previewed, Warped
+from resample_texture.types import (
+    AnyAlpha,
+    AnyEdge,
+    Edge,
+    Method,
+    PictureSceneOptions,
+    Previewed,
+    Warped,
+)
 from resample_texture.warping import warp
 
-# Options of final pictures that previews accept but ignore, and their names in `warp`.
+# Options of methods that previews check but ignore, and their names in `warp`.
 UNUSED = {
-    **{name: name for name in ("filter", "interpolation", "total", "threads", "fill", "nodata")},
+    "filter": "filter",
+    "interpolation": "interpolation",
+    "total": "total",
     "detail": "quality",
 }
-OF_VALUES = "threads", "fill", "nodata"  # not of a method
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 
 
@@ -78,24 +88,22 @@ class PictureScene(AnyScene):
         self._levels: list[Floats] = []  # the texels, and the levels of their 2 × 2 pyramid
         self._encoding: Encoding | None = None
 
-    def render(  # noqa: PLR0913 - what a user may say about a warp
+    def render(
         self,
         matrix: ArrayLike | Geometry | Places,
         *,
         size: tuple[int, int] | None = None,
         method: str | Method = "hybrid",
         edge: AnyEdge = "transparent",
-        convention: AnyConvention = "corner",
-        inverse: bool = False,
         quality: Quality = "final",
         cancel: Cancel | None = None,
-        **choices: Any,
+        **choices: Unpack[PictureSceneOptions],
     ) -> Warped:
         """Warp the picture.
 
         Parameters
         ----------
-        matrix, method, edge, convention, inverse
+        matrix, method, edge
             As `warp` takes them.
         size
             Width and height of the target, px. Default: the picture's.
@@ -105,8 +113,8 @@ class PictureScene(AnyScene):
         cancel
             Cancels the warp from another thread.
         choices
-            `filter`, `interpolation`, `quality` as `detail`, `total`, `fill` (by default
-            `premultiplied`), `nodata`, `roi` and `threads` of `warp`.
+            `convention`, `inverse`, `filter`, `interpolation`, `quality` as `detail`, `total`,
+            `fill` (by default `premultiplied`), `nodata`, `roi` and `threads` of `warp`.
 
         Raises
         ------
@@ -115,18 +123,19 @@ class PictureScene(AnyScene):
         resample.CancelledError
             The warp was cancelled.
         """
+        check_options("a scene's picture", choices, PictureSceneOptions)
         shape = self._shape(size)
-        place: dict[str, Any] = {"edge": edge, "convention": convention, "inverse": inverse}
         with self._rendering(quality, cancel) as is_preview:
             if is_preview:
+                convention, inverse = choices.get("convention", "corner"), choices.get("inverse")
                 _check_unused(method, choices)
                 check_shape(shape)
-                geometry = geometry_of(matrix, shape, convention, inverse)
+                geometry = geometry_of(matrix, shape, convention, bool(inverse))
                 return self._preview(geometry, shape, edge)
-            if "detail" in choices:
-                choices["quality"] = choices.pop("detail")
-            choices.setdefault("fill", PREMULTIPLIED)
-            return warp(self.image, matrix, shape, method, **place, **self._light, **choices)
+            given: dict[str, Any] = {"fill": PREMULTIPLIED, **choices}
+            if "detail" in given:
+                given["quality"] = given.pop("detail")
+            return warp(self.image, matrix, shape, method, edge=edge, **self._light, **given)
 
     def sample_ids(
         self,
@@ -207,11 +216,11 @@ class PictureScene(AnyScene):
         return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
 
 
-def _check_unused(method: str | Method, choices: dict[str, Any]) -> None:
-    """Refuse unknown options for previews, too."""
-    if unknown := sorted(choices.keys() - UNUSED.keys()):
-        raise ValueError(f"a preview has no {', '.join(unknown)}; leave it out")
-    given = {UNUSED[name]: value for name, value in choices.items() if name not in OF_VALUES}
+def _check_unused(method: str | Method, choices: PictureSceneOptions) -> None:
+    """Refuse options that previews do not have, or methods do not."""
+    if "roi" in choices:
+        raise ValueError("a preview has no roi; leave it out")
+    given = {UNUSED[name]: value for name, value in choices.items() if name in UNUSED}
     method_named(method, **given)
 
 

@@ -5,17 +5,17 @@ type and device. Gradients are exact; second derivatives are not available.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
-from resample.cameras.models import AnyConvention
 from resample.types import Doubles
+from resample.words import check_options
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
 from resample_texture.differentiable.warping import LinearWarp, Places
-from resample_texture.types import AnyEdge
+from resample_texture.types import AnyEdge, PlaceOptions
 
 LINEAR = "area-spline:limit=none"
 Maker = Callable[[Doubles], Places]
@@ -24,17 +24,16 @@ Tensor = Any
 __all__ = ["warp", "warp_by_map"]
 
 
-def warp(  # noqa: PLR0913 - what a user may say about a warp
+def warp(
     image: Tensor,
     matrix: Tensor,
     shape: tuple[int, int],
     *,
     interpolation: Any = LINEAR,
     edge: AnyEdge = "transparent",
-    convention: AnyConvention = "corner",
-    inverse: bool = False,
     quality: float = 1.0,
     threads: int | None = None,
+    **options: Unpack[PlaceOptions],
 ) -> Tensor:
     """Warp pictures by a matrix, differentiable with respect to both.
 
@@ -52,8 +51,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         Height and width of the target, px.
     interpolation, edge, quality, threads
         As `differentiable.LinearWarp` takes them.
-    convention, inverse
-        As `differentiable.MatrixPlaces` takes them.
+    options
+        `convention` and `inverse`, as `differentiable.MatrixPlaces` takes them.
 
     Returns
     -------
@@ -64,12 +63,13 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     ValueError, LookupError
         A tensor, size or choice cannot be worked with.
     """
+    check_options("warp", options, PlaceOptions)
     _check_image(image)
     _check_geometry(matrix, image, 2, "a matrix has the shape (3, 3) or (N, 3, 3)")
     source_shape = int(image.shape[2]), int(image.shape[3])
 
     def made(one: Doubles) -> MatrixPlaces:
-        return MatrixPlaces(one, shape, source_shape, convention, inverse)
+        return MatrixPlaces(one, shape, source_shape, **options)
 
     chosen = LinearWarp(interpolation, edge, quality, threads)
     return _Warp.apply(image, matrix, made, chosen)

@@ -4,17 +4,47 @@ Continuous pixel coordinates everywhere: the pixel in row i, column j covers [j,
 and has its center at (j + 0.5, i + 0.5), in the source as in the target.
 """
 
-from typing import Any, NamedTuple, Protocol
+from enum import StrEnum
+from typing import Any, Literal, NamedTuple, Protocol, TypedDict
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from resample.cameras.models import AnyConvention
+from resample.profiles.filters import PixelFilter
+from resample.profiles.interpolation import Interpolation
 from resample.showable import Showable, array_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.geometry.shifts import AnyEdge, Edge
 
-__all__ = ["AnyEdge", "Edge", "Method", "Previewed", "Warped", "WarpedMeans"]
+__all__ = [
+    "AnyEdge",
+    "ChunkOptions",
+    "Edge",
+    "Fill",
+    "Method",
+    "PictureSceneOptions",
+    "Previewed",
+    "ProjectOptions",
+    "ReprojectOptions",
+    "ResizeOptions",
+    "WarpOptions",
+    "Warped",
+    "WarpedMeans",
+]
+
+
+class Alpha(StrEnum):
+    """Meaning of the fourth channel."""
+
+    STRAIGHT = "straight"  # opacity; color is not multiplied by it
+    PREMULTIPLIED = "premultiplied"
+    NONE = "none"  # no opacity
+
+
+AnyAlpha = Alpha | Literal["straight", "premultiplied", "none"]
+Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
 
 
 class _Warped(NamedTuple):
@@ -101,6 +131,87 @@ class Previewed(Warped):
     __slots__ = ()
 
     is_preview = True
+
+
+class SamplingOptions(TypedDict, total=False):
+    """Options of methods, as `warp` describes them: how texels become pixels."""
+
+    filter: PixelFilter | str | None  # pixel filter
+    interpolation: Interpolation | str | None  # between texels
+    quality: float | None  # parts per target px
+    total: bool | None  # whether sums are preserved instead of means
+
+
+class PlaceOptions(TypedDict, total=False):
+    """What coordinates of a matrix or a function mean, as `warp` describes it."""
+
+    convention: AnyConvention
+    inverse: bool  # whether the matrix maps target to source
+
+
+class MissingOptions(TypedDict, total=False):
+    """Values that stand for missing ones, as `warp` describes them."""
+
+    nodata: complex | None
+    fill: Fill | None
+
+
+class ValueOptions(MissingOptions, total=False):
+    """What values of a picture mean, as `warp` describes it."""
+
+    linear_light: bool | None
+    alpha: AnyAlpha | None
+
+
+class ResultOptions(TypedDict, total=False):
+    """What is computed, and where it goes, as `warp` describes it."""
+
+    roi: tuple[int, int, int, int] | None
+    threads: int | None
+    out: NDArray[Any] | None
+
+
+class WarpOptions(SamplingOptions, PlaceOptions, ValueOptions, ResultOptions, total=False):
+    """Options of `warp` besides its method and edge mode."""
+
+
+class ResizeOptions(SamplingOptions, MissingOptions, ResultOptions, total=False):
+    """Options of `resize`, `scale` and `rotate` besides those in their signatures."""
+
+
+class ReprojectOptions(SamplingOptions, ValueOptions, ResultOptions, total=False):
+    """Options of `reproject`, as `warp` describes them."""
+
+    method: "str | Method"
+    edge: AnyEdge
+
+
+class ProjectOptions(SamplingOptions, ValueOptions, total=False):
+    """Options of `project`, as `warp` describes them."""
+
+    method: "str | Method"
+    threads: int | None
+
+
+class ChunkOptions(PlaceOptions, total=False):
+    """Options of `warp_chunks`, as `warp` describes them."""
+
+    linear_light: bool | None
+    alpha: AnyAlpha | None
+    fill: Fill | None
+    total: bool | None
+    threads: int | None
+
+
+class PictureSceneOptions(PlaceOptions, MissingOptions, total=False):
+    """Options of `PictureScene.render`, as `warp` describes them; `detail` is its `quality`."""
+
+    filter: PixelFilter | str | None
+    interpolation: Interpolation | str | None
+    detail: float | None
+    total: bool | None
+    roi: tuple[int, int, int, int] | None
+    threads: int | None
 
 
 class Method(Protocol):

@@ -1,17 +1,13 @@
 """Warp a picture by a matrix, a map, a function or a flow."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.cameras.models import AnyConvention
 from resample.files.exchange import check_layout, picture_and_encoding
-from resample.profiles.filters import PixelFilter
-from resample.profiles.interpolation import Interpolation
-from resample.words import check_threads
+from resample.words import check_options, check_threads
 from resample_texture.arguments import (
-    Fill,
     Places,
     check_shape,
     check_sums,
@@ -26,31 +22,18 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.texels.encoding import AnyAlpha
 from resample_texture.texels.gaps import masked
-from resample_texture.types import AnyEdge, Method, Warped
+from resample_texture.types import AnyEdge, Method, SamplingOptions, Warped, WarpOptions
 
 
-def warp(  # noqa: PLR0913 - what a user may say about a warp
+def warp(
     image: Any,
     matrix: ArrayLike | Geometry | Places,
     shape: tuple[int, int],
     method: str | Method = "hybrid",
     *,
-    filter: PixelFilter | str | None = None,  # noqa: A002
-    interpolation: Interpolation | str | None = None,
-    quality: float | None = None,
-    total: bool | None = None,
     edge: AnyEdge = "transparent",
-    convention: AnyConvention = "corner",
-    inverse: bool = False,
-    linear_light: bool | None = None,
-    alpha: AnyAlpha | None = None,
-    nodata: complex | None = None,
-    fill: Fill | None = None,
-    roi: tuple[int, int, int, int] | None = None,
-    threads: int | None = None,
-    out: NDArray[Any] | None = None,
+    **options: Unpack[WarpOptions],
 ) -> Warped:
     """Warp a picture, antialiased where it shrinks and sharp where it grows.
 
@@ -72,6 +55,13 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     method
         Name such as `hybrid`, `paper` or `opencv-supersample:n=8`, or an object in that role.
         `nearest` and `majority` are for labels: they copy texels without mixing them.
+    edge
+        What lies beyond the source: `transparent`, `clamp`, `wrap`, `mirror` or `reflect-101`.
+    options
+        Any of the options that follow; `WarpOptions` in `resample_texture.types` has their types.
+
+    Options
+    -------
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`...
     interpolation
@@ -81,8 +71,6 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         Parts per target px that texels are split into; 1 is fastest.
     total
         True preserves sums (of a flux, say) instead of means; for floats only.
-    edge
-        What lies beyond the source: `transparent`, `clamp`, `wrap`, `mirror` or `reflect-101`.
     convention
         `corner`: pixel centers at + 0.5. `opencv`: the coordinates of `matrix`, or of a function,
         count from pixel centers.
@@ -139,14 +127,18 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     >>> warp(image, lambda x, y: (y, x), (64, 48))  # where each pixel comes from
     Warped(64 × 48 × 3 uint8, 100 % covered)
     """
-    check_threads(threads)
+    check_options("warp", options, WarpOptions)
+    check_threads(options.get("threads"))
+    nodata, roi, out = options.get("nodata"), options.get("roi"), options.get("out")
+    linear_light, alpha = options.get("linear_light"), options.get("alpha")
+    convention, inverse = options.get("convention", "corner"), options.get("inverse", False)
     image, is_encoded = picture_and_encoding(image, kinds="biufc")
     linear_light = is_encoded if linear_light is None else linear_light
     check_layout(image)
     border = edge_named(edge)
     shape = whole_pair(shape, "height", "width")
     chosen = method_named(
-        method, filter=filter, interpolation=interpolation, quality=quality, total=total
+        method, **{name: options.get(name) for name in SamplingOptions.__annotations__}
     )
     check_sums(image.dtype, chosen)
     if roi is None or callable(matrix):
@@ -158,8 +150,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     check_shape(shape)
     image = without_nodata(image, nodata)
     warn_if_unknown(image)
-    drawing = Drawing(chosen, geometry, shape, border, threads)
-    drawing = drawing._replace(fill=fill_for(fill, image, alpha, chosen))
+    drawing = Drawing(chosen, geometry, shape, border, options.get("threads"))
+    drawing = drawing._replace(fill=fill_for(options.get("fill"), image, alpha, chosen))
     if image.ndim == 4 and image.shape[0] > 1:
         drawing = prepared(drawing, (image.shape[1], image.shape[2]))
 
@@ -169,7 +161,7 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
 
     warped = one(image) if image.ndim != 4 else _stacked([one(picture) for picture in image], image)
     if nodata is not None:
-        warped = with_nodata(warped, nodata, fill)
+        warped = with_nodata(warped, nodata, options.get("fill"))
     return warped if out is None else put(warped, out)
 
 

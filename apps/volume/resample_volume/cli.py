@@ -60,6 +60,7 @@ BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 # In a small picture voxels are small, and primitives differ.
 FAR_APPEARANCE = VOXELS.model_copy(update={"camera": "30,20,0.8"})
+FEW_PIXELS = f"{flags.SIZE} Small, as methods differ where voxels are small on screen."
 MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
 UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
@@ -162,7 +163,7 @@ def compare(
     as_json: flags.Json = False,
     look: Annotated[AppearanceChoices, flags.Flat] = FAR_APPEARANCE,
     projection: Annotated[Projecting, flags.Flat] = PROJECTING,
-    size: flags.Size = "96",
+    size: Annotated[flags.Size, Parameter(help=FEW_PIXELS)] = "96",
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,
 ) -> None:
     """Render a volume by several methods, footprints, orders and peers, and measure their errors.
@@ -252,7 +253,7 @@ def animate(
     fps: flags.FramesPerSecond = 24.0,
     look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
-    size: flags.Size = "400",
+    size: Annotated[flags.Size, Parameter(help=flags.SQUARE)] = "400",
     background: flags.FilmBackground = "black",
     threads: Annotated[int | None, OptionTopic.RESOURCE] = None,
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,

@@ -3,18 +3,19 @@
 import warnings
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
-from resample.files.exchange import as_picture, check_layout
+from resample.colors import from_srgb
+from resample.files.exchange import as_picture, check_layout, picture_and_encoding
 from resample.painting.scenes.plans import pair_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
-from resample.words import check_threads, number
+from resample.words import check_options, check_threads, number
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
@@ -32,23 +33,30 @@ from resample_warp3d.wide import CameraModel, Passage, Way, mapping_between, tak
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
 CLOSEST = 1e-30  # scene units; smaller depths are unknown
+OPACITY = 3  # channel
 LARGEST_PICTURE = 1 << 28  # pixels; a larger size is taken for a mistake
 
 
-def warp(  # noqa: PLR0913 - what a user may say about a warp
+class DepthWarpOptions(TypedDict, total=False):
+    """Options of `warp` besides those in its signature, as it describes them."""
+
+    filter: str | PixelFilter | None
+    noise: float | None  # relative standard deviation of the depth
+    step: float | None  # smallest step of 1 / depth
+    refine: Refine
+    threads: int | None
+
+
+def warp(
     color: Any,
     depth: Any,
     source: Camera | Orthographic,
     target: CameraModel,
     method: str | Method = "hybrid",
     *,
-    filter: str | PixelFilter | None = None,  # noqa: A002
     size: tuple[int, int] | None = None,
-    noise: float | None = None,
-    step: float | None = None,
-    refine: Refine = "auto",
     fill: bool | Filling = False,
-    threads: int | None = None,
+    **options: Unpack[DepthWarpOptions],
 ) -> Warped:
     """Warp a depth image: exact at 1:1, antialiased if shrunk, without holes if enlarged.
 
@@ -57,7 +65,8 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     color
         (H, W) or (H, W, C), any number of channels, linear light, premultiplied if one is opacity;
         or anything else that `resample.files.exchange.as_picture` takes. Integers are
-        divided by their type's largest value.
+        divided by their type's largest value; uint8 of up to 4 channels is taken for sRGB levels
+        with straight opacity, as photographs are. The result is linear light.
     depth
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
         of another size that shows the same frame is scaled to the picture's size.
@@ -67,11 +76,19 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
         lens, need the method hybrid.
     method
         Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object in that role.
+    size
+        Width and height of the target, px. Default: the source's.
+    fill
+        Fill holes: True or `picture` from the background beside them in the result; `layer` first
+        from a background layer of the source, the same for all targets.
+    options
+        Any of the options that follow; `DepthWarpOptions` has their types.
+
+    Options
+    -------
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... Default:
         the method's own, the mean over a pixel's square.
-    size
-        Width and height of the target, px. Default: the source's.
     noise
         Relative standard deviation of the depth. Default: estimated.
     step
@@ -79,9 +96,6 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     refine
         Repair of depth that does not fit the picture: `snap` moves edges to color edges, `sharpen`
         hardens soft edges, `complete` fills gaps, `none` does nothing, `auto` chooses.
-    fill
-        Fill holes: True or `picture` from the background beside them in the result; `layer` first
-        from a background layer of the source, the same for all targets.
     threads
         Most threads to use; the result does not depend on it.
 
@@ -110,14 +124,21 @@ def warp(  # noqa: PLR0913 - what a user may say about a warp
     >>> warp(np.ones((32, 32, 3)), depth, camera, right, fill=True)
     Warped(32 × 32 × 3 float32, 100 % covered)
     """
+    check_options("warp", options, DepthWarpOptions)
     nearness, light = nearness_of(depth), as_light(color)
     height, width = light.shape[:2]
     image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
-    prepared = prepare(image, noise=noise, step=step, refine=refine)
+    prepared = prepare(
+        image,
+        noise=options.get("noise"),
+        step=options.get("step"),
+        refine=options.get("refine", "auto"),
+    )
     shape = (height, width) if size is None else shape_of(size)
     equation = mapping_between(source, target, shape)
+    threads, pixel = options.get("threads"), options.get("filter")
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
-    return filled(prepared, partial(seen, filter=filter), fill)
+    return filled(prepared, partial(seen, filter=pixel), fill)
 
 
 def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
@@ -207,8 +228,12 @@ def two_dimensional(given: ArrayLike, name: str) -> Doubles:
 
 
 def as_light(color: Any) -> Floats:
-    """Convert a picture to (H, W, C) float32; integers are divided by their largest value."""
-    given = as_picture(color)
+    """Convert a picture to (H, W, C) float32, linear light, premultiplied if it has an opacity.
+
+    Integers are divided by their largest value. Of up to 4 channels, uint8 and files that say so
+    are sRGB levels with straight opacity.
+    """
+    given, is_encoded = picture_and_encoding(color)
     check_layout(given)
     if given.ndim == 2:
         given = given[..., None]
@@ -217,7 +242,12 @@ def as_light(color: Any) -> Floats:
     if given.dtype.kind == "b":
         return np.ascontiguousarray(given, np.float32)
     if given.dtype.kind == "u":
-        return np.ascontiguousarray(given / np.float32(np.iinfo(given.dtype).max), np.float32)
+        light = np.ascontiguousarray(given / np.float32(np.iinfo(given.dtype).max), np.float32)
+        if given.shape[2] > OPACITY + 1 or not (given.dtype == np.uint8 or is_encoded):
+            return light
+        light[..., :OPACITY] = from_srgb(light[..., :OPACITY])
+        light[..., :OPACITY] *= light[..., OPACITY:] if given.shape[2] > OPACITY else 1
+        return light
     if given.dtype.kind != "f":
         raise ValueError(f"color of type {given.dtype}; give unsigned integers or floats")
     return np.ascontiguousarray(given, np.float32)

@@ -30,16 +30,13 @@ from resample.engine.shaped.lists import TileLists
 from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, response_at
 from resample.engine.shaped.records import (
     BLUE,
-    BOTTOM,
     GREEN,
-    LEFT,
     LIMIT,
     PEAK,
     RED,
-    RIGHT,
-    TOP,
     X,
     Y,
+    span_of,
 )
 from resample.types import Doubles, Floats, Indices
 
@@ -63,8 +60,11 @@ class PlacedTiles(NamedTuple):
 @inner_step
 def _meets(records: Floats, n: int, box: Doubles) -> bool:
     """Whether a record's box meets another."""
-    across = records[n, LEFT] <= box[2] and records[n, RIGHT] >= box[0]
-    return bool(across and records[n, TOP] <= box[3] and records[n, BOTTOM] >= box[1])
+    low, high = span_of(records[n], 0)
+    if low > box[2] or high < box[0]:
+        return False
+    low, high = span_of(records[n], 1)
+    return bool(low <= box[3] and high >= box[1])
 
 
 @parallel_kernel
@@ -138,7 +138,7 @@ def _composite(
     opacity: PeakOpacity | DepthOpacity,
 ) -> None:
     """Composite a record on the sub-pixels of a tile that are on the face."""
-    left, top, right, bottom = record[LEFT], record[TOP], record[RIGHT], record[BOTTOM]
+    (left, right), (top, bottom) = span_of(record, 0), span_of(record, 1)
     own = record[PEAK], record[LIMIT], np.float32(near)
     light = record[RED], record[GREEN], record[BLUE]
     for row in range(SIDE):

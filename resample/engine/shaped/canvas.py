@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.shaped.records import (
-    BOTTOM,
     D_X,
     D_XX,
     D_XY,
     D_Y,
     D_YY,
-    LEFT,
     LIMIT,
     N_1,
     N_X,
@@ -23,13 +21,12 @@ from resample.engine.shaped.records import (
     N_XY,
     N_Y,
     N_YY,
-    RIGHT,
     T_1,
     T_X,
     T_Y,
-    TOP,
     X,
     Y,
+    span_of,
 )
 from resample.types import Floats, Single
 
@@ -120,8 +117,9 @@ def close_groups(canvas: Floats, is_open: Open) -> bool:
 def rows_of(record: Floats, spot: TilePlace) -> tuple[int, int]:
     """First row of a tile whose sub-pixels a record's box holds, and one past the last."""
     per = 1.0 / float(spot.step)
-    first = math.ceil(max((float(record[TOP]) - spot.top) * per - 0.5, 0.0))
-    last = math.floor(min((float(record[BOTTOM]) - spot.top) * per - 0.5, SIDE - 1.0))
+    low, high = span_of(record, 1)
+    first = math.ceil(max((low - spot.top) * per - 0.5, 0.0))
+    last = math.floor(min((high - spot.top) * per - 0.5, SIDE - 1.0))
     return int(first), int(last) + 1
 
 
@@ -129,8 +127,9 @@ def rows_of(record: Floats, spot: TilePlace) -> tuple[int, int]:
 def columns_of(record: Floats, spot: TilePlace) -> tuple[int, int]:
     """First column of a tile whose sub-pixels a record's box holds, and one past the last."""
     per = 1.0 / float(spot.step)
-    first = math.ceil(max((float(record[LEFT]) - spot.left) * per - 0.5, 0.0))
-    last = math.floor(min((float(record[RIGHT]) - spot.left) * per - 0.5, SIDE - 1.0))
+    low, high = span_of(record, 0)
+    first = math.ceil(max((low - spot.left) * per - 0.5, 0.0))
+    last = math.floor(min((high - spot.left) * per - 0.5, SIDE - 1.0))
     return int(first), int(last) + 1
 
 

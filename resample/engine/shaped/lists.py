@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
-from resample.engine.shaped.records import BOTTOM, LEFT, RIGHT, TOP, WIDTH
+from resample.engine.shaped.records import WIDTH, span_of
 from resample.engine.sorting import HALF, Pairs, member_of, settle
 from resample.engine.tiles import overlapping_tiles
 from resample.types import Floats, Indices
@@ -58,10 +58,10 @@ def settle_records(pair: Pairs, records: Floats) -> None:
 @inner_kernel
 def _tiles_of(records: Floats, n: int, grid: TileGrid) -> tuple[int, int, int, int]:
     """First and last column and row of tiles that a record may touch."""
-    low, high = float(records[n, LEFT]) - grid.left, float(records[n, RIGHT]) - grid.left
-    first, last = overlapping_tiles(low, high, 0.0, grid.side, grid.columns)
-    low, high = float(records[n, TOP]) - grid.top, float(records[n, BOTTOM]) - grid.top
-    above, below = overlapping_tiles(low, high, 0.0, grid.side, grid.rows)
+    low, high = span_of(records[n], 0)
+    first, last = overlapping_tiles(low - grid.left, high - grid.left, 0.0, grid.side, grid.columns)
+    low, high = span_of(records[n], 1)
+    above, below = overlapping_tiles(low - grid.top, high - grid.top, 0.0, grid.side, grid.rows)
     return first, last, above, below
 
 
@@ -69,7 +69,7 @@ def _tiles_of(records: Floats, n: int, grid: TileGrid) -> tuple[int, int, int, i
 def deal_records(
     counter: Counter,
     records: Floats,
-    order: Pairs,
+    order: NDArray[np.uint32],
     grid: TileGrid,
     position: Counts,
     member: NDArray[np.int32],
@@ -81,7 +81,7 @@ def deal_records(
     is_counting = member.size == 0
     for chunk in tasks(counter, CHUNKS):
         for k in range(order.size * chunk // CHUNKS, order.size * (chunk + 1) // CHUNKS):
-            n = int(member_of(order[k]))
+            n = int(order[k])
             first, last, above, below = _tiles_of(records, n, grid)
             for row in range(above, below + 1):
                 for column in range(first, last + 1):

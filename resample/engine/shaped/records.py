@@ -17,7 +17,7 @@ import numpy as np
 
 from resample.engine.jit import Counter, inner_kernel, inner_step, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, column, cross, dot, matrix_of, multiply
-from resample.types import Floats, View
+from resample.types import Floats, Single, View
 
 CHUNK = 4096  # samples that a thread projects at a time
 THINNEST = 1e-9  # share of the longest half axis that others have at least
@@ -32,10 +32,14 @@ D_X, D_Y, D_XX, D_XY, D_YY = range(8, 13)  # its denominator, less 1
 T_1, T_X, T_Y = range(13, 16)  # numerator of the depth
 PEAK = 16  # opacity at the center; or optical depth of a ray through it, for slopes of 0
 LIMIT = 17  # i² up to which it is painted
-LEFT, TOP, RIGHT, BOTTOM = range(18, 22)  # px; left > right: it is not seen
-RED, GREEN, BLUE = range(22, 25)
-KEY = 25  # by which records are ordered
-WIDTH = 26
+BOX_X, BOX_Y = 18, 19  # how far its box reaches to both sides of X and of Y, see `packed`
+RED, GREEN, BLUE = range(20, 23)
+WIDTH = 23
+# While records are made they also have their boxes, and the numbers that they are ordered by.
+LEFT, TOP, RIGHT, BOTTOM = range(WIDTH, WIDTH + 4)  # px; left > right: it is not seen
+KEY = WIDTH + 4
+WHOLE = WIDTH + 5
+UPPER, UNIT = np.uint32(0xFFFF0000), np.uint32(0x10000)  # the upper 16 bits of 32, and their unit
 
 
 class ShapedArrays(NamedTuple):
@@ -404,15 +408,39 @@ def _project_one(
         return
     record[PEAK], record[LIMIT] = weight, limit
     record[KEY] = away if options.by_distance else z
+    record[BOX_X] = _packed(record[X] - record[LEFT], record[RIGHT] - record[X])
+    record[BOX_Y] = _packed(record[Y] - record[TOP], record[BOTTOM] - record[Y])
     record[RED], record[GREEN] = shaped.color[n, 0], shaped.color[n, 1]
     record[BLUE] = shaped.color[n, 2]
+
+
+@inner_step
+def _rounded_up(extent: float) -> np.uint32:
+    """Bits of a float32 that is no less than a number, of which the lower 16 are 0."""
+    bits = np.float32(extent).view(np.uint32)
+    return np.uint32((bits + UNIT if extent >= 0.0 else bits) & UPPER)
+
+
+@inner_step
+def _packed(before: float, after: float) -> Single:
+    """Two extents, rounded up to 16 bits each."""
+    return np.uint32(_rounded_up(before) | (_rounded_up(after) >> np.uint32(16))).view(np.float32)
+
+
+@inner_step
+def span_of(record: Floats, axis: int) -> tuple[float, float]:
+    """Where the box of a record begins and ends along x (`axis` 0) or y (1), px."""
+    middle, bits = float(record[X + axis]), np.float32(record[BOX_X + axis]).view(np.uint32)
+    before = np.uint32(bits & UPPER).view(np.float32)
+    after = np.uint32(bits << np.uint32(16)).view(np.float32)
+    return middle - float(before), middle + float(after)
 
 
 @parallel_kernel
 def project_shapes(
     counter: Counter, shaped: ShapedArrays, view: View, options: ShapedOptions, records: Floats
 ) -> None:
-    """Project all ellipsoids to `records` (N, WIDTH), which are filled."""
+    """Project all ellipsoids to `records` (N, WHOLE), which are filled."""
     count = shaped.weight.size
     turn = matrix_of(view.rotation)
     for chunk in tasks(counter, (count + CHUNK - 1) // CHUNK):

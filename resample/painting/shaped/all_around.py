@@ -14,6 +14,7 @@ from resample.painting.scenes.scene import Clock
 from resample.painting.shaped.ellipsoids import (
     Ellipsoids,
     EllipsoidSource,
+    HeldRecords,
     InMemory,
     ShapedOrder,
     ShapedPicture,
@@ -21,7 +22,6 @@ from resample.painting.shaped.ellipsoids import (
     ShapedStyle,
     check_ellipsoids,
     empty_canvas,
-    front_to_back,
 )
 from resample.types import Doubles, Floats, Indices, Statistics, View
 from resample.watching import Progress
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from resample.engine.shaped.lists import TileLists
 
 STRIP = 1 << 22  # sub-pixels whose rays are in memory together, at most
-LOWER = np.uint64(0xFFFFFFFF)  # bits of a pair with the number
 BLOCK = 4  # tiles along a side of what is listed first
 
 # Rotations from camera axes to those of faces: ahead, right, behind, left, below, above.
@@ -104,20 +103,21 @@ def paint_around(
     source = InMemory(check_ellipsoids(shapes)) if isinstance(shapes, Ellipsoids) else shapes
     clock, rays = Clock(), camera.rays
     per_unit = _focal(rays, size)
-    records, parts = _on_faces(source, camera, per_unit, chosen)
-    scene = parts[0].measured(records)
+    held, parts = _on_faces(source, camera, per_unit, chosen)
+    scene = parts[0].measured(face.records for face in held)
     fine = scene.finest()
     clock.lap("project")
     from resample.engine.shaped.all_around import paint_all_around
     from resample.engine.shaped.canvas import SIDE, PaintedShapes
     from resample.engine.shaped.lists import TileLists
 
-    offset = np.cumsum([0, *(len(face) for face in records)])
+    offset = np.cumsum([0, *(face.count for face in held)])
     members = [
-        (front_to_back(face) & LOWER).astype(np.int64) + first
-        for face, first in zip(records, offset, strict=False)
+        face.front_to_back().astype(np.int64) + first
+        for face, first in zip(held, offset, strict=False)
     ]
-    joined = np.concatenate(records)
+    joined = np.concatenate([face.records for face in held])
+    del held
     start = np.cumsum([0, *(len(member) for member in members)])
     whole = TileLists(start, np.concatenate(members).astype(np.int32))
     canvas, side = empty_canvas(size), SIDE // fine
@@ -147,7 +147,7 @@ def _focal(rays: RaysAt, size: tuple[int, int]) -> float:
 
 def _on_faces(
     source: EllipsoidSource, camera: RayDirections, per_unit: float, style: ShapedStyle
-) -> tuple[list[Floats], list[ShapedScene]]:
+) -> tuple[list[HeldRecords], list[ShapedScene]]:
     """Records of each face of a cube around the eye, and the scenes that they are of."""
     pose = np.asarray(camera.world_to_camera, np.float64)
     side = 2 * int(np.ceil(per_unit))

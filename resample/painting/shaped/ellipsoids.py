@@ -44,7 +44,7 @@ MOST_OPAQUE = 0.99  # likewise
 FINEST = 8  # sub-pixels per side of a pixel, at most
 WANTED = 0.6  # sub-pixels that a thin ellipsoid's standard deviation is long, at least
 THIN = 0.25  # share of ellipsoids that may be thinner than that
-BAND = 1 << 15  # records that are made or looked at together
+BAND = 1 << 14  # records that are made or looked at together
 BINS = 160  # of thicknesses, eight per octave; the middle one is at 1 px
 
 
@@ -213,11 +213,11 @@ def paint_ellipsoid_parts(
     check_size(*size)
     clock = Clock()
     scene = ShapedScene.of(source, camera, size, style)
-    records = scene.records()
-    scene = scene.measured([records])
+    held = scene.records()
+    scene = scene.measured([held.records])
     clock.lap("project")
     canvas = empty_canvas(size)
-    painted = scene.paint(records, (0, 0, size[1], size[0]), canvas, progress)
+    painted = scene.paint(held, (0, 0, size[1], size[0]), canvas, progress)
     clock.lap("paint")
     count = sum(source.sizes())
     counts = Statistics(count, 0, painted, 0, scene.finest(), clock.seconds)
@@ -307,42 +307,34 @@ class ShapedScene(NamedTuple):
         return SIDE // self.finest()
 
     def projected(self) -> Iterator[Floats]:
-        """Records that the picture shows, some at a time."""
+        """Whole records that the picture shows, some at a time."""
         for part in range(len(self.source.sizes())):
             shapes = self.source.load(part, self.view)
             for first in range(0, len(shapes.opacity), BAND):
                 yield self._project(shapes, slice(first, first + BAND))
 
     def _project(self, shapes: Ellipsoids, rows: slice) -> Floats:
-        from resample.engine.shaped.records import WIDTH, ShapedArrays, project_shapes
+        from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
 
         position, scale, rotation, weight, color = (array[rows] for array in shapes[:5])
         if shapes.kernel is not None:  # extinctions, of unit spheres
             mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
             weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
-        records = np.empty((len(weight), WIDTH), np.float32)
+        records = np.empty((len(weight), WHOLE), np.float32)
         arrays = ShapedArrays(position, scale, rotation, weight, color)
         project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
         return in_window(records, (0, 0, self.size[1], self.size[0]))
 
-    def records(self, window: Window | None = None, most: int | None = None) -> Floats:
-        """Records of all that the picture, or a window of it, shows; `most`: if it is known.
-
-        Their array is allocated once.
-        """
-        from resample.engine.shaped.records import WIDTH
-
-        most = sum(self.source.sizes()) if most is None else most
-        held, done = np.empty((most, WIDTH), np.float32), 0
+    def records(self, window: Window | None = None, most: int | None = None) -> "HeldRecords":
+        """Records of all that the picture, or a window of it, shows; `most`: if it is known."""
+        held = HeldRecords(sum(self.source.sizes()) if most is None else most)
         for records in self.projected():
-            shown = records if window is None else in_window(records, window)
-            held[done : done + len(shown)] = shown
-            done += len(shown)
-        return held[:done]
+            held.add(records if window is None else in_window(records, window))
+        return held
 
     def paint(
         self,
-        records: Floats,
+        held: "HeldRecords",
         window: Window,
         canvas: "PaintedShapes",
         progress: Progress | None = None,
@@ -355,11 +347,10 @@ class ShapedScene(NamedTuple):
 
         (x0, y0, x1, y1), side, fine = window, self.tile(), self.finest()
         grid = TileGrid(x0, y0, side, -(-(x1 - x0) // side), -(-(y1 - y0) // side), fine)
-        order = front_to_back(records)
-        if not order.size:
+        records, count = held.records, held.count
+        if not count:
             return 0
-        count, lists = int(order.size), _listed(records, order, grid)
-        del order
+        lists = _listed(records, held.front_to_back(), grid)
         part = [array[y0:y1, x0:x1] for array in canvas]
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
         waiting = WAITING if self.style.order is ShapedOrder.RAYS else None
@@ -415,27 +406,60 @@ def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
     return Tabulated(table / whole)
 
 
-def front_to_back(records: Floats) -> NDArray[np.uint64]:
-    """Return keys and numbers of records, nearest first.
+class HeldRecords:
+    """Records that are painted together, and their order, in arrays that are allocated once.
 
-    Those of equal keys are ordered by what they are, whatever order they came in.
+    Parameters
+    ----------
+    most
+        How many there are, at most.
     """
-    from resample.engine.shaped.lists import settle_records
-    from resample.engine.shaped.records import KEY
 
-    pair, top = np.empty(len(records), np.uint64), np.uint32(1 << 31)
-    for first in range(0, len(records), BAND):
-        bits = records[first : first + BAND, KEY].copy().view(np.uint32)
-        rising = np.where(bits & top, ~bits, bits | top)  # in the order of the numbers
-        pair[first : first + BAND] = rising
-        pair[first : first + BAND] <<= np.uint64(32)
-        pair[first : first + BAND] |= np.arange(first, first + len(bits), dtype=np.uint64)
-    pair.sort()
-    settle_records(pair, records)
-    return pair
+    def __init__(self, most: int) -> None:
+        from resample.engine.shaped.records import WIDTH
+
+        self.count = 0
+        self._records, self._pair = np.empty((most, WIDTH), np.float32), np.empty(most, np.uint64)
+
+    @property
+    def records(self) -> Floats:
+        """Those that were added."""
+        return self._records[: self.count]
+
+    def add(self, whole: Floats) -> None:
+        """Add whole records, as `project_shapes` makes them."""
+        from resample.engine.shaped.records import KEY, WIDTH
+
+        rows, top = slice(self.count, self.count + len(whole)), np.uint32(1 << 31)
+        self._records[rows] = whole[:, :WIDTH]
+        bits = whole[:, KEY].copy().view(np.uint32)
+        pair = self._pair[rows]
+        pair[:] = np.where(bits & top, ~bits, bits | top)  # in the order of the numbers
+        pair <<= np.uint64(32)
+        pair |= np.arange(rows.start, rows.stop, dtype=np.uint64)
+        self.count = rows.stop
+
+    def front_to_back(self) -> NDArray[np.uint32]:
+        """Return the numbers of the records, nearest first; to be called once.
+
+        Those of equal keys are ordered by what they are, whatever order they came in.
+        """
+        from resample.engine.shaped.lists import settle_records
+
+        pair, self._pair = self._pair, np.zeros(0, np.uint64)
+        pair[: self.count].sort()
+        settle_records(pair[: self.count], self.records)
+        # Numbers are the lower bits; they take the first half of the same memory.
+        number = pair.view(np.uint32)
+        for first in range(0, self.count, BAND):
+            rows = slice(first, min(first + BAND, self.count))
+            number[rows] = pair[rows].astype(np.uint32)
+        del number
+        pair.resize(-(-self.count // 2), refcheck=False)
+        return pair.view(np.uint32)[: self.count]
 
 
-def _listed(records: Floats, order: NDArray[np.uint64], grid: "TileGrid") -> "TileLists":
+def _listed(records: Floats, order: NDArray[np.uint32], grid: "TileGrid") -> "TileLists":
     """Deal records to tiles."""
     from resample.engine.shaped.lists import CHUNKS, TileLists, deal_records
 

@@ -84,7 +84,7 @@ def render(
             said = (done.stderr.strip() or "no message").splitlines()
             told = next((line for line in said if "ERROR" in line), said[-1])
             raise ValueError(f"mitsuba cannot run here: {told:.160}")
-        with np.load(Path(folder) / PICTURE) as made:
+        with np.load(Path(folder) / PICTURE, allow_pickle=False) as made:
             return made["picture"], float(made["ms"])
 
 
@@ -127,7 +127,7 @@ def main(folder: Path) -> None:
     import mitsuba as mi
 
     mi.set_variant(VARIANT)
-    with np.load(folder / SCENE) as given:
+    with np.load(folder / SCENE, allow_pickle=False) as given:
         scene = mi.load_dict({
             "type": "scene",
             "integrator": {

@@ -153,7 +153,8 @@ class PictureFiltering(Choices):
     quality: Annotated[
         float | None,
         Field(
-            description="Parts per target px that texels are split into, 1 to 16. [default: 1.5]"
+            description="Parts per target px that texels are split into, 1 to 16. [default: 1.5 "
+            "for hybrid]"
         ),
     ] = None
     linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
@@ -284,7 +285,6 @@ class MeshDrawing(Choices):
 class MeshFormat(FrameFormat):
     """Size, texture, background and bits of a mesh's picture."""
 
-    size: Annotated[str, Field(description=SIZE)] = "512"
     texture: Annotated[
         Path | None,
         OptionTopic.SOURCE,

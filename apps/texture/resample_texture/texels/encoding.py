@@ -5,9 +5,8 @@ so that transparent or missing texels do not affect the color of neighbours. Onl
 may be sRGB-encoded pictures, uint16 only where that is said; all other types are plain values.
 """
 
-from enum import StrEnum
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from resample.memory.mapped import contiguous
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import ValueSpan, rounded, span_of
+from resample_texture.types import Alpha, AnyAlpha
 
 LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
@@ -25,17 +25,6 @@ VALUES = (
 DTYPES = (*LEVELS, *VALUES)
 COMPLEX = ("complex64", "complex128")  # whose parts are warped as two channels
 STEPS = 65535  # of linear light, in the table for encoding 8 bits
-
-
-class Alpha(StrEnum):
-    """Meaning of the fourth channel."""
-
-    STRAIGHT = "straight"  # opacity; color is not multiplied by it
-    PREMULTIPLIED = "premultiplied"
-    NONE = "none"  # no opacity
-
-
-AnyAlpha = Alpha | Literal["straight", "premultiplied", "none"]
 
 
 class Encoding(NamedTuple):

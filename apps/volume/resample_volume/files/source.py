@@ -1,6 +1,6 @@
 """Open volumes and labels of voxels from files, samples and addresses, and write volumes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -169,10 +169,7 @@ def find_reader(path: str | Path) -> Reader:
     else:
         suffix = _suffix(path.name, readers)
     if not suffix:
-        known = " ".join(sorted(readers))
-        what = "holds no slices" if path.is_dir() else "has no known suffix"
-        hint = "; ".join([f"{path} {what}; known are {known}", *broken])
-        raise ValueError(f"{hint}; rename it or choose a reader (--reader NAME)")
+        raise ValueError("; ".join([_unknown(path, readers), *broken]))
     if len(readers[suffix]) > 1:
         raise ValueError(
             f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix} "
@@ -180,6 +177,16 @@ def find_reader(path: str | Path) -> Reader:
         )
     built: Reader = registry.build("readers", readers[suffix][0])
     return built
+
+
+def _unknown(path: Path, readers: Collection[str]) -> str:
+    """Describe what is wrong with a file or folder that no reader takes."""
+    if path.is_dir():
+        return f"{path} holds no slices; give a folder of .dcm, .tif or .png files, or a file"
+    return (
+        f"{path} has no known suffix; known are {' '.join(sorted(readers))}; rename it or choose a "
+        "reader (--reader NAME)"
+    )
 
 
 def generate(spec: str) -> Volume:
@@ -286,7 +293,10 @@ def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
 
     found = {".dcm" if is_dicom(file) else _suffix(file.name, readers) for file in files} - {""}
     if len({tuple(readers[suffix]) for suffix in found}) > 1:
-        raise ValueError(f"{folder} holds files of {' and '.join(sorted(found))}; name one of them")
+        raise ValueError(
+            f"{folder} holds files of {' and '.join(sorted(found))}; give one of them, or a "
+            "folder with files of one kind"
+        )
     return min(found, default="")
 
 

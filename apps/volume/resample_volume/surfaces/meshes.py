@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from resample.painting.meshes import mesh_of
 from resample.painting.scenes.scene import check_places
+from resample.reading.limits import check_file
 from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.native import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
@@ -148,8 +149,7 @@ def read_mesh(text: str) -> SceneMesh:
     (0.5, (12, 3))
     """
     path, choices = _parsed(text)
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: there is no such file")
+    check_file(path)
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: meshes are read from {', '.join(SUFFIXES)}")
     parts = _geometries(path)
