@@ -66,7 +66,8 @@ def still(page: Any, after: str = "") -> str:
     """Number of the whole picture that the page shows, once it is another than one before."""
     page.wait_for_function(
         "before => { const image = document.querySelector('.canvas img');"
-        " return image.complete && image.dataset.preview === 'false' && image.dataset.number !== before; }",
+        " return image.complete && image.dataset.preview === 'false'"
+        " && image.dataset.number !== before; }",
         arg=after,
     )
     return str(page.evaluate("document.querySelector('.canvas img').dataset.number"))
