@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from resample_texture.viewing import picture_view
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.viewing import volume_view
+from resample_warp3d.command.choices import Depth
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.viewing import depth_view
 from tests.view.browsing import after, chromium, drag, levels, middle, tab_of
 from tests.view.conftest import Served, served
 
@@ -265,3 +268,28 @@ def test_two_fingers_zoom_about_what_is_between_them(parallel: Any) -> None:
     assert (azimuth, elevation) == (30, 20)
     assert zoom == pytest.approx(2, rel=1e-3)
     assert picked(tab, x, y) == before
+
+
+def test_the_wheel_goes_toward_what_is_under_the_pointer(browser: Any, tmp_path: Path) -> None:
+    color = np.random.default_rng(5).integers(0, 256, (60, 80, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "color.png"), color)
+    cv2.imwrite(str(tmp_path / "depth.png"), np.full((60, 80), 2000, np.uint16))
+    names = str(tmp_path / "color.png"), str(tmp_path / "depth.png")
+    begin = SourceCamera(fov=60), Depth(depth_scale=1000)
+    with (
+        served(depth_view(*names, begin)) as address,
+        tab_of(browser, address.address, (900, 500)) as tab,
+    ):
+        box = tab.locator(".canvas").bounding_box()
+        x, y = box["x"] + 0.7 * box["width"], box["y"] + 0.3 * box["height"]
+        before = place_in(picked(tab, x, y))
+        tab.mouse.move(x, y)
+        after(tab, lambda: tab.mouse.wheel(0, -300))
+        now = place_in(picked(tab, x, y))
+        assert float(tab.input_value("#option-move").split(",")[2]) > 0.1
+        np.testing.assert_allclose(now, before, atol=0.004)  # a pixel is 0.005 wide there
+
+
+def place_in(said: str) -> list[float]:
+    place = said.partition("position ")[2].partition(" · ")[0]
+    return [float(part) for part in place.split(",")]
