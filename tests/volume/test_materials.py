@@ -110,7 +110,7 @@ def test_a_material_keeps_its_surfaces_alone():
         ("bone+skn", "unknown transfer function 'skn'"),
         ("bone+", "unknown transfer function ''"),
         ("bone:color=reddish", "bone:color=reddish: must be '#rrggbb', a color's name"),
-        ("bone:gradient=0.5", "gradient must be two fractions such as 0.1/0.5"),
+        ("bone:gradient=0.5", "gradient must be two fractions such as 0.1,0.5"),
         ("bone:gradient=0.5/0.1", "must be two fractions that ascend"),
     ],
 )

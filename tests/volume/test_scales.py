@@ -205,7 +205,7 @@ def test_a_page_speaks_of_values(file):
     painter = view.painter()
     told = painter.tell({"transfer": "1e-26/red/0,1e-24/gold/0.5"}, "points")
     assert [point[0] for point in told["points"]] == pytest.approx([1e-26, 1e-24])
-    assert told["transfer"] == "1e-26/#ff0000/0,1e-24/#ffd700/0.5"
+    assert told["transfer"] == "1e-26,#ff0000,0 1e-24,#ffd700,0.5"
 
 
 def test_the_voxel_that_is_picked_has_its_value():
