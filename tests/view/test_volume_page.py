@@ -20,6 +20,7 @@ from resample_volume.cli import app
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.viewing import volume_view
 from tests.commands import ended
+from tests.view.browsing import LEVELS
 from tests.view.conftest import served
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
@@ -32,13 +33,6 @@ BEGIN = (
     AppearanceChoices(transfer="vessels", camera="30,20,1"),
     PictureFormat(background="#203040"),
 )  # nothing shows through
-SHOWN = """() => {
-  const image = document.querySelector('.canvas img'), canvas = document.createElement('canvas');
-  canvas.width = image.naturalWidth;
-  canvas.height = image.naturalHeight;
-  canvas.getContext('2d').drawImage(image, 0, 0);
-  return canvas.toDataURL('image/png').split(',')[1];
-}"""
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +63,7 @@ def still(tab: Any, after: str = "") -> str:
 
 def shown(tab: Any) -> NDArray[np.uint8]:
     """Levels of the picture that the page shows."""
-    return np.asarray(Image.open(BytesIO(b64decode(tab.evaluate(SHOWN)))).convert("RGB"))
+    return np.asarray(Image.open(BytesIO(b64decode(tab.evaluate(LEVELS)))).convert("RGB"))
 
 
 def after(tab: Any, act: Callable[[], object]) -> NDArray[np.uint8]:
