@@ -60,8 +60,8 @@ def warp(
     options
         Any of the options that follow; `WarpOptions` in `resample_texture.types` has their types.
 
-    Options
-    -------
+    Other Parameters
+    ----------------
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`...
     interpolation

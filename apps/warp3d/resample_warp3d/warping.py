@@ -84,8 +84,8 @@ def warp(
     options
         Any of the options that follow; `DepthWarpOptions` has their types.
 
-    Options
-    -------
+    Other Parameters
+    ----------------
     filter
         Pixel filter: `area`, `gaussian:sigma=0.5`, `tent`, `mitchell`, `lanczos:a=3`... Default:
         the method's own, the mean over a pixel's square.
