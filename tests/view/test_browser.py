@@ -170,9 +170,11 @@ def curve(page: Any) -> list[list[str]]:
 
 def test_points_of_the_look_are_dragged_typed_added_and_taken_away(page: Any) -> None:
     high = volume_view("vessel-tree:size=24").about["histogram"]["high"]
+    before = still(page)
     page.select_option("#looks", "gray")
+    still(page, before)
+    page.wait_for_selector("#histogram[aria-busy=false]")  # the curve comes after the picture
     box = page.locator("#histogram").bounding_box()
-    page.wait_for_timeout(300)  # the curve comes after the picture
 
     def drag() -> None:  # the last point, which is opaque
         page.mouse.move(box["x"] + box["width"] - 2, box["y"] + 3)

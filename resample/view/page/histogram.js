@@ -270,9 +270,10 @@ export function histogram(page) {
     const key = JSON.stringify({ ...page.settings, camera: "" });
     if (!page.about.histogram || key === asked) return;
     asked = key;
+    element.ariaBusy = "true";
     page.say("ask", { what: "points" });
   };
-  const curve = (given) => { known = given; draw(); };
+  const curve = (given) => { known = given; element.ariaBusy = "false"; draw(); };
   const forget = () => { asked = ""; known = null; };
   const offer = (names) => looks.replaceChildren(
     made("option", { value: "" }, "Looks…"), ...["auto", ...names].map((one) => made("option", { value: one }, one)));
