@@ -1,7 +1,7 @@
 """Hybrid forward resampling: classify, order, paint (paper, section 2, on one page)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -72,8 +72,7 @@ if TYPE_CHECKING:
     from resample.painting.scenes.cuts import RunPainter
 
 
-@dataclass(frozen=True)
-class Resampler(PaintChoices):
+class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose what names become
     """A renderer with all choices made; call it with samples and a camera.
 
     Parameters
@@ -83,12 +82,13 @@ class Resampler(PaintChoices):
     footprint
         Model of the splats; None is exact, and corrected under `Primitive.PAPER`.
     pixel_filter
-        Filter from sub-pixels to pixels; under `Primitive.PAPER` the filter that points are
-        summed under at the pixels, where a box would do poorly: None chooses for the primitive.
+        Filter from sub-pixels to pixels, by name, such as `tent`, or as an object; under
+        `Primitive.PAPER` the filter that points are summed under at the pixels, where a box would
+        do poorly: None chooses for the primitive.
     reconstruction
-        Kernel around every sample.
+        Kernel around every sample, by name or as an object.
     order
-        Order of compositing.
+        Order of compositing, by name, such as `image-sheets:thickness=1`, or as an object.
     threshold
         A sample is a point when neighbours are at most this many sub-pixels apart on screen;
         None takes the primitive's own.

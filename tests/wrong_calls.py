@@ -31,6 +31,12 @@ resample.Scatter("hybird")  # type: ignore[arg-type]
 resample.Resampler()(resample.particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), camera).to_uint8(  # type: ignore[call-arg]
     order="gbr"  # type: ignore[arg-type]
 )
+resample.Resampler(projection="max")  # type: ignore[arg-type]
+resample.Resampler(footprint="afine")  # type: ignore[arg-type]
+resample.Resampler(order=3)  # type: ignore[arg-type]
+resample.Resampler(order="rays", opacity="exact", projection="maximum", pixel_filter="tent")
+resample_volume.Appearance(classification="posts")  # type: ignore[arg-type]
+resample_volume.Appearance(classification="post")
 
 # Pictures
 resample_texture.warp(picture, np.eye(3), (4, 5), edge="reflekt")  # type: ignore[arg-type]

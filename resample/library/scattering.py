@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.painting.scenes.plans import check_size, pair_of
 from resample.profiles.filters import Area, PixelFilter, profile_table
-from resample.registry import build
+from resample.profiles.named import plugin_of
 from resample.showable import array_of
 from resample.types import Doubles, Floats
 from resample.words import check_threads, doubles_of
@@ -160,8 +160,7 @@ class Scatter:
 
     @cached_property
     def _filter(self) -> PixelFilter:
-        given = self.pixel_filter
-        return cast(PixelFilter, build("filters", given) if isinstance(given, str) else given)
+        return cast(PixelFilter, plugin_of("filters", self.pixel_filter, "pixel_filter"))
 
     @property
     def _taps(self) -> int:

@@ -2,19 +2,20 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import InitVar, dataclass, field, fields
+from dataclasses import InitVar, dataclass, fields
 from enum import StrEnum
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from resample import registry
 from resample.profiles.filters import Gaussian, PixelFilter
+from resample.profiles.named import ByName, OneOf
 from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import Field, LatticeField, Samples
-from resample.words import check_numbers
+from resample.words import check_numbers, shortly
 
 if TYPE_CHECKING:
     from resample.painting.scenes.painters import SamplePainter
@@ -93,6 +94,12 @@ class Projection(StrEnum):
     XRAY = "xray"  # additive, of attenuations derived from values by applications
 
 
+FootprintName = Literal[
+    "affine", "corrected", "small-angle", "exact", "disc", "equation", "projected"
+]
+ProjectionName = Literal[
+    "composite", "maximum", "average", "additive", "first-hit", "minimum", "xray"
+]
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
 WHOLE = SUMS  # every pixel depends on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
@@ -176,15 +183,15 @@ class PaintChoices:
     """All choices of a `Resampler`, which explains them; they go together."""
 
     primitive: Primitive | str = Primitive.HYBRID
-    footprint: Footprint | None = None
-    pixel_filter: PixelFilter | None = None
-    reconstruction: Reconstruction = field(default_factory=GaussianKernel)
-    order: CompositingOrder = field(default_factory=EverySample)
+    footprint: OneOf[Footprint | None, FootprintName] = OneOf(Footprint, None)
+    pixel_filter: ByName[PixelFilter | None] = ByName("filters", None)
+    reconstruction: ByName[Reconstruction] = ByName("reconstructions", GaussianKernel())
+    order: ByName[CompositingOrder] = ByName("orders", EverySample())
     threshold: float | None = None
     subpixels: int | None = None
-    opacity: Opacity = Opacity.EXACT
+    opacity: OneOf[Opacity, Literal["exact", "linear"]] = OneOf(Opacity, Opacity.EXACT)
     splat_color: tuple[float, float, float] | None = None
-    projection: Projection = Projection.COMPOSITE
+    projection: OneOf[Projection, ProjectionName] = OneOf(Projection, Projection.COMPOSITE)
     iso: float | None = None
     method: InitVar[str | None] = None
 
@@ -192,6 +199,8 @@ class PaintChoices:
         check_numbers(self, "threshold", "subpixels", "iso")
         if method is not None:
             object.__setattr__(self, "primitive", _primitive_named(method))
+        elif not isinstance(self.primitive, str):
+            _primitive_named(self.primitive, "primitive")
         _check_together(self)
         if self.threshold is not None and not self.threshold >= 0:
             raise ValueError(f"the threshold is {self.threshold} sub-pixels; it must be 0 or more")
@@ -229,7 +238,7 @@ def _primitive_named(name: str, what: str = "method") -> Primitive | str:
         return Primitive(name)
     more = [other for other in registry.names("primitives") if other not in own]
     if name not in more:
-        raise ValueError(f"{what} {name!r}; known: {', '.join([*own, *more])}")
+        raise ValueError(f"{what} {shortly(name)}; known: {', '.join([*own, *more])}")
     return name
 
 
@@ -279,7 +288,6 @@ def _check_at_pixels(choice: PaintChoices) -> None:
 def _check_rays(choice: PaintChoices) -> None:
     """Refuse choices about how samples are painted, which rays do not paint."""
     default = {field.name: field.default for field in fields(PaintChoices)}
-    default["reconstruction"] = GaussianKernel()
     for name in ("primitive", "footprint", "reconstruction", "threshold", "opacity"):
         chosen = getattr(choice, name)
         if chosen != default[name]:

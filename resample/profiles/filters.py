@@ -12,6 +12,7 @@ import numpy as np
 
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats, Profile, RadialTable
+from resample.words import number
 
 PROFILE_ERROR = 1e-5  # of the peak
 WIDEST = 64.0  # px, radius of a filter
@@ -227,12 +228,12 @@ def check_reach(pixel_filter: PixelFilter) -> None:
 
 
 def _positive(name: str, value: float) -> None:
-    if not 0.0 < value < math.inf:
+    if not 0.0 < number(name, value) < math.inf:
         raise ValueError(f"{name} is a positive number of pixels, not {value}")
 
 
 def _finite(name: str, value: float) -> None:
-    if not math.isfinite(value):
+    if not math.isfinite(number(name, value)):
         raise ValueError(f"{name} is a finite number, not {value}")
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
+from resample.words import number
 
 if TYPE_CHECKING:
     from resample.engine.windows.boxes import Integral
@@ -104,7 +105,7 @@ class InterpolatingCubic:
     radius: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
-        if not -1.0 <= self.a <= 0.0:
+        if not -1.0 <= number("a", self.a) <= 0.0:
             raise ValueError(f"a is a slope between -1 and 0, not {self.a}")
 
     def __call__(self, distance: Doubles) -> Doubles:
@@ -204,7 +205,7 @@ class InterpolatingGaussian:
     sigma: float = 0.577
 
     def __post_init__(self) -> None:
-        if not 0.3 <= self.sigma <= 1.0:
+        if not 0.3 <= number("sigma", self.sigma) <= 1.0:
             raise ValueError(f"sigma must be between 0.3 and 1 samples, not {self.sigma}")
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 
 from resample.lazy import renamed
 from resample.types import LAST_SHEET, Doubles, Floats, Layers, Sheets, View
+from resample.words import number
 
 __getattr__ = renamed(__name__, {"AxisSheets": "resample_volume.baselines.painting.AxisSheets"})
 
@@ -138,9 +139,9 @@ class Rays:
     summing = Summing.RAYS
 
     def __post_init__(self) -> None:
-        if not 0.01 <= self.step <= 4:
+        if not 0.01 <= number("step", self.step) <= 4:
             raise ValueError(f"a step of {self.step} voxels; 0.01 to 4 are allowed")
-        if not 0 <= self.sharpness <= 1:
+        if not 0 <= number("sharpness", self.sharpness) <= 1:
             raise ValueError(f"the sharpness is {self.sharpness}; 0 to 1 is allowed")
         if self.quality not in QUALITIES:
             known = ", ".join(QUALITIES)
@@ -173,7 +174,7 @@ def _vector(array: Doubles) -> tuple[float, float, float]:
 
 
 def _check_thickness(thickness: float) -> None:
-    if not 0 < thickness < np.inf:
+    if not 0 < number("thickness", thickness) < np.inf:
         raise ValueError(f"a layer's thickness must be above 0 voxels, not {thickness}")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats, Pieces, Profile, RadialTable
+from resample.words import number
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
 PARTIAL_STEPS = 256  # in both directions; linear interpolation errs by under 2e-5 of the peak
@@ -51,6 +52,8 @@ class GaussianKernel:
     radius: float = 2.0
 
     def __post_init__(self) -> None:
+        number("sigma", self.sigma)
+        number("radius", self.radius)
         if not (0 < self.sigma < np.inf and 0 < self.radius < np.inf):
             raise ValueError(f"sigma {self.sigma} and radius {self.radius} must be above 0")
 
@@ -73,7 +76,7 @@ class BSplineKernel:
     radius: float = 2.0
 
     def __post_init__(self) -> None:
-        if not 0 < self.radius < np.inf:
+        if not 0 < number("radius", self.radius) < np.inf:
             raise ValueError(f"radius {self.radius} must be above 0")
 
     def __call__(self, distance: Doubles) -> Doubles:

@@ -237,10 +237,6 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     "method": (lambda: texture.warp(PICTURE, ONE, SHAPE, 3), "method 3; give a name"),
     "region": (lambda: texture.warp(PICTURE, ONE, SHAPE, roi=4), "4 is no region: give left, top"),
     "look": (lambda: volume.render(CUBE, 5, size=SIZE), "transfer 5; give a name"),
-    "light": (
-        lambda: volume.Appearance("0..1", "bright"),
-        "a light of str; give a Light, or None for colors as they are",
-    ),
     "resampler": (
         lambda: volume.render(CUBE, "0..2", resampler="rays"),
         "a resampler of str; give a Resampler",

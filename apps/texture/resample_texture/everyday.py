@@ -5,8 +5,8 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from resample import registry
 from resample.files.exchange import check_layout, picture_and_encoding
+from resample.profiles.named import plugin_of
 from resample.words import check_options, number, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import BackwardMap
@@ -252,9 +252,7 @@ def project(
 
 def _projection(given: str | PictureProjection) -> PictureProjection:
     """Return a projection by name, or as given."""
-    found: PictureProjection = (
-        registry.build("projections", given) if isinstance(given, str) else given
-    )
+    found: PictureProjection = plugin_of("projections", given)
     return found
 
 

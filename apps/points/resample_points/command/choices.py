@@ -243,7 +243,6 @@ class CloudAim(CloudStart):
 
 def panorama_of(name: str | None) -> Any:
     """Return the camera of a projection, at 0; None without one."""
-    from resample import registry
     from resample.cameras.panoramic import Equirectangular
     from resample_points.painting.bending import ProjectedCamera
 
@@ -251,7 +250,7 @@ def panorama_of(name: str | None) -> Any:
         return None
     if name == "equirectangular":
         return Equirectangular()
-    return ProjectedCamera(registry.build("projections", name))
+    return ProjectedCamera(name)
 
 
 def start_of(camera: str, up: "UpAxis", fov: float | None = None) -> "Viewpoint":

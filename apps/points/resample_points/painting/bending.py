@@ -16,6 +16,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama, places_of, rays_at
 from resample.cameras.pixels import directions, distorted_places, undistorted_places
 from resample.cameras.poses import rigid
+from resample.profiles.named import plugin_of
 from resample.scene.picking import lines_of
 from resample.types import Doubles, Floats
 from resample_points.data.parts import rows_of
@@ -38,24 +39,23 @@ class ProjectedCamera:
     Parameters
     ----------
     projection
-        Such as that of `registry.build("projections", "fisheye:fov=220")`.
+        By name, such as `fisheye:fov=220`, or as an object.
     world_to_camera
         (4, 4) or (3, 4) rigid pose.
 
     Raises
     ------
-    ValueError
-        The pose is not rigid.
+    LookupError, ValueError
+        There is no such projection, or the pose is not rigid.
 
     Examples
     --------
     >>> import numpy as np
-    >>> from resample import registry
     >>> from resample_points import Cloud, ProjectedCamera, render_cloud
     >>> place = np.random.default_rng(1).normal(size=(2000, 3))
     >>> place /= np.linalg.norm(place, axis=1)[:, None]  # of a ball around the camera
     >>> cloud = Cloud(place, np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
-    >>> camera = ProjectedCamera(registry.build("projections", "fisheye:fov=200"))
+    >>> camera = ProjectedCamera("fisheye:fov=200")
     >>> render_cloud(cloud, camera, size=(32, 32))
     Frame(32 × 32 px, 85.4 % covered, depth from 0.9862)
     """
@@ -64,6 +64,7 @@ class ProjectedCamera:
     world_to_camera: Doubles = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "projection", plugin_of("projections", self.projection))
         object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
 
     def moved(self, world_to_camera: ArrayLike) -> "ProjectedCamera":

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from resample import registry
 from resample.cameras.models import Orthographic
 from resample.memory.mapped import most_of
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
+from resample.profiles.named import plugin_of
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.types import Floats, Frame, Records, Screen, Statistics
 from resample.watching import told
@@ -227,7 +227,7 @@ def _drawn(
     style: CloudStyle,
     filter: str | PixelFilter | None,  # noqa: A002
 ) -> "PaintedCloud":
-    pixel_filter = registry.build("filters", filter) if isinstance(filter, str) else filter
+    pixel_filter = None if filter is None else plugin_of("filters", filter)
     if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
         return _painted(surfels, part, shape, style, TILE)
     parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))

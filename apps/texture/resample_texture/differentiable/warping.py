@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample import registry
 from resample.memory.mapped import contiguous
+from resample.profiles.named import plugin_of
 from resample.types import Doubles
 from resample.words import check_threads
 from resample_texture.arguments import REFLECT_101, edge_named
@@ -73,9 +73,8 @@ class LinearWarp:
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.interpolation, str):
-            built = registry.build("interpolations", self.interpolation)
-            object.__setattr__(self, "interpolation", built)
+        built = plugin_of("interpolations", self.interpolation)
+        object.__setattr__(self, "interpolation", built)
         pieces(self.interpolation)
         check_threads(self.threads)
         object.__setattr__(self, "edge", edge_named(self.edge))

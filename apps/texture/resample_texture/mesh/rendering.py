@@ -6,7 +6,7 @@ sub-pixels that no point reached look up their texel.
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,9 @@ from resample.profiles.interpolation import (
     Interpolation,
     prefilter,
 )
+from resample.profiles.named import ByName
 from resample.types import Doubles, Floats, Frame, Screen, View
+from resample.words import number
 from resample_texture.mesh.files import load_mesh
 from resample_texture.mesh.kernels.painting import MeshPicture, MeshScene, paint
 from resample_texture.mesh.kernels.sampling import BLEND, MASK, OPAQUE, Skin
@@ -169,10 +171,10 @@ class MeshStyle:
     quality
         Least number of texture points per sub-pixel along each axis, above 0 up to 8.
     interpolation
-        Interpolation between texels. One that needs a prefilter (`Spline`,
+        Interpolation between texels, by name or as an object. One that needs a prefilter (`Spline`,
         `InterpolatingGaussian`) filters the whole texture for every picture.
     pixel_filter
-        Filter from sub-pixels to pixels; its radius is at most 16 px.
+        Filter from sub-pixels to pixels, by name or as an object; its radius is at most 16 px.
     cull
         Cull triangles that face away.
     shading
@@ -186,15 +188,15 @@ class MeshStyle:
 
     samples: int = 4
     quality: float = 1.0
-    interpolation: Interpolation = field(default_factory=InterpolatingCatmullRom)
-    pixel_filter: PixelFilter = field(default_factory=Box)
+    interpolation: ByName[Interpolation] = ByName("interpolations", InterpolatingCatmullRom())
+    pixel_filter: ByName[PixelFilter] = ByName("filters", Box())
     cull: bool = False
     shading: bool = False
 
     def __post_init__(self) -> None:
         if self.samples not in range(1, 17):
             raise ValueError(f"{self.samples} samples per side of a pixel; 1 to 16 are allowed")
-        if not 0.0 < self.quality <= 8.0:
+        if not 0.0 < number("quality", self.quality) <= 8.0:
             raise ValueError(f"a quality of {self.quality}; above 0 to 8 is allowed")
         if not 0.0 < self.interpolation.radius <= LARGEST_RADIUS:
             radius = self.interpolation.radius

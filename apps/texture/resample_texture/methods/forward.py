@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 
-from resample import registry
+from resample.profiles.named import plugin_of
 from resample.types import Floats
+from resample.words import number
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.types import Edge, Method, Warped
 
@@ -385,7 +386,7 @@ class Splats:
 
     def __post_init__(self) -> None:
         for name in ("sigma", "filter_sigma"):
-            if not 0.0 < getattr(self, name) < math.inf:
+            if not 0.0 < number(name, getattr(self, name)) < math.inf:
                 raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
         _check_clamp(self.clamp, self.total)
 
@@ -437,11 +438,7 @@ def _check_clamp(clamp: bool, total: bool) -> None:
 
 def _build(method: Any, name: str, group: str) -> None:
     """Turn the name of a plugin that a method was given into the plugin's object."""
-    given = getattr(method, name)
-    if isinstance(given, str):
-        object.__setattr__(method, name, registry.build(group, given))
-    elif isinstance(given, type) or not (callable(given) and hasattr(given, "radius")):
-        raise ValueError(f"{name} {given!r}; known {group}: {', '.join(registry.names(group))}")
+    object.__setattr__(method, name, plugin_of(group, getattr(method, name), name))
 
 
 def _check_quality(quality: float) -> None:

@@ -21,6 +21,7 @@ from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import NOTHING, RECORD
 from resample.hybrid.splats import FLAT_TABLES
 from resample.types import Doubles, Floats, Indices, Records
+from resample.words import number
 from resample_texture.geometry.mappings import ForwardMap, Geometry
 from resample_texture.texels.forward import (
     FARTHEST,
@@ -80,7 +81,7 @@ class Paper:
 
     def __post_init__(self) -> None:
         for name in ("threshold", "sigma", "filter_sigma"):
-            if not 0.0 < getattr(self, name) < math.inf:
+            if not 0.0 < number(name, getattr(self, name)) < math.inf:
                 raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
         check_deviations(self.sigma, self.filter_sigma)
 

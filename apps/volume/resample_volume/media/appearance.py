@@ -9,14 +9,15 @@ from resample.lazy import old_members
 from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
+from resample.profiles.named import OneOf
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
-from resample.words import check_kind, shortly
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, as_transfer
 from resample_volume.data.values import values_of
+from resample_volume.media.arguments import check_kinds, check_transfer, several_of
 from resample_volume.media.xrays import XRay
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
@@ -64,7 +65,9 @@ class Appearance:
     light: Light | None = field(default_factory=Light)  # None: colors as they are
     gradient: Gradient = GRADIENT  # or sobel
     gradient_opacity: tuple[float, float] | None = None  # see `classify`
-    classification: Classification = Classification.AUTO
+    classification: OneOf[Classification, Literal["auto", "pre", "post"]] = OneOf(
+        Classification, Classification.AUTO
+    )
     labels: "Labels | None" = None
     cue: DepthCue | None = None
     crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
@@ -78,14 +81,12 @@ class Appearance:
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
-        if not isinstance(self.transfer, str) and not hasattr(self.transfer, "needs_gradient"):
-            raise TypeError(
-                f"transfer {shortly(self.transfer)}; give a name, such as bone, a range of values, "
-                "such as 300..900, or a TransferFunction"
-            )
-        if self.light is not None:
-            check_kind("light", self.light, Light, "a Light, or None for colors as they are")
-        object.__setattr__(self, "classification", Classification(self.classification))
+        check_transfer("transfer", self.transfer)
+        if self.framing is not None:
+            check_transfer("framing", self.framing)
+        check_kinds(self)
+        object.__setattr__(self, "clip", tuple(several_of("clip", self.clip, str)))
+        object.__setattr__(self, "meshes", _meshes_of(self.meshes))
         object.__setattr__(self, "planes", _planes_of(self.planes))
         object.__setattr__(self, "surfaces", _surfaces_of(self.surfaces))
         _ = self.section  # refuses what is none
@@ -136,7 +137,17 @@ def _planes_of(given: "Iterable[ImagePlane | str]") -> "tuple[ImagePlane, ...]":
         return ()
     from resample_volume.surfaces.image_planes import ImagePlane
 
-    return tuple(ImagePlane.of(one) if isinstance(one, str) else one for one in given)
+    found = several_of("planes", given, ImagePlane, str)
+    return tuple(ImagePlane.of(one) if isinstance(one, str) else one for one in found)
+
+
+def _meshes_of(given: "Iterable[SceneMesh]") -> "tuple[SceneMesh, ...]":
+    """Return meshes; one may be given as such."""
+    if given == ():
+        return ()
+    from resample_volume.surfaces.meshes import SceneMesh
+
+    return tuple(several_of("meshes", given, SceneMesh))
 
 
 def _surfaces_of(given: "Iterable[IsoSurface | str]") -> "tuple[IsoSurface, ...]":
@@ -145,7 +156,8 @@ def _surfaces_of(given: "Iterable[IsoSurface | str]") -> "tuple[IsoSurface, ...]
         return ()
     from resample_volume.surfaces.meshes import IsoSurface
 
-    return tuple(IsoSurface.of(one) if isinstance(one, str) else one for one in given)
+    found = several_of("surfaces", given, IsoSurface, str)
+    return tuple(IsoSurface.of(one) if isinstance(one, str) else one for one in found)
 
 
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look

@@ -12,7 +12,7 @@ from resample.memory.mapped import array_like, most_of
 from resample.outofcore.caching import memoized
 from resample.painting.choices import Projection
 from resample.types import Frame
-from resample.words import check_numbers
+from resample.words import check_numbers, doubles_of, shortly
 from resample_volume.classification.automatic import BRIGHT
 from resample_volume.classification.surveys import Survey, survey
 from resample_volume.data.memory import require_memory
@@ -63,6 +63,10 @@ class XRay:
             raise ValueError(
                 f"mu-water is {self.mu_water:g}; it must be above 0, such as {MU_WATER} per mm"
             )
+        if self.window is not None:
+            pair = doubles_of("window", self.window, "two ascending values")
+            if pair.shape != (2,):
+                raise ValueError(f"window {shortly(self.window)}; give two ascending values")
         if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
             raise ValueError(f"the window {self.window} of line integrals must ascend")
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resample.types import Doubles
+from resample.words import number
 from resample_warp3d.depth.equation import is_identity, unmoved
 from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.sheet.sheets import SheetCache
@@ -58,7 +59,7 @@ class Hybrid:
     _sheets: SheetCache = field(default_factory=SheetCache, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if not 0.25 <= self.quality <= 8.0:
+        if not 0.25 <= number("quality", self.quality) <= 8.0:
             raise ValueError(f"quality {self.quality:g}; 0.25 to 8 parts per px are allowed")
 
     def __call__(self, source: Source, equation: Way, shape: tuple[int, int]) -> Rendered:

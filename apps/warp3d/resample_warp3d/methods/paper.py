@@ -21,6 +21,7 @@ from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import RECORD
 from resample.hybrid.splats import FLAT_TABLES
 from resample.types import Doubles
+from resample.words import number
 from resample_warp3d.types import DOWN, RIGHT, Equation, Links, Rendered, Source
 
 SIGMA = 0.45  # px of the source; sharper leaves gaps where surfaces curve, wider blurs
@@ -177,12 +178,12 @@ def _backward(equation: Equation) -> Doubles:
 
 
 def _check_deviation(name: str, value: float) -> None:
-    if not LEAST <= value <= MOST:
+    if not LEAST <= number(name, value) <= MOST:
         raise ValueError(f"{name} lies between {LEAST} and {MOST:g} px, not at {value}")
 
 
 def _check_visibility(tolerance: float, core: float) -> None:
-    if not 0.0 <= tolerance < 1.0:
+    if not 0.0 <= number("tolerance", tolerance) < 1.0:
         raise ValueError(f"a tolerance is part of the nearness, 0 to 1, not {tolerance}")
-    if not LEAST <= core <= MOST:
+    if not LEAST <= number("core", core) <= MOST:
         raise ValueError(f"core lies between {LEAST} and {MOST:g} px, not at {core}")

@@ -1,0 +1,102 @@
+"""Fields of dataclasses that take names: of plugins, or of the members of an enumeration."""
+
+from enum import StrEnum
+from typing import Any, Generic, TypeVar, cast
+
+from resample import registry
+from resample.words import shortly
+
+T = TypeVar("T")
+E = TypeVar("E", bound=StrEnum)
+N = TypeVar("N", bound=str)
+# What an object of a group has; all but orders are called with distances, or places.
+MEMBER = {"orders": "summing", "projections": "check"}
+
+
+def plugin_of(group: str, given: Any, name: str = "") -> Any:
+    """Return a plugin's object, given as such or by its name with parameters.
+
+    Parameters
+    ----------
+    group
+        One of `registry.GROUPS`.
+    given
+        An object, or what `registry.build` takes.
+    name
+        Of the argument, for the error; "": the group's.
+
+    Raises
+    ------
+    LookupError, ValueError
+        As in `registry.build`; or the object is none of the group.
+    """
+    if isinstance(given, str):
+        return registry.build(group, given)
+    if isinstance(given, type) or not hasattr(given, MEMBER.get(group, "radius")):
+        known = ", ".join(registry.names(group))
+        raise ValueError(f"{name or group[:-1]} {shortly(given)}; known {group}: {known}")
+    return given
+
+
+class ByName(Generic[T]):
+    """Field of a frozen dataclass that holds an object, and may be set by a plugin's name.
+
+    Examples
+    --------
+    >>> from resample import Resampler
+    >>> Resampler(order="image-sheets:thickness=2").order
+    ImageSheets(thickness=2)
+    """
+
+    def __init__(self, group: str, default: T) -> None:
+        self.group, self.default = group, default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, choices: object, owner: type | None = None) -> T:
+        """Return the object; of the class, the default."""
+        return self.default if choices is None else cast(T, vars(choices)[self.name])
+
+    def __set__(self, choices: object, given: T | str) -> None:
+        is_default = given is None and self.default is None
+        found = None if is_default else plugin_of(self.group, given, self.name)
+        vars(choices)[self.name] = found
+
+
+class OneOf(Generic[T, N]):
+    """Field of a frozen dataclass that holds an enumeration's member, and may be set by its text.
+
+    Examples
+    --------
+    >>> from resample import Resampler
+    >>> Resampler(opacity="linear").opacity
+    <Opacity.LINEAR: 'linear'>
+    """
+
+    def __init__(self, kind: type[StrEnum], default: T) -> None:
+        self.kind, self.default = kind, default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, choices: object, owner: type | None = None) -> T:
+        """Return the member; of the class, the default."""
+        return self.default if choices is None else cast(T, vars(choices)[self.name])
+
+    def __set__(self, choices: object, given: T | N) -> None:
+        is_default = given is None and self.default is None
+        vars(choices)[self.name] = None if is_default else member_of(self.kind, given, self.name)
+
+
+def member_of(kind: type[E], given: Any, name: str) -> E:
+    """Return a member of an enumeration, given as such or as its text.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    if not isinstance(given, str) or given not in list(kind):
+        raise ValueError(f"{name} {shortly(given)}; known: {', '.join(kind)}")
+    return kind(given)
