@@ -112,7 +112,9 @@ def view(file: str, /, *words: Words) -> Any:
     Parameters
     ----------
     file
-        The file to view. Other options are those of the `view` command of its application.
+        The file to view.
+    words
+        A picture's depth, further files, and options of the `view` command of the application.
     """
     names = registry.names("views")
     files = [file, *takewhile(lambda word: not word.startswith("-"), words)]

@@ -119,7 +119,13 @@ class Resampling(Choices):
     filter: Annotated[
         str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]")
     ] = None
-    kernel: Annotated[str, Field(description="Reconstruction kernel.")] = "gaussian"
+    kernel: Annotated[
+        str,
+        Field(
+            description="Kernel around every sample: gaussian or bspline, or with a "
+            "width: bspline:radius=2."
+        ),
+    ] = "gaussian"
     order: Annotated[
         str | None,
         Field(

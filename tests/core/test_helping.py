@@ -105,6 +105,19 @@ def test_every_option_names_its_default_is_required_or_a_switch(application, com
     assert wrong == {}
 
 
+@pytest.mark.parametrize(("application", "command"), list(commands()))
+def test_every_option_says_what_it_does_without_sending_to_another_command(application, command):
+    app = APPS[application][command]
+    helps = {
+        argument.names[0]: argument.parameter.help or ""
+        for argument in app.assemble_argument_collection(parse_docstring=True)
+        if argument.names and argument.names[0] != "*"
+    }
+    others = "|".join(name for _, name in commands())
+    sending = re.compile(rf"\b[Aa]s (in|of) (resample-\w+ )?({others})\b")
+    assert {name: text for name, text in helps.items() if not text or sending.search(text)} == {}
+
+
 @pytest.mark.parametrize(
     ("application", "command", "options"),
     [

@@ -11,7 +11,6 @@ from docstring_parser import parse_from_object
 from resample import registry
 from tests.commands import refused
 
-REFERENCE = re.compile(r"As (in|of) \w+")  # to another command's text
 END = re.compile(r"[.:;](\s|$)")  # what follows is how it is given, or what it is if left out
 GONE = [
     ("texture", "warp", "a.png", "-o", "b.png", "--reconstruction", "spline"),
@@ -29,8 +28,7 @@ def texts():
             for argument in app[command].assemble_argument_collection(parse_docstring=True):
                 text = " ".join((argument.parameter.help or "").split())
                 for name in (name for name in argument.names if name.startswith("--")):
-                    if not REFERENCE.match(text):
-                        found[name][END.split(text)[0]].append(f"{application} {command}")
+                    found[name][END.split(text)[0]].append(f"{application} {command}")
     return found
 
 

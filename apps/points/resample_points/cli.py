@@ -142,8 +142,9 @@ def animate(
     Parameters
     ----------
     file
-        As in render; or particles as in density: snapshots, and other points with --type,
-        --quantity, --smoothing-kernel or --log.
+        A point cloud (.ply, .las, .pcd, .npz ...), 3D Gaussians (.ply, .splat, .spz, .sog), or
+        particles: .hdf5 of a snapshot, and other points with --type, --quantity,
+        --smoothing-kernel or --log.
     path
         Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
     frames
@@ -201,7 +202,7 @@ def compare(
     Parameters
     ----------
     file
-        3D Gaussians, as in render.
+        3D Gaussians: .ply of a trainer or compressed, .splat, .spz, .sog, or a folder of SOG.
     methods
         Methods separated by commas: trained, distance, rays, bare, affine (the usual projection),
         or mitsuba, where it is installed (its time without starting it).
@@ -252,7 +253,8 @@ def info(
     Parameters
     ----------
     file
-        As in render.
+        A point cloud: .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz;
+        or 3D Gaussians: .ply, .splat, .spz, .sog, or a folder of SOG.
     as_json
         Print JSON instead of a table.
     """
@@ -323,7 +325,8 @@ def view(
     Parameters
     ----------
     file
-        As in render.
+        A point cloud (.ply, .las, .pcd, .npz ...), 3D Gaussians (.ply, .splat, .spz, .sog), or
+        particles (.hdf5 of a snapshot).
     """
     from resample.view.server import show
     from resample_points.viewing import view_of

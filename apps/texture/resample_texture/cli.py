@@ -166,7 +166,7 @@ def rectify(
     corners
         x,y of four corners: those of the page in px of the photo, in any order.
     output
-        As in warp.
+        Written to: .png, .tif, .exr, .webp, .avif, or .jpg over a background.
     size
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
@@ -352,7 +352,7 @@ def animate(
     frames
         Number of frames.
     method
-        As in warp.
+        Method: hybrid, paper, bilinear, opencv-supersample:n=8 ...; see resample plugins.
     edge
         What lies beyond the picture's edges.
     """

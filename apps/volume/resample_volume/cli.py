@@ -177,7 +177,7 @@ def compare(
     Parameters
     ----------
     volume
-        As in render.
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     methods
         Methods separated by commas; of hybrid, points, splats, paper, inflate, ewa.
     footprints
@@ -273,7 +273,7 @@ def animate(
     Parameters
     ----------
     volume
-        As in render.
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     path
         Camera path: orbit, once around; zoom, from the camera to 16 times as far; threshold,
         from voxels that are splats to voxels that are points; still, no motion; or a file of
@@ -334,7 +334,7 @@ def view(
     Parameters
     ----------
     volume
-        As in render.
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
     from resample.view.server import show
     from resample_volume.viewing import volume_view
@@ -362,7 +362,7 @@ def info(
     Parameters
     ----------
     volume
-        As in render.
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     bins
         Number of bins of the histogram.
     as_json
@@ -427,7 +427,8 @@ def convert(
     Parameters
     ----------
     volume
-        As in render; by default with all times and channels.
+        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb; by default with all
+        times and channels.
     output
         Written to: a folder engine.ome.zarr, which appears once it is complete.
     chunk
@@ -507,7 +508,7 @@ def figures(
     output
         Written to: folder for .png, .csv and .json files; created if missing.
     figure
-        1-2, 3-4, 7, 8 or 9. [default: all]
+        Figures of the paper: 1-2, 3-4, 7, 8 or 9. [default: all]
     data
         Folder of the paper's volumes (engine.nhdr, ...). [default: where fetch stores them]
     """

@@ -216,12 +216,15 @@ def stereo(
     Parameters
     ----------
     picture
-        The left picture, unless --from right; or a film, as in render.
+        The left picture, unless --from right; or a film: one file, or a folder or pattern of
+        pictures.
     depth
         Disparity of the same size: how much further left things are in the right picture, 0 if
-        unknown; or depth of the kind given by --depth-kind. For a film as in render.
+        unknown; or depth of the kind given by --depth-kind. For a film a film of gray
+        levels, a folder, a pattern of depth files, or a stack (N, H, W) in .npy or .npz.
     output
-        Written to: a picture or a film, as in render.
+        Written to: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
+        .apng, a folder for numbered .png files, or a name with * for the number (moved/*.exr).
     disparity_scale
         File values per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Not for floats.
         [default: 1 for floats; integers need one]
@@ -230,9 +233,10 @@ def stereo(
     given
         What is given: the left or the right picture.
     holes
-        As in render.
+        Also write the holes by their cause (.png): magenta hidden behind something, gray outside
+        the source, blue without depth, yellow a crack that was filled.
     coverage
-        As in render.
+        Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
     from resample.command.session import Session
     from resample.files import formats, saving
@@ -301,13 +305,16 @@ def animate(
     Parameters
     ----------
     color
-        As in render.
+        Any picture; float files are linear light, the others sRGB. Or a film: one file, or a
+        folder or pattern of pictures.
     depth
-        As in render.
+        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
+        array. For a film: a film of gray levels, a folder, a pattern of depth files, or a stack
+        (N, H, W) in .npy or .npz.
     depth_output
         Also write depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale,
         or 1000), or a name with * for the frame's number, such as depth/*.exr or .npy in scene
-        units. Render reads it with the film.
+        units, from which render reads it.
     """
     import numpy as np
 
@@ -385,11 +392,12 @@ def view(
     Parameters
     ----------
     file
-        A picture as in render; or, for one release, a point cloud as in resample-points view.
+        Any picture; or, for one release, a point cloud, which resample-points view shows.
     depth
-        Depth of the picture, as in render.
+        Depth of the picture: .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name
+        selects a channel or array.
     further
-        As in render.
+        Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
     """
     from resample.view.server import show
     from resample.view.views import settings_of
@@ -439,9 +447,10 @@ def compare(
     Parameters
     ----------
     color
-        As in render, with a true picture of the new view. [default: the generated scene]
+        Any picture, with a true picture of the new view. [default: the generated scene]
     depth
-        As in render.
+        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
+        array.
     scene
         Scene: generated, a ray-traced room of known depth.
     truth
@@ -453,7 +462,8 @@ def compare(
     methods
         Methods separated by commas; with parameters as in hybrid:quality=2.
     refine
-        As in render; applied to the depth that all methods get.
+        Repair of depth that does not fit the picture: none, or snap, sharpen, shift, complete or
+        densify; auto chooses. All methods get the repaired depth.
     output
         Written to: all pictures side by side with enlarged details (.png).
     """
@@ -513,9 +523,10 @@ def figures(
     Parameters
     ----------
     color
-        As in render. [default: the generated scene]
+        Any picture. [default: the generated scene]
     depth
-        As in render.
+        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
+        array.
     output
         Written to: folder for figure-6.png, the single pictures and figure-6.json; created if
         missing.
@@ -524,7 +535,8 @@ def figures(
     methods
         Methods separated by commas.
     refine
-        As in render, with COLOR and DEPTH.
+        Repair of depth that does not fit the picture: none, or snap, sharpen, shift, complete or
+        densify; auto chooses. Needs COLOR and DEPTH.
     """
     from resample import registry
     from resample.measuring.compare import plain

@@ -41,7 +41,9 @@ class CloudOptions(Choices):
         tuple[str, ...],
         OptionTopic.SOURCE,
         Several,
-        Field(description="Another file in the scene, placed by its coordinates: b.laz."),
+        Field(
+            description="Another file in the scene, placed by its coordinates: b.laz or another."
+        ),
     ] = ()
     only: Annotated[
         tuple[str, ...],
@@ -103,7 +105,8 @@ class CloudOptions(Choices):
     edl: Annotated[
         float,
         Field(
-            description="Strength of eye-dome lighting, which darkens what lies behind edges: 1."
+            description="Strength of eye-dome lighting, which darkens what lies behind edges, "
+            "such as 1."
         ),
     ] = 0.0
     one_sided: Annotated[bool, Switch, Field(description="Cull points that face away.")] = False

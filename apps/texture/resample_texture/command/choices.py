@@ -143,7 +143,10 @@ class PictureFiltering(Choices):
 
     method: Annotated[
         str,
-        Field(description="Method: hybrid, paper, bilinear, opencv-supersample:n=8 ..."),
+        Field(
+            description="Method: hybrid, paper, bilinear, opencv-supersample:n=8 ...; "
+            "see resample plugins."
+        ),
     ] = "hybrid"
     filter: MethodsFilter = None
     interpolation: Annotated[

@@ -260,15 +260,15 @@ def _side(given: int | None, following: float) -> int:
 Files = Annotated[
     list[Picture],
     Parameter(
-        help="Pictures, pages, films, folders or patterns, as in warp, followed by the output "
-        "unless --output names it."
+        help="Pictures, files of several pages, films, folders or quoted patterns such as "
+        '"photos/*.jpg", followed by the output unless --output names it.'
     ),
 ]
 Output = Annotated[
     flags.OptionalOutput,
     Parameter(
-        help="Written to: a picture as in warp; a folder for several. [default: the last of the "
-        "files]"
+        help="Written to: .png, .tif, .exr, .webp, .avif or .jpg; a folder for several. "
+        "[default: the last of the files]"
     ),
 ]
 

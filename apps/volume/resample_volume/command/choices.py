@@ -75,8 +75,8 @@ class ReadOptions(Choices):
         str | None,
         Hyphen,
         Field(
-            description="Distances between voxels: 1,1,1.4. [default: those in the file, "
-            "otherwise 1,1,1]"
+            description="Distances between voxels along x, y and z, such as 1,1,1.4. "
+            "[default: those in the file, otherwise 1,1,1]"
         ),
     ] = None
     memory: Annotated[
@@ -92,8 +92,8 @@ class ReadOptions(Choices):
         int | None,
         Field(
             ge=0,
-            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, see info. "
-            "[default: 0]",
+            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
+            "levels info lists. [default: 0]",
         ),
     ] = None
     units: Annotated[

@@ -207,8 +207,9 @@ class DepthWarping(Choices):
         Refine,
         Field(
             description="Repair of depth that does not fit the picture: snap moves edges to color "
-            "edges, sharpen hardens soft edges, shift moves the map by whole pixels, all fill "
-            "gaps, complete only fills gaps; auto chooses."
+            "edges, sharpen hardens soft edges, shift moves the map by whole pixels. "
+            "All of them also fill gaps; complete "
+            "does this alone, densify for sparse maps; auto chooses."
         ),
     ] = "auto"
     fill: Annotated[
@@ -368,7 +369,8 @@ class Extras(Choices):
         Path | None,
         Field(
             description="Also write depth z: .exr and .npy in scene units; .png in 16 bits "
-            "(values per unit: the depth scale, or 1000). For a film as in animate."
+            "(values per unit: the depth scale, or 1000). For a film a folder, or "
+            "a name with * for the frame's number, such as depth/*.exr."
         ),
     ] = None
     export: Annotated[
@@ -396,7 +398,7 @@ class Travel(Choices):
         words("sway", "orbit", "dolly"),
         Field(
             description="Camera path: sway, left and right around the scene; orbit, in a circle; "
-            "dolly, forward and back; or a file of poses, as in render."
+            "dolly, forward and back; or a file of poses: TUM, Open3D, NeRF, COLMAP or .toml."
         ),
     ] = "sway"
     amount: Annotated[

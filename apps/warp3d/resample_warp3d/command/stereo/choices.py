@@ -18,7 +18,12 @@ class PairDepth(Depth):
 
     depth_kind: Annotated[
         Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
-        Field(description="As in render; or pair, the disparity of a rectified pair in px."),
+        Field(
+            description="z along the camera's axis, ray length, inverse (1 / z), or disparity of a "
+            "calibrated pair, where 0, NaN and inf are unknown; or a network's output: relative, "
+            "larger is nearer, or relative-z, larger is farther; or pair, the disparity of a "
+            "rectified pair in px."
+        ),
     ] = "pair"  # type: ignore[assignment]  # one more kind
 
 
