@@ -18,7 +18,6 @@ import resample_volume
 from resample.cli import app as resample_app
 from resample.console import linear_color
 from resample.files.saving import screen_levels
-from resample_volume import viewing
 from resample_volume.classification.materials import spread
 from resample_volume.classification.presets import load_transfer
 from resample_volume.cli import app
@@ -26,7 +25,7 @@ from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.media.appearance import transfer_of
-from resample_volume.viewing import VolumePainter, picture, suits, volume_view
+from resample_volume.viewing import VolumePainter, picture, suits, volume_view, volumes
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served
 
@@ -102,7 +101,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
             (other, data), (gap, _), (frame, _) = (page.answer() for _ in range(3))
             assert [one["kind"] for one in (other, gap, frame)] == ["other", "difference", "frame"]
             painter = VolumePainter(volume)
-            look = painter._request(settings | {"camera": camera})
+            look = painter._requests.parsed(settings | {"camera": camera})
             eye, there = painter._placed_view(look, (48, 40))
             looks = transfer_of(volume, look.appearance)
             by_vtk = VtkRenderer(there, looks, height=40, width=48, look=Peer(light=None))
@@ -115,7 +114,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
         page.say("draw", settings, moving=False, rival="another")
         assert "can compare with VTK" in page.told("other")["text"]
         assert page.answer()[0]["kind"] == "frame"
-    monkeypatch.setattr(viewing, "find_spec", lambda _: None)
+    monkeypatch.setattr(volumes, "find_spec", lambda _: None)
     assert "pip install" in volume_view(BOX).about["rivals"]["VTK"]
 
 

@@ -1,0 +1,209 @@
+"""Pictures of a volume for a page: paint, save and film, pick, slice and measure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resample.files.animations import write_film
+from resample.files.exchange import levels_of
+from resample.files.saving import screen_levels, write_frame
+from resample.scene.scenes import Quality
+from resample.types import Frame
+from resample.view.exports import KEYFRAMES, keyframes_as_toml
+from resample.view.files import path_file
+from resample.view.views import PagePicture, Point, Settings, Size, projection_of
+from resample.watching import Cancel, Progress
+from resample_volume.classification.scales import value_at
+from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots
+from resample_volume.picking import Picked
+from resample_volume.rendering import Subject
+from resample_volume.scenes import Scene
+from resample_volume.slicing import profile, slice_levels, slice_planes
+from resample_volume.space.annotations import annotated
+from resample_volume.types import Volume
+from resample_volume.viewing.requests import VolumeRequest, VolumeRequests
+from resample_volume.viewing.telling import pick_distances, transfer_points
+from resample_volume.voxels.framing import centered
+
+if TYPE_CHECKING:
+    from resample.cameras.models import AnyCamera
+    from resample_volume.figures.compare import VtkBeside
+
+
+VTK = "VTK"  # another renderer of the same
+RATE, FILMED = 24.0, ".mp4"  # as the command writes, frames per second
+
+
+@dataclass
+class VolumePainter:
+    """Pictures of a volume for one page.
+
+    Parameters
+    ----------
+    volume
+        Without padding.
+    """
+
+    volume: Volume
+    _scene: Scene = field(init=False)
+    _requests: VolumeRequests = field(init=False)
+    _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
+    _vtk: "VtkBeside | None" = None
+
+    def __post_init__(self) -> None:
+        self._scene, self._requests = Scene(self.volume), VolumeRequests(self.volume)
+
+    def __copy__(self) -> "VolumePainter":
+        """Painter of another page, with the same volume and a scene of its own."""
+        return VolumePainter(self.volume)
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
+        """Render with these options, see `resample.view.views.Painter`."""
+        request = self._requests.parsed(settings)
+        quality: Quality = "preview" if quick else "final"
+        frame = self._frame(request, size, ".png", quality, cancel)
+        levels = levels_of(frame, "color", background=request.picture.behind(".png"))
+        return PagePicture(levels, quick, {"view": self._view(request, size, quality)})
+
+    def _view(self, request: VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
+        """Return the projection from points around the volume's center, scene units, to pixels."""
+        camera, volume = self._placed_view(request, size, quality)
+        return projection_of(camera.view(), size, centered(volume)[1])
+
+    def check(self, settings: Settings) -> None:
+        """Reject options that are not allowed; errors as of `frame`."""
+        self._requests.parsed(settings).choices.viewpoint()
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does."""
+        request = self._requests.parsed(settings)
+        frame = self._frame(request, size, path.suffix)
+        write_frame(path, frame, 8, request.picture.behind(path.suffix))
+
+    def frame(self, settings: Settings, size: Size) -> Frame:
+        """Render as the command does for a PNG, but without background.
+
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
+        be read.
+        """
+        return self._frame(self._requests.parsed(settings), size, ".png")
+
+    def _frame(
+        self,
+        request: VolumeRequest,
+        size: Size,
+        suffix: str,
+        quality: Quality = "final",
+        cancel: Cancel | None = None,
+    ) -> Frame:
+        """Render the picture for a file of this suffix."""
+        view = request.choices.viewpoint()
+        choices: dict[str, Any] = {"resampler": request.resampler, "fit": request.choices.fit}
+        frame = self._scene.render(
+            request.appearance, view, size=size, quality=quality, cancel=cancel, **choices
+        )
+        marks = request.beside.annotations(request.picture.behind(suffix))
+        if not marks.is_any:
+            return frame
+        camera, volume = self._placed_view(request, size)
+        return annotated(frame, camera, volume, marks)
+
+    def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
+        """Render with VTK, see `resample.view.views.Comparing`."""
+        from resample_volume.figures.compare import VtkBeside
+
+        if rival != VTK:
+            raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
+        request = self._requests.parsed(settings)
+        camera, volume = self._placed_view(request, size)
+        self._vtk = self._vtk or VtkBeside()
+        light = self._vtk.picture(volume, request.appearance, request.resampler, camera, size)
+        return PagePicture(screen_levels(light, background=request.picture.behind(".png")), False)
+
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        """Return a file of cameras around the volume, see `resample.view.views.Filming`."""
+        return keyframes_as_toml(cameras, settings)
+
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        """Write a film through keyframes as `animate` does, see `resample.view.views.Filming`."""
+        request, (width, height) = self._requests.parsed(settings), size
+        with path_file(KEYFRAMES, keyframes) as file:
+            flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
+        medium = self.volume, request.appearance
+        subject = Subject.of_several([medium], request.resampler, request.choices.fit)
+        behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
+        drawn = drawing(self.volume, subject, request.beside.annotations(behind))
+        paint = FrameOptions(request.resampler, (height, width), behind, None, drawn)
+        cameras = cameras_of(subject, flight, paint.size)
+        write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
+
+    def _placed_view(
+        self, request: VolumeRequest, size: Size, quality: Quality = "final"
+    ) -> "tuple[AnyCamera, Volume]":
+        """Return the camera and the volume placed before it."""
+        return self._scene.placed_view(
+            *(request.appearance, request.choices.viewpoint()),
+            size=size,
+            resampler=request.resampler,
+            quality=quality,
+            fit=request.choices.fit,
+        )
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Return the voxel visible at a point, see `resample.view.views.Painter`.
+
+        Also tells the distance from the last pick and the angle at that to the one before; a pick
+        beside the volume resets this.
+        """
+        request = self._requests.parsed(settings)
+        found = self._scene.pick(
+            *(x, y, request.appearance, request.choices.viewpoint()),
+            size=size,
+            resampler=request.resampler,
+            fit=request.choices.fit,
+        )
+        if found is None:
+            self._picks = ()
+            return {}
+        self._picks = picks = (*self._picks[-2:], found)
+        return {
+            "voxel": "{2}, {1}, {0}".format(*found.voxel),  # along x, y and z
+            "value": f"{found.value:.6g}",
+            "position": ", ".join(f"{part:.6g}" for part in found.position),
+            **pick_distances(picks, self.volume),
+        }
+
+    def slice(
+        self,
+        size: Size,
+        plane: str,
+        voxel: tuple[int, int, int],
+        window: tuple[float, float] | None,
+    ) -> PagePicture:
+        """Return a slice, see `resample.view.views.Slicing`."""
+        found = {one.name: one for one in slice_planes(self.volume)}.get(plane)
+        if found is None:
+            raise ValueError(f"slice {plane!r:.40}; give axial, coronal or sagittal")
+        count = self.volume.values.shape[::-1]
+        if not all(0 <= n < most for n, most in zip(voxel, count, strict=True)):
+            raise ValueError(f"voxel {voxel} of {count}; give indices from 0")
+        levels = slice_levels(self.volume, found, voxel[found.across], size, window)
+        value = float(value_at(self.volume.values[voxel[::-1]], self.volume.scale))
+        return PagePicture(levels, False, {"value": f"{value:.6g}"})
+
+    def measure(self, start: Point, end: Point) -> dict[str, Any]:
+        """Return values along a line, see `resample.view.views.Slicing`."""
+        found = profile(self.volume, start, end)
+        values = [value if np.isfinite(value) else None for value in found.values.tolist()]
+        return {"distance": found.distance, "unit": found.unit, "values": values}
+
+    def tell(self, settings: Settings, what: str) -> dict[str, Any]:
+        """`points` of the look, see `resample.view.views.Knowing`."""
+        if what != "points":
+            raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
+        return transfer_points(self.volume, self._requests.parsed(settings))

@@ -1,0 +1,125 @@
+"""Interactive page of a volume, and its picture without a page."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from resample.registry import names
+from resample.scene.scenes import LITTLE
+from resample.types import Frame
+from resample.view.exports import ORBITING
+from resample.view.files import FileView
+from resample.view.views import Settings, chosen, is_free, settings_of
+from resample_volume.classification import PRESETS, TISSUES
+from resample_volume.classification.surveys import survey
+from resample_volume.command.choices import ReadOptions
+from resample_volume.command.inputs import prepared
+from resample_volume.slicing import slice_planes
+from resample_volume.space.lines import unit_of_space
+from resample_volume.viewing.painter import VTK, VolumePainter
+from resample_volume.viewing.requests import SHOWN
+from resample_volume.viewing.telling import histogram
+from resample_volume.voxels.framing import centered
+from resample_volume.voxels.visible import lattice_of
+
+COMMAND, FILM = "resample-volume render", "resample-volume animate"
+NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
+LEFT_OUT = (
+    *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
+    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "zoom-in"),
+)
+KINDS: Sequence[Settings] = (  # with kernels of their own
+    {"classify": "pre"},  # also of previews
+    {"projection": "maximum"},
+    {"projection": "average"},
+    {"projection": "first-hit", "iso": LITTLE / 2},
+)
+
+
+def volume_view(
+    name: str, source: ReadOptions | None = None, begin: Sequence[Any] = ()
+) -> FileView:
+    """Return what pages show of a volume, which they share.
+
+    `name`: of the volume, as the command takes it. `source`: how it is read. `begin`: options to
+    begin with.
+    """
+    source = source or ReadOptions()
+    first = VolumePainter(prepared(source, name))
+    volume = first.volume
+
+    def described() -> dict[str, Any]:
+        settings = {"fit": "volume", "camera": "30,20,1", **settings_of(begin)}
+        first.check(settings)
+        known = survey(volume)
+        size = volume.values.shape[::-1]
+        return {
+            "title": volume.name,
+            "subtitle": f"{' × '.join(map(str, size))}, {volume.values.dtype}",
+            "command": COMMAND,
+            "film": {"command": FILM, **ORBITING},
+            "package": "resample_volume",
+            "inputs": [name],
+            "fixed": settings_of([source]),
+            "settings": settings,
+            "fills": is_free(begin),
+            "rivals": {VTK: _absence()},
+            "names": {
+                "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
+                **{option: names(group) for option, group in NAMED.items()},
+            },
+            "box": {
+                "voxels": size,
+                "lattice": lattice_of(volume).tolist(),
+                "middle": centered(volume)[1].tolist(),
+            },
+            "slices": [asdict(plane) for plane in slice_planes(volume)],
+            "spacing": np.asarray(volume.spacing).tolist(),
+            "unit": unit_of_space(volume),
+            "measures": True,
+            "histogram": histogram(volume, known.span),
+        }
+
+    def little() -> VolumePainter:
+        values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(volume.values.dtype)
+        return VolumePainter(volume._replace(values=values))
+
+    return FileView(first, described, first.check, KINDS, LEFT_OUT, little)
+
+
+def _absence() -> str:
+    """Return why VTK is not available for comparison; empty if it is."""
+    if find_spec("vtkmodules") is not None:
+        return ""
+    return "VTK is not installed: pip install 'hybrid-resample[peers]'"
+
+
+def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
+    """Render a volume with the options of `resample-volume render`.
+
+    Parameters
+    ----------
+    volume
+        As the command takes it.
+    settings
+        Options by name, as settings files have them: `{"transfer": "bone", "size": "640x480"}`.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As of the command.
+
+    Examples
+    --------
+    >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
+    Frame(32 × 24 px, 25.5 % covered, depth from 54.87)
+    """
+    source_keys = ReadOptions.model_fields
+    of_source = {key: value for key, value in settings.items() if key in source_keys}
+    rest = {key: value for key, value in settings.items() if key not in source_keys}
+    (source,) = chosen(of_source, (ReadOptions,))
+    height, width = chosen(rest, SHOWN)[-1].height_and_width()
+    return VolumePainter(prepared(source, volume)).frame(rest, (width, height))
