@@ -12,6 +12,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.view.exports import exports_of
 from resample.watching import Cancel
 from resample_points import Cloud, cli, column_density, read_particles
+from resample_points.command.choices import CloudStart
 from resample_points.command.particles import FEW
 from resample_points.data.particles import Particles
 from resample_points.scenes import cameras_of
@@ -107,6 +108,25 @@ def test_pages_show_particles_as_the_command_does():
     assert set(found) <= {"column density"}
     with pytest.raises(ValueError, match="no option 'point-size'"):
         page.refuse({"point-size": 2})
+
+
+def test_pages_of_particles_fill_the_view_and_measure_across_it():
+    page = view_of(Path("a.hdf5"))
+    assert page.about["fills"]
+    assert page.about["measures"]
+    given = view_of(Path("a.hdf5"), (CloudStart(camera="front"),))
+    assert not given.about["fills"]
+    painter, size = page.painter(), (80, 64)
+    settings = {**page.about["settings"], "fov": 0.0, "camera": "front"}
+    assert painter.paint(settings, size, quick=True, cancel=Cancel()).about["view"]["size"] == size
+    places = [
+        np.array(painter.pick(settings, size, x, 32)["position"].split(","), float)
+        for x in (36.5, 44.5)
+    ]
+    _, scene, camera = painter._placed(settings, size)
+    assert np.linalg.norm(places[1] - places[0]) == pytest.approx(8 / camera.sx, rel=1e-4)
+    depth = [(camera.world_to_camera[2] @ [*place, 1]) for place in [*places, scene.middle]]
+    np.testing.assert_allclose(depth, depth[2], rtol=1e-4)
 
 
 def test_pages_begin_with_a_type_that_is_there():

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from resample_points.viewing import view_of
 from resample_texture.viewing import picture_view
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.viewing import volume_view
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view
-from tests.view.browsing import after, chromium, drag, levels, middle, tab_of
+from tests import snapshots
+from tests.view.browsing import after, chromium, drag, levels, middle, settled, tab_of
 from tests.view.conftest import Served, served
 
 NARROW, LEAST, WIDE = (390, 844), (1100, 700), (1400, 800)  # px
@@ -117,6 +119,34 @@ def test_the_object_fills_the_view_at_the_start(
         assert min(left + right, top + bottom) < 0.16
         after(tab, lambda: tab.click("#reset"))
         assert tab.input_value("#option-camera") == begun
+
+
+def test_particles_fill_the_view_at_the_start_and_are_measured(
+    browser: Any, tmp_path: Path
+) -> None:
+    snapshots.swift(tmp_path / "a.hdf5")
+    with (
+        served(view_of(tmp_path / "a.hdf5")) as address,
+        tab_of(browser, address.address, LEAST) as tab,
+    ):
+        left, right, top, bottom = sides(levels(tab))
+        assert min(left, right, top, bottom) > 0
+        assert min(left + right, top + bottom) < 0.16
+        tab.click("#measure")
+        settled(tab)
+        (x, y), places = middle(tab), []
+        for step in (-20, 20):
+            before = tab.inner_text("#picked")
+            tab.mouse.click(x + step, y)
+            tab.wait_for_function(
+                "before => ![before, ''].includes(document.querySelector('#picked').textContent)",
+                arg=before,
+            )
+            text = tab.inner_text("#picked").split("position ")[1]
+            places.append(np.array(text.split(","), float))
+        length = float(np.linalg.norm(places[1] - places[0]))
+        assert tab.inner_text("#profile-said") == f"{length:.4g} Mpc long"
+        assert tab.locator(".measured text").text_content() == f"{length:.4g} Mpc"
 
 
 def test_a_camera_of_the_command_line_is_kept(parallel: Any) -> None:

@@ -103,6 +103,25 @@ def test_slices_are_linked_and_have_the_window(sliced: Any) -> None:
     assert abs(int(flat[40, 40].mean()) - round(255 * 80 / 100)) <= 1
 
 
+def test_slices_go_back_and_forth_with_undo_and_redo(sliced: Any) -> None:
+    tab = sliced
+    clicked(tab, "axial", 10.5 / 32, 20.5 / 24)
+    clicked(tab, "coronal", 20.5 / 32, 3.5 / 16)
+    moved = numbers(tab)
+    assert moved[:2] == [20, 20]
+    after(tab, lambda: tab.click("#undo"))
+    assert numbers(tab) == [10, 20, 8]
+    after(tab, lambda: tab.click("#undo"))
+    assert numbers(tab) == [16, 12, 8]
+    after(tab, lambda: (tab.click("#redo"), tab.click("#redo")))
+    assert numbers(tab) == moved
+    after(tab, lambda: tab.click("#reset"))
+    after(tab, lambda: tab.click("#undo"))
+    tab.click("#slices")
+    settled(tab)
+    assert numbers(tab) == moved
+
+
 def test_a_slice_is_shown_in_the_volume_and_cuts_it(sliced: Any) -> None:
     tab = sliced
     after(tab, lambda: tab.check("#slice-coronal-show"))

@@ -1,4 +1,4 @@
-// Undo and redo: settings, one entry per change that has come to rest. A drag is one change.
+// Undo and redo: settings and slices, one entry per change that has come to rest. A drag is one change.
 
 import { made } from "./elements.js";
 
@@ -6,14 +6,15 @@ const MOST = 200; // entries
 
 export function history(page) {
   const undo = button("undo", "↶", "Undo (Ctrl+Z)", -1), redo = button("redo", "↷", "Redo (Ctrl+Shift+Z)", 1);
-  let entries = [], at = -1; // settings with the width that corners are px of
+  let entries = [], at = -1; // settings with the width that corners are px of, and where slices are
   let held = false; // the pointer is down
 
   function button(id, text, title, by) {
     return made("button", { id, title, "aria-label": title, disabled: true, onclick: () => stepped(by) }, text);
   }
 
-  const now = () => ({ settings: structuredClone(page.settings), width: page.size().width });
+  const now = () => ({ settings: structuredClone(page.settings), slices: page.slicesAt(), width: page.size().width });
+  const isSame = (a, b) => ["settings", "slices"].every((part) => JSON.stringify(a[part]) === JSON.stringify(b[part]));
 
   function shown() {
     undo.disabled = at <= 0;
@@ -24,7 +25,7 @@ export function history(page) {
   function recorded() {
     if (held || !page.about) return;
     const entry = now();
-    if (at >= 0 && JSON.stringify(entry.settings) === JSON.stringify(entries[at].settings)) return;
+    if (at >= 0 && isSame(entry, entries[at])) return;
     entries = [...entries.slice(0, at + 1), entry].slice(-MOST);
     at = entries.length - 1;
     shown();
@@ -42,6 +43,7 @@ export function history(page) {
     if (!entry) return;
     at += by;
     shown();
+    page.slicesPut(entry.slices);
     page.replaced(page.steering.rescaled?.(entry.settings, entry.width) ?? structuredClone(entry.settings));
     amended();
   }

@@ -47,7 +47,7 @@ export function orbit(page) {
       const [right, down] = [(box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2];
       if (taken > FULL - 0.06 && taken <= FULL + 0.02 && !isCut && Math.max(Math.abs(right), Math.abs(down)) < 0.01) return true;
       const camera = cameraOf(page.settings.camera ?? BEGIN), factor = isCut ? 0.8 : FULL / taken;
-      if (!camera || (isFirst && cuts > 2)) return true; // it is all around
+      if (!camera || (isFirst && cuts > 2 && page.about.fills !== "outside")) return true; // it is all around
       camera[2] = between(1e-3, camera[2] * factor, 1e3);
       camera[3] = factor * (camera[3] - (right * width) / side);
       camera[4] = factor * (camera[4] + (down * height) / side);

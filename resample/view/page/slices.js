@@ -73,7 +73,14 @@ export function slices(page) {
   function moved(to, moving) {
     voxel = to.map((one, axis) => between(0, Math.round(one), count()[axis] - 1));
     drawn();
-    if (written()) page.wish(moving);
+    if (written()) page.wish(moving); else page.leafed(moving);
+  }
+
+  // What undo comes back to; null: the middle, where slices begin
+  const begun = () => count().map((one) => Math.floor(one / 2));
+  const at = () => (voxel && voxel.join() !== begun().join() ? [...voxel] : null);
+  function put(to) {
+    if (voxel || to) voxel = to ? [...to] : begun();
   }
 
   // Panes
@@ -182,12 +189,13 @@ export function slices(page) {
 
   function turned(on) {
     button.setAttribute("aria-pressed", String(on));
-    voxel ??= count().map((one) => Math.floor(one / 2));
+    voxel ??= begun();
     if (on && !panes.length) panes = page.about.slices.map(pane);
     page.panes.classList.toggle("sliced", on);
     if (on) page.canvas.after(...panes.map((held) => held.element));
     else for (const held of panes) held.element.remove();
     read();
+    if (on) page.amended(); // slices that options have are where they are
   }
 
   function framed(head, bytes) {
@@ -219,5 +227,5 @@ export function slices(page) {
   }
 
   new ResizeObserver(() => drawn()).observe(page.panes);
-  return { button, begin, framed, read, refreshed, reset, lines: () => { if (isOn()) panes.forEach(drawnLines); } };
+  return { button, begin, framed, at, put, read, refreshed, reset, lines: () => { if (isOn()) panes.forEach(drawnLines); } };
 }

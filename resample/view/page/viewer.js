@@ -39,7 +39,7 @@ function apart(data) {
 // Show a page in an element. `connect` is given what is done with what comes (`heard`), when the
 // link is lost (`closed`) and when options come from elsewhere (`replaced`); it returns what sends.
 export function show(el, connect) {
-  let number = 0, timer = 0, waiting = false, again = false;
+  let number = 0, timer = 0, leaf = 0, waiting = false, again = false;
   let whole = null; // settings of the last whole picture that was asked for
   let wishedSize = ""; // that was asked for last
   let latest = 0; // number of the wish that was sent last
@@ -55,6 +55,7 @@ export function show(el, connect) {
     // What slices and lines ask of each other, of the look and of the camera
     window: () => look.ends(), places: () => look.places(), toward: (way) => cuts.toward(way), projected: (point) => cuts.projected(point),
     measuring: () => ruler.isOn(), marks: () => ruler.places(), marked: (place) => ruler.marked(place), linesMoved: () => sliced.lines(),
+    slicesAt: () => sliced.at(), slicesPut: (voxel) => sliced.put(voxel), leafed, amended: () => past.amended(),
   };
 
   const options = fields(page), look = histogram(page), beside = compare(page), past = history(page);
@@ -137,6 +138,12 @@ export function show(el, connect) {
     }
     say("draw", { moving, ...beside.wished(moving) });
     latest = number;
+  }
+
+  // Slices have moved, and the picture stays as it is.
+  function leafed(moving) {
+    clearTimeout(leaf);
+    if (moving) leaf = setTimeout(past.recorded, STILL); else past.recorded();
   }
 
   // Nothing has moved for a while; of a drag that goes on, the picture alone is whole.

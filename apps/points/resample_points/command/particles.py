@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resample.cameras.models import Camera, Orthographic
 from resample.lazy import installed_version
 from resample_points.command.choices import Aimed
 from resample_points.command.density import (
@@ -20,7 +21,7 @@ from resample_points.command.density import (
 if TYPE_CHECKING:
     from resample.command.session import Session
     from resample.files.animations import Shots
-    from resample.types import Floats
+    from resample.types import Doubles, Floats
     from resample_points.command.choices import CloudStart
     from resample_points.data.cloud import Cloud
     from resample_points.data.particles import Particles
@@ -56,6 +57,27 @@ class ParticlePictures:
         few = self.particles.some(np.arange(0, len(self.particles), per))
         smoothing = None if few.smoothing is None else few.smoothing * per ** (1 / 3)
         return replace(self, particles=replace(few, mass=few.mass * per, smoothing=smoothing))
+
+    @cached_property
+    def middle(self) -> "Doubles":
+        """Return the center (3,) of the particles' bounds."""
+        position = self.particles.position
+        return np.asarray((position.min(axis=0) + position.max(axis=0)) / 2, np.float64)
+
+    def place_at(self, camera: Any, shape: "Shape", x: float, y: float) -> "Doubles | None":
+        """Return the position at a point of the picture, in the slice or the middle's plane.
+
+        None: cameras that see more than what is before them have no such plane.
+        """
+        from resample_points.painting.bending import places_at
+
+        if not isinstance(camera, Camera | Orthographic):
+            return None
+        pose, chosen = camera.world_to_camera, self.options.slice
+        middle = float(pose[2, :3] @ self.middle + pose[2, 3])
+        depth = middle if chosen is None else number_of(chosen)
+        (place,) = places_at(camera, shape, np.array([[x, y]]), np.array([depth]))
+        return np.asarray(place)
 
     def upright(self, aim: Aimed) -> Aimed:
         """Return the cameras as they are: simulations have no axis up."""

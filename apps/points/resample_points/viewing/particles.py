@@ -10,7 +10,16 @@ from resample.command.settings import Choices, FrameFormat
 from resample.files.saving import screen_levels
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, chosen, option_of, settings_of
+from resample.view.views import (
+    PagePicture,
+    Settings,
+    Size,
+    chosen,
+    is_free,
+    option_of,
+    placed_by,
+    settings_of,
+)
 from resample.watching import Cancel, Progress, cancellable
 from resample_points.command.choices import CloudStart
 from resample_points.command.density import SHARED, DensityOptions, ParticleOptions, write_map
@@ -65,16 +74,28 @@ class ParticlePainter:
                 rgba = enlarged(small, PER, shape, smooth=True)
             else:
                 rgba = scene.shown(camera, shape, behind)
-        return PagePicture(screen_levels(rgba, background=form.behind()), quick)
+        levels = screen_levels(rgba, background=form.behind())
+        view = {} if scene.options.color_bar else placed_by(camera, size)  # a bar moves the picture
+        return PagePicture(levels, quick, view)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Return the value at a pixel, see `resample.view.views.Painter`."""
+        """Return the value at a pixel, see `resample.view.views.Painter`.
+
+        A column has no depth: its position is where its line meets the plane across the view that
+        a slice shows, or that goes through the middle of the particles.
+        """
         from resample.scene.picking import pixel_at
 
         _, scene, camera = self._placed(settings, size)
         found = scene.measure(camera, size[::-1])
         value = found.value[pixel_at(size, x, y)]
-        return {found.name: f"{value:.5g} {found.units}".strip()} if value > 0 else {}
+        if not value > 0:
+            return {}
+        told = {found.name: f"{value:.5g} {found.units}".strip()}
+        place = None if scene.options.color_bar else scene.place_at(camera, size[::-1], x, y)
+        if place is not None:
+            told["position"] = ", ".join(f"{part:.6g}" for part in place)
+        return told
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does; raises as it does."""
@@ -126,6 +147,9 @@ def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "function": "map_of",
             "inputs": [str(path)],
             "settings": settings,
+            "fills": "outside" if is_free(begin) else False,
+            "measures": True,
+            "unit": scene.particles.units.get("length", ""),
         }
 
     return FileView(first, described, checked, left_out=LEFT_OUT)
