@@ -114,8 +114,8 @@ class Viewable(Protocol):
         (`options`; default all) and, if needed, the frames from `each` keyframe to the next;
         `controls` from `controls_of`; initial `settings`, whose camera may be changed so that the
         object `fills` the picture ("outside": the eye is never in its midst); other renderers
-        (`rivals`) by name, with the reason if one is unavailable; `names` that options may have, by option; and data
-        of its page, such as a `histogram`.
+        (`rivals`) by name, with the reason if one is unavailable; `names` that options may have,
+        by option; and data of its page, such as a `histogram`.
         """
 
     def check(self, settings: Settings | None = None) -> None:

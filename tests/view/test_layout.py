@@ -121,6 +121,33 @@ def test_the_object_fills_the_view_at_the_start(
         assert tab.input_value("#option-camera") == begun
 
 
+def test_a_picture_is_measured_in_its_own_px(photo: tuple[Any, NDArray[np.uint8]]) -> None:
+    tab, _ = photo
+    after(tab, lambda: tab.click("#fit"))
+    tab.click("#measure")
+    settled(tab)
+    box, corner = tab.locator(".canvas").bounding_box(), tab.input_value("#option-corners")
+    (x, _), (right, _), *_ = [[float(part) for part in one.split(",")] for one in corner.split()]
+    scale = (right - x) / 320 * box["width"] / levels(tab).shape[1]  # px per texel
+    at = middle(tab)
+    for step in (-30, 30):
+        before = tab.inner_text("#picked")
+        tab.mouse.click(at[0] + step, at[1] - step)
+        tab.wait_for_function(
+            "before => ![before, ''].includes(document.querySelector('#picked').textContent)",
+            arg=before,
+        )
+    length = 60 * 2**0.5 / scale
+    told = tab.inner_text("#profile-said").split()
+    assert told[1:] == ["px", "long"]
+    assert float(told[0]) == pytest.approx(length, rel=0.02)
+    line = tab.locator(".measured line")
+    ends = [float(line.get_attribute(name)) for name in ("x1", "y1", "x2", "y2")]
+    middle_of_canvas = [box["width"] / 2, box["height"] / 2]
+    wanted = [middle_of_canvas[n % 2] + step for n, step in enumerate((-30, 30, 30, -30))]
+    np.testing.assert_allclose(ends, wanted, atol=1)
+
+
 def test_particles_fill_the_view_at_the_start_and_are_measured(
     browser: Any, tmp_path: Path
 ) -> None:

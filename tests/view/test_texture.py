@@ -74,6 +74,8 @@ def test_pages_know_the_picture_and_pick_its_texels(place: Served) -> None:
         found = page.told("picked")["found"]
         assert (found["column"], found["row"]) == (10, 4)
         assert len(found["value"].split(",")) == 3
+        assert found["position"] == "10.75, 4.75"
+        assert (about["measures"], about["unit"]) == (True, "px")
         page.say("pick", settings, x=21.5, y=39)
         assert page.told("picked")["found"] == {}
 

@@ -96,6 +96,7 @@ export function bounds(page) {
 
   // Where a point is in the picture, px of the page, and px of a scene unit there; null: behind the eye
   function projected(point) {
+    if (!view) return null; // of a lens or a map, which no lines follow
     const seen = view.rotation.map((row, n) => dot(row, point) + view.translation[n]);
     const depth = view.perspective ? seen[2] : 1, per = canvas.getBoundingClientRect().width / view.size[0];
     if (depth <= 0) return null;
@@ -289,7 +290,7 @@ export function bounds(page) {
   }
 
   function framed(given) {
-    if (given) view = given;
+    view = given ?? null;
     placed();
   }
 

@@ -255,7 +255,8 @@ export function show(el, connect) {
   // A place of the scene was picked, or nothing.
   function marked(position) {
     const middle = page.about.box?.middle ?? [0, 0, 0];
-    ruler.marked(position ? position.split(",").map((word, axis) => Number(word) - middle[axis]) : null);
+    const words = position?.split(",");
+    ruler.marked(words ? middle.map((part, axis) => Number(words[axis] ?? part) - part) : null); // of pictures x and y
   }
 
   function told(given) {

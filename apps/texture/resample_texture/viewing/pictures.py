@@ -13,10 +13,10 @@ from resample.files.exchange import levels_of
 from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
 from resample.watching import Cancel, cancellable
-from resample_texture.arguments import geometry_of
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
 from resample_texture.command.inputs import PictureTarget, target_of
 from resample_texture.command.jobs import Job, warp_file
+from resample_texture.geometry.mappings import Homography
 from resample_texture.scenes import PictureScene
 
 if TYPE_CHECKING:
@@ -54,13 +54,31 @@ class PicturePainter:
         if not quick:
             with cancellable(cancel):
                 made = file_of(partial(self.save, settings, size), ".png")
-            return PagePicture(levels_in(made), is_preview=False)
+            view = self._view(self._target(settings, size)[0])
+            return PagePicture(levels_in(made), False, view)
         target, warping = self._target(settings, size)
-        geometry = geometry_of(target.places, target.shape, "corner", inverse=False)
+        geometry = target.geometry
         shown = self.scene.render(
             geometry, size=target.shape[::-1], edge=warping.edge, quality="preview", cancel=cancel
         )
-        return PagePicture(levels_of(shown, "color"), is_preview=True)
+        return PagePicture(levels_of(shown, "color"), True, self._view(target))
+
+    def _view(self, target: PictureTarget) -> dict[str, Any]:
+        """Return how places of the picture, px, come to the target, if a matrix tells it."""
+        if not isinstance(target.geometry, Homography):
+            return {}
+        matrix = target.geometry.oriented(self.scene.image.shape[:2])
+        plane = matrix * (1.0, 1.0, 0.0)  # all of it at the third coordinate 0
+        return {
+            "view": {
+                "rotation": plane.tolist(),
+                "translation": matrix[:, 2].tolist(),
+                "focal": (1.0, 1.0),
+                "principal": (0.0, 0.0),
+                "perspective": True,
+                "size": target.shape[::-1],
+            }
+        }
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the texel at a pixel, see `resample.view.views.Painter`."""
@@ -69,11 +87,15 @@ class PicturePainter:
         if found is None:
             return {}
         row, column = found
+        place = [column + 0.5, row + 0.5, 1.0]
+        if isinstance(target.geometry, Homography):
+            place = (target.geometry.inverse() @ (x, y, 1.0)).tolist()
         texel = np.atleast_1d(self.scene.image[row, column])
         return {
             "column": column,
             "row": row,
             "value": ", ".join(f"{value:.6g}" for value in texel.tolist()),
+            "position": ", ".join(f"{part / place[2]:.6g}" for part in place[:2]),
         }
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
@@ -112,6 +134,8 @@ def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
             "inputs": [str(path)],
             "gestures": "corners",
             "extent": [width, height],
+            "measures": True,
+            "unit": "px",
             "settings": given if PLACES & given.keys() else {**given, "corners": ""},  # page fits
         }
 
