@@ -26,9 +26,10 @@ from tests.view.conftest import Served, frames_of, served
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
-pytestmark = pytest.mark.skipif(
-    BROWSER is None, reason="no Chromium: apt install chromium, or another that is in the PATH"
-)
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(BROWSER is None, reason="no Chromium: apt install chromium"),
+]
 BELOW = 19  # px under the histogram, for numbers
 BEGIN = (AppearanceChoices(camera="30,20,1"),)  # where it is not looked for
 TIME = 90_000  # ms; kernels may have to be compiled

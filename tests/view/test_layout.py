@@ -20,6 +20,8 @@ from tests import snapshots
 from tests.view.browsing import after, chromium, drag, levels, middle, settled, tab_of
 from tests.view.conftest import Served, served
 
+pytestmark = pytest.mark.browser
+
 NARROW, LEAST, WIDE = (390, 844), (1100, 700), (1400, 800)  # px
 VOLUME = "vessel-tree:size=24"
 

@@ -186,6 +186,7 @@ setInterval(async () => {
 </script>"""
 
 
+@pytest.mark.browser
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium: apt install chromium")
 def test_the_cell_s_one_module_of_all_modules_works_in_a_browser() -> None:
     sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
@@ -307,6 +308,7 @@ def lab(tmp_path: Path) -> Iterator[str]:
             server.terminate()
 
 
+@pytest.mark.browser
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium: apt install chromium")
 def test_jupyterlab_shows_the_widget_and_settings_go_both_ways(lab: str) -> None:
     sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")

@@ -16,6 +16,8 @@ from resample_volume.viewing import volume_view
 from tests.view.browsing import after, chromium, settled, tab_of
 from tests.view.conftest import Served, levels, served
 
+pytestmark = pytest.mark.browser
+
 SIZE = (32, 24, 16)  # voxels along x, y, z
 SPACING = (1.0, 1.5, 2.0)
 RAMP = np.indices(SIZE[::-1])[2] * 8  # along x

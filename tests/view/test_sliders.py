@@ -11,6 +11,8 @@ from resample_volume.viewing import volume_view
 from tests.view.browsing import after, chromium, levels, tab_of
 from tests.view.conftest import served
 
+pytestmark = pytest.mark.browser
+
 VOLUME = "vessel-tree:size=24"
 BEGIN = (AppearanceChoices(camera="30,20,1", fov=0.0, transfer="gray"),)
 VALUES = volume_view(VOLUME).first.volume.values  # type: ignore[attr-defined]  # of its painter

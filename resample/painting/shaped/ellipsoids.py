@@ -316,7 +316,9 @@ class ShapedScene(NamedTuple):
     def _project(self, shapes: Ellipsoids, rows: slice) -> Floats:
         from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
 
-        position, scale, rotation, weight, color = (array[rows] for array in shapes[:5])
+        position, scale, rotation, weight, color = (
+            np.ascontiguousarray(array[rows], np.float32) for array in shapes[:5]
+        )
         if shapes.kernel is not None:  # extinctions, of unit spheres
             mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
             weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)

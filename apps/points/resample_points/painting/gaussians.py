@@ -205,7 +205,8 @@ def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
     toward = np.append(view.rotation[2], 0.0)
     if view.perspective:
         toward = np.append(-view.rotation.T @ view.translation, 1.0)
-    position, constant = gaussians.position[rows], gaussians.color[rows]
+    position = np.ascontiguousarray(gaussians.position[rows], np.float32)
+    constant = np.ascontiguousarray(gaussians.color[rows], np.float32)
     harmonics = gaussians.harmonics[rows]
     if harmonics.shape[:1] != position.shape[:1]:
         harmonics = np.zeros((len(position), 0, 3), np.int16)
