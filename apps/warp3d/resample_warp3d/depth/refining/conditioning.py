@@ -43,10 +43,12 @@ Mask = NDArray[np.bool_]
 
 Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete", "densify"]
 REFINES = get_args(Refine)
-REACH = 8  # px, largest distance of voters
-DENSE = 4  # px up to which all samples vote; beyond, every other one
-FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
-ACROSS = 0.5  # per px²: falloff of votes away from the axes, for the nearness
+REACH = 8  # px, largest distance of voters; more in maps of large blocks
+DENSE = 4  # px up to which all samples vote; beyond, one in a sixth of the reach
+FAR, NEAR = 0.5, 0.125  # of the reach, standard deviations of the weights for a surface, and for
+LEAST_NEAR = 2.0  # px: its nearness
+ACROSS = 2.0  # per NEAR²: falloff of votes away from the axes, for the nearness
+INSIDE = 2  # px beside a block's center that keep their surface unless color is another
 COLOR_DIFFERENCE = 0.22  # of the colors' standard deviation: such a difference weighs 1 / √e
 UNSURE = 0.05  # weight of samples beside edges
 MOST_ROUNDS = 3  # of voting for unknown samples: 8 px each
@@ -189,18 +191,33 @@ def _repaired(task: RefinementTask, chosen: str, nearness: Floats) -> tuple[Floa
     if chosen == "sharpen":
         return _sharpened(task, nearness)
     if chosen == "snap":
-        is_coarse = findings.block > 1
-        return _hardened(task, without_blocks(nearness, findings.block) if is_coarse else nearness)
+        return _unblocked(task, nearness) if findings.block > 1 else _hardened(task, nearness)
     if chosen == "shift":
         nearness = _moved(nearness, findings.shift)
     return nearness, (nearness > 0).astype(np.float32)
 
 
-def _hardened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+def _unblocked(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+    """Interpolate a map of blocks; edges, up to half a block off, move to those of color.
+
+    Large blocks take two rounds: votes come from four times as far as edges are off, then from
+    twice as far.
+    """
+    block = task.findings.block
+    around = max(task.recipe.around, block // 2 - INSIDE)
+    first = task._replace(recipe=task.recipe._replace(around=around))
+    found, agreed = _hardened(first, without_blocks(nearness, block), max(REACH, 2 * block))
+    if 2 * block <= REACH:
+        return found, agreed
+    found, again = _hardened(task, found, max(REACH, block))
+    return found, np.minimum(agreed, again)
+
+
+def _hardened(task: RefinementTask, nearness: Floats, reach: int = REACH) -> tuple[Floats, Floats]:
     """Move edges of nearness to those of color; also return the share of votes."""
     ballot = _ballot(task, nearness)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
-    refined, agreed = _counted(task, ballot, band, nearness)
+    refined, agreed = _counted(task, ballot, band, nearness, reach)
     if task.recipe.run > 1 and task.findings.sigma > HARMLESS:
         ballot = _with_thin_things(task, ballot, refined)
         refined, agreed = _counted(task, ballot, band, nearness)
@@ -324,14 +341,14 @@ def _ballot(task: RefinementTask, nearness: Floats) -> Ballot:
 
 
 def _counted(
-    task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats
+    task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats, reach: int = REACH
 ) -> tuple[Floats, Floats]:
     """Count the votes for a band of samples; return nearness and share of votes."""
     from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows
 
     refined, agreed = nearness.copy(), (nearness > 0).astype(np.float32)
     voters = Voters(task.color, ballot.nearness, ballot.trust, ballot.slope)
-    vote_rows(voters, window(), band, refined, agreed)
+    vote_rows(voters, window(reach), band, refined, agreed)
     return refined, agreed
 
 
@@ -353,18 +370,22 @@ def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> 
 
 
 @cache
-def window() -> "VotingWindow":
-    """Return the window of voters: all near samples and axes, every other one farther out."""
+def window(reach: int = REACH) -> "VotingWindow":
+    """Return the window of voters: all near samples, fewer farther out, more of them on axes."""
     from resample_warp3d.depth.refining.kernels.voting import VotingWindow
 
-    down, across = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1)
+    down, across = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
     far, near = np.maximum(abs(down), abs(across)), np.minimum(abs(down), abs(across))
-    is_asked = (far <= DENSE) | (near == 0) | ((down % 2 == 0) & (across % 2 == 0))
+    sparse = max(2, reach // 6)
+    is_on_axis = (near == 0) & (far % (sparse // 2) == 0)
+    is_asked = (far <= DENSE) | is_on_axis | ((down % sparse == 0) & (across % sparse == 0))
     offset = np.stack([down[is_asked], across[is_asked]], axis=1).astype(np.int64)
     squared = (offset**2).sum(axis=1)
-    share = np.exp(-0.5 * squared / FAR**2)
+    share = np.exp(-0.5 * squared / (FAR * reach) ** 2)
     beside = np.abs(offset).min(axis=1) ** 2
-    return VotingWindow(offset, share, np.exp(-0.5 * squared / NEAR**2 - ACROSS * beside))
+    deviation = max(LEAST_NEAR, NEAR * reach)
+    close = np.exp((-0.5 * squared - ACROSS * beside) / deviation**2)
+    return VotingWindow(offset, share, close)
 
 
 def _scaled(color: Floats) -> Floats:
