@@ -8,11 +8,8 @@ from resample.files.pictures import Kind, Picture
 from resample_warp3d import warp
 from resample_warp3d.command.inputs import DepthInput
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.depth.refining.conditioning import (
-    REFINES,
-    refine,
-    window,
-)
+from resample_warp3d.depth.refining.conditioning import REFINES, refine
+from resample_warp3d.depth.refining.hardening import window
 from resample_warp3d.depth.refining.inspecting import OVERSHOOT
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
 from resample_warp3d.depth.refining.resizing import enlarged, fitted

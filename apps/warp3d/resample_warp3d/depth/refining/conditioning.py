@@ -5,20 +5,28 @@ Samples near edges are assigned to surfaces by votes of samples around them, wei
 """
 
 import math
-from functools import cache
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
+from resample_warp3d.depth.refining.hardening import (
+    RECIPES,
+    RefinementTask,
+    ballot_of,
+    counted,
+    grown,
+    hardened,
+    scaled,
+    unblocked,
+)
 from resample_warp3d.depth.refining.inspecting import (
     NOTHING,
     OVERSHOOT,
     WIDEST,
     Findings,
     depth_of,
-    edges_of,
     inspect,
     known,
     linked,
@@ -31,51 +39,27 @@ from resample_warp3d.depth.refining.resizing import (
     fitted,
     reduced,
     reduced_known,
-    without_blocks,
+)
+from resample_warp3d.depth.refining.shrinking import (
+    SmallMap,
+    enlarged_linearly,
+    parted,
+    small_map,
 )
 from resample_warp3d.types import DepthImage
-
-if TYPE_CHECKING:
-    from resample_warp3d.depth.refining.kernels.voting import VotingWindow
 
 Kinds = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete", "densify"]
 REFINES = get_args(Refine)
-REACH = 8  # px, largest distance of voters
-DENSE = 4  # px up to which all samples vote; beyond, every other one
-FAR, NEAR = 4.0, 2.0  # px, standard deviations of the weights for a surface, and for its nearness
-ACROSS = 0.5  # per px²: falloff of votes away from the axes, for the nearness
-COLOR_DIFFERENCE = 0.22  # of the colors' standard deviation: such a difference weighs 1 / √e
-UNSURE = 0.05  # weight of samples beside edges
 MOST_ROUNDS = 3  # of voting for unknown samples: 8 px each
+WELCOME = 1.3  # most times the error of a map grown by colors that a sharpened one may have
+ALIKE = 4.0  # enlargement up to which both may have the same
+SLIGHT = 2e-3  # relative: larger errors are compared
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
 AGREED = 0.95  # share of the votes for one surface that an unknown sample needs
-HARMLESS = 0.5  # px, standard deviation of a blur that does not affect thin objects
-BLURRED = 1.1  # times the deviation found, as the ends of soft edges are missed
 LEAST_SIDE = 32  # px: pictures are not reduced to less
-LEAST = 0.4  # least share of a sample that a thin object covers
-THIN_WEIGHT = 0.1  # weight of samples of thin objects once their value is restored
-NOISY = 12.0  # times the noise: larger jumps are edges
-
-
-class Recipe(NamedTuple):
-    """Parameters of finding edges and extrapolating surfaces."""
-
-    run: int  # as in `ramps.Edges`
-    share: float
-    least: float
-    around: int  # samples beside an edge that may belong to another surface
-    length: int  # as in `ramps.Bends`
-    steepest: float
-    bent: float
-
-
-RECIPES = {
-    "snap": Recipe(1, 0.3, 0.06, 2, 8, 0.03, 0.0),
-    "sharpen": Recipe(6, 0.12, 0.04, 0, 4, 0.1, 0.03),
-}
 
 
 class Refined(NamedTuple):
@@ -147,64 +131,95 @@ def refine(
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum)
     findings = findings._replace(is_measured=findings.is_measured or is_measured)
-    chosen = findings.remedy if name == "auto" else name
-    if name == "auto" and is_enlarged and chosen not in ("sharpen", "densify"):
-        chosen = "snap"
+    small = _origin_of(nearness, findings) if name == "auto" else None
+    chosen = _chosen(findings, is_enlarged, small) if name == "auto" else name
     if chosen == "none":
         return Refined(image, confidence, findings, chosen, quantum)
     task = RefinementTask(
-        _scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
+        scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
     )
     if chosen == "densify":
         nearness, confidence = _densified(task, nearness)
         return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
-    nearness, confidence = _repaired(task, chosen, nearness)
+    nearness, confidence = _repaired(task, chosen, nearness, small)
     if name != "auto" or findings.is_measured:
         nearness, confidence = _filled(task, nearness, confidence)
     return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
 
 
-class RefinementTask(NamedTuple):
-    """Inputs of a refinement."""
-
-    color: Floats  # (H, W, C) in units of the difference between similar colors
-    findings: Findings
-    noise: float
-    step: float
-    recipe: Recipe
+def _origin_of(nearness: Floats, findings: Findings) -> SmallMap | None:
+    """Return the map that a soft one was enlarged from, if it was and has no gaps."""
+    may_be = findings.is_soft and findings.block == 1 and findings.unknown == 0.0
+    return small_map(nearness) if may_be else None
 
 
-class Ballot(NamedTuple):
-    """Voters: nearness, weight, slope and kind of samples."""
+def _chosen(findings: Findings, is_enlarged: bool, small: SmallMap | None) -> str:
+    """Return the refinement for a map, which has been enlarged here or was before."""
+    if small is not None:
+        return "sharpen"
+    remedy = findings.remedy
+    return "snap" if is_enlarged and remedy not in ("sharpen", "densify") else remedy
 
-    nearness: Floats  # (H, W)
-    trust: Floats  # (H, W)
-    slope: Floats  # (H, W, 4)
-    kind: Kinds  # (H, W) as `ramps.classify` writes them, and `BESIDE` in the band around edges
 
-
-def _repaired(task: RefinementTask, chosen: str, nearness: Floats) -> tuple[Floats, Floats]:
+def _repaired(
+    task: RefinementTask, chosen: str, nearness: Floats, small: SmallMap | None
+) -> tuple[Floats, Floats]:
     """Apply a refinement but for filling; also return the share of votes, 1 where unchanged."""
     findings = task.findings
     if chosen == "sharpen":
-        return _sharpened(task, nearness)
+        return _sharpened(task, nearness) if small is None else _grown(task, small, nearness)
     if chosen == "snap":
-        is_coarse = findings.block > 1
-        return _hardened(task, without_blocks(nearness, findings.block) if is_coarse else nearness)
+        return unblocked(task, nearness) if findings.block > 1 else hardened(task, nearness)
     if chosen == "shift":
         nearness = _moved(nearness, findings.shift)
     return nearness, (nearness > 0).astype(np.float32)
 
 
-def _hardened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
-    """Move edges of nearness to those of color; also return the share of votes."""
-    ballot = _ballot(task, nearness)
-    band = np.where(nearness > 0, ballot.kind, np.uint8(0))
-    refined, agreed = _counted(task, ballot, band, nearness)
-    if task.recipe.run > 1 and task.findings.sigma > HARMLESS:
-        ballot = _with_thin_things(task, ballot, refined)
-        refined, agreed = _counted(task, ballot, band, nearness)
-    return refined, agreed
+def _grown(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
+    """Enlarge a small map to the edges of color; also return the share of votes.
+
+    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken.
+    """
+    height, width = nearness.shape
+    found, agreed = _grown_by_color(task, small, (height, width))
+    soft = enlarged_linearly(small, (height, width))
+    share, sigma, is_depth, overshoot = softness_of(soft, task.noise, task.step)
+    findings = NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
+    if findings.remedy != "sharpen":
+        return found, agreed
+    hard, votes = _sharpened(task._replace(findings=findings), soft)
+    most = min(WELCOME, ALIKE / small.side)
+    takes = _repeated(_error(hard, small) < most * _error(found, small) - SLIGHT, (height, width))
+    snap = task._replace(recipe=RECIPES["snap"])
+    joined, again = hardened(snap, np.where(takes, hard, found))
+    return joined, np.minimum(np.where(takes, votes, agreed), again)
+
+
+def _grown_by_color(
+    task: RefinementTask, small: SmallMap, size: tuple[int, int]
+) -> tuple[Floats, Floats]:
+    """Enlarge a small map; what covers a mean of two surfaces is told by colors alone."""
+    values, is_mean = parted(small.values)
+    sides = values.shape[0] / size[0], values.shape[1] / size[1]
+    start = enlarged(depth_of(values) if small.is_depth else values, size, sides)
+    return grown(task, start, small.side, _repeated(is_mean, size))
+
+
+def _error(nearness: Floats, small: SmallMap) -> Floats:
+    """Return how far means of a map are off the samples of a small one, relatively, smoothed."""
+    import cv2
+
+    height, width = small.values.shape
+    mean = reduced(depth_of(nearness) if small.is_depth else nearness, (height, width))
+    return np.asarray(cv2.blur(np.abs(mean / small.values - 1.0), (3, 3)))
+
+
+def _repeated(mask: Mask, size: tuple[int, int]) -> Mask:
+    """Enlarge a mask by repetition."""
+    import cv2
+
+    whole = cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(whole > 0)
 
 
 def _moved(nearness: Floats, shift: tuple[int, int]) -> Floats:
@@ -232,13 +247,13 @@ def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
         size, ratio = nearness.shape, (shape[0] / nearness.shape[0], shape[1] / nearness.shape[1])
         whole = enlarged(hard, (size[0], size[1]), ratio)
         whole = _only_at_edges(nearness, whole, hard != soft, scale)
-        return _hardened(task._replace(recipe=RECIPES["snap"]), whole)
+        return hardened(task._replace(recipe=RECIPES["snap"]), whole)
     if task.findings.overshoot > OVERSHOOT:
         changed, smooth = _without_overshoot(task, nearness)
         hard, agreed = _sharpened(changed, smooth)
         reach = math.ceil(2.0 * changed.findings.sigma)
         return _only_at_edges(nearness, hard, hard != smooth, reach), agreed
-    return _hardened(task, nearness)
+    return hardened(task, nearness)
 
 
 def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> Floats:
@@ -246,9 +261,9 @@ def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> F
     import cv2
 
     height, width = given.shape
-    mask = cv2.resize(changed.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    mask = _repeated(changed, (height, width))
     side = 2 * reach + 1
-    near = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
+    near = cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     return np.where(given > 0, np.where(near, found, given), np.float32(0))
 
 
@@ -277,7 +292,7 @@ def _densified(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
         return dense_at(task.color, nearness, MADE_UP)
     small, agreed = dense_at(reduced(task.color, shape), nearness, MADE_UP)
     whole = enlarged(small, size, (shape[0] / size[0], shape[1] / size[1]))
-    hard, _ = _hardened(task, whole)
+    hard, _ = hardened(task, whole)
     return hard, np.where(
         hard > 0, enlarged(agreed, size, (shape[0] / size[0], shape[1] / size[1])), np.float32(0)
     )
@@ -289,87 +304,8 @@ def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Flo
         unknown = (nearness <= 0).astype(np.uint8)
         if not unknown.any():
             break
-        found, share = _counted(task, _ballot(task, nearness), unknown, nearness)
+        found, share = counted(task, ballot_of(task, nearness), unknown, nearness)
         nearness = np.where((unknown > 0) & (share < AGREED), np.float32(0), found)
         share = np.where(nearness > 0, MADE_UP * share, 0)
         agreed = np.where(unknown > 0, share, agreed).astype(np.float32)
     return nearness, agreed
-
-
-def _ballot(task: RefinementTask, nearness: Floats) -> Ballot:
-    """Make the voters of a map; samples between surfaces have no weight."""
-    import cv2
-
-    from resample_warp3d.depth.refining.kernels.ramps import (
-        BESIDE,
-        BETWEEN,
-        Bends,
-        Edges,
-        classify,
-        measure_slopes,
-    )
-
-    recipe = task.recipe
-    edges = Edges(recipe.run, recipe.share, max(recipe.least, NOISY * task.noise), 2.0 * task.step)
-    found = np.empty(nearness.shape, np.uint8)
-    classify(nearness, edges_of(nearness, edges), found)
-    side = 2 * recipe.around + 1
-    band = cv2.dilate((found > 0).astype(np.uint8), np.ones((side, side), np.uint8))
-    kind = np.maximum(found, band * np.uint8(BESIDE))
-    trust = np.where(kind > 0, np.float32(UNSURE), np.float32(1))
-    trust[found == BETWEEN] = 0
-    slope = np.empty((*nearness.shape, 4), np.float32)
-    measure_slopes(nearness, kind, Bends(recipe.length, recipe.steepest, recipe.bent), slope)
-    return Ballot(nearness, trust, slope, kind)
-
-
-def _counted(
-    task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats
-) -> tuple[Floats, Floats]:
-    """Count the votes for a band of samples; return nearness and share of votes."""
-    from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows
-
-    refined, agreed = nearness.copy(), (nearness > 0).astype(np.float32)
-    voters = Voters(task.color, ballot.nearness, ballot.trust, ballot.slope)
-    vote_rows(voters, window(), band, refined, agreed)
-    return refined, agreed
-
-
-def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> Ballot:
-    """Restore the nearness of thin objects that blur has reduced, for the votes."""
-    from resample_warp3d.depth.refining.kernels.softness import Blur, restore
-
-    blurred = depth_of if task.findings.is_depth else np.array
-    given, hard = blurred(ballot.nearness), blurred(refined)
-    # Unchanged samples must also be unchanged in these units.
-    hard = np.where(refined == ballot.nearness, given, hard).astype(np.float32)
-    whole = np.empty_like(given)
-    restore(given, hard, ballot.kind, Blur(BLURRED * task.findings.sigma, LEAST), whole)
-    is_told = whole > 0
-    nearness = np.where(is_told, blurred(whole), ballot.nearness).astype(np.float32)
-    trust = np.where(is_told, np.float32(THIN_WEIGHT), ballot.trust)
-    trust[(ballot.kind > 0) & ~is_told] = 0
-    return ballot._replace(nearness=nearness, trust=trust)
-
-
-@cache
-def window() -> "VotingWindow":
-    """Return the window of voters: all near samples and axes, every other one farther out."""
-    from resample_warp3d.depth.refining.kernels.voting import VotingWindow
-
-    down, across = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1)
-    far, near = np.maximum(abs(down), abs(across)), np.minimum(abs(down), abs(across))
-    is_asked = (far <= DENSE) | (near == 0) | ((down % 2 == 0) & (across % 2 == 0))
-    offset = np.stack([down[is_asked], across[is_asked]], axis=1).astype(np.int64)
-    squared = (offset**2).sum(axis=1)
-    share = np.exp(-0.5 * squared / FAR**2)
-    beside = np.abs(offset).min(axis=1) ** 2
-    return VotingWindow(offset, share, np.exp(-0.5 * squared / NEAR**2 - ACROSS * beside))
-
-
-def _scaled(color: Floats) -> Floats:
-    """Scale colors to units of the difference between similar colors."""
-    deviation = float(
-        np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0, dtype=np.float64).sum() / 3.0)
-    )
-    return np.asarray(color / np.float32(max(COLOR_DIFFERENCE * deviation, 1e-6)), np.float32)

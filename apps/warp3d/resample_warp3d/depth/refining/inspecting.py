@@ -245,24 +245,41 @@ def _common(even: Doubles, count: Doubles) -> int:
 
 
 def block_of(nearness: Floats) -> int:
-    """Return the side of the constant blocks of a map, samples; 1 for none."""
-    sizes = [_period(nearness), _period(np.ascontiguousarray(nearness.T))]
-    return sizes[0] if sizes[0] == sizes[1] else 1
+    """Return the side of the constant blocks of a map, samples; 1 for none.
+
+    Where half of the map is flat along an axis, the other axis tells the side.
+    """
+    rows, columns = _steps(nearness), _steps(nearness.T)
+    sizes = _period(rows), _period(columns)
+    side = max(sizes)
+    if sizes[0] == sizes[1] or (
+        min(sizes) == 1
+        and all(_is_at_borders(each, side, FEWEST_BLOCKS) for each in (rows, columns))
+    ):
+        return side
+    return 1
 
 
-def _period(nearness: Floats) -> int:
-    """Return the largest period of the steps along rows; 1 for none."""
+def _steps(nearness: Floats) -> NDArray[np.int64]:
+    """Return the steps between each column and the next, counted; none where they are few."""
     is_step = np.diff(nearness, axis=1) != 0
     places = is_step.sum(axis=0)
-    if places.sum() < FEW_STEPS * is_step.size:
-        return 1
+    return places if places.sum() >= FEW_STEPS * is_step.size else np.zeros_like(places)
+
+
+def _period(places: NDArray[np.int64]) -> int:
+    """Return the largest period of steps; 1 for none."""
     for period in range(LARGEST_BLOCK, 1, -1):
-        at = np.bincount(np.arange(places.size) % period, weights=places, minlength=period)
-        between = np.count_nonzero(places[period - 1 :: period])
-        is_often = between >= max(FEWEST_BLOCKS, places.size // (2 * period))
-        if is_often and at[period - 1] >= AT_ONE * at.sum():
+        if _is_at_borders(places, period, max(FEWEST_BLOCKS, places.size // (2 * period))):
             return period
     return 1
+
+
+def _is_at_borders(places: NDArray[np.int64], period: int, least: int) -> bool:
+    """Whether steps are at the borders of blocks, `least` of which have some."""
+    at_borders = places[period - 1 :: period]
+    is_often = np.count_nonzero(at_borders) >= least
+    return bool(is_often and at_borders.sum() >= AT_ONE * places.sum())
 
 
 def known(image: DepthImage) -> Floats:
