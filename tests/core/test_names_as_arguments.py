@@ -29,7 +29,7 @@ from resample_texture import differentiable
 from resample_texture.geometry.projections import FisheyePicture
 from resample_texture.mesh.rendering import MeshStyle
 from resample_volume.media.appearance import Classification
-from tests.core.test_bad_arguments import BALL, EYE, complaint
+from tests.core.test_bad_arguments import complaint
 
 # Arguments that take a plugin by name or as an object: class, keyword, a name, and the object.
 BY_NAME: list[tuple[Any, str, str, Any]] = [
@@ -104,15 +104,11 @@ def test_names_that_type_checkers_know_are_those_of_the_enumerations() -> None:
         assert get_args(names) == tuple(kind)
 
 
-def test_a_resampler_by_names_paints_what_one_by_objects_does() -> None:
+def test_a_resampler_by_names_is_one_by_objects() -> None:
     by_name = Resampler(primitive="splats", opacity="linear", reconstruction="bspline")
     by_object = Resampler(Primitive.SPLATS, opacity=Opacity.LINEAR, reconstruction=BSplineKernel())
     assert by_name == by_object
-    frames = [paint(BALL, EYE, height=20, width=40) for paint in (by_name, by_object)]
-    assert np.array_equal(frames[0].rgba, frames[1].rgba)
-    assert not np.array_equal(
-        frames[0].rgba, Resampler("splats")(BALL, EYE, height=20, width=40).rgba
-    )
+    assert by_name != Resampler("splats", reconstruction="bspline")
 
 
 @pytest.mark.parametrize(("kind", "name"), OF_PARTS)

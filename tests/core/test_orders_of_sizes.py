@@ -83,7 +83,7 @@ def test_height_comes_before_width_where_they_are_two_arguments() -> None:
             assert given.index("width") == given.index("height") + 1, name
 
 
-PICTURE, CUBE = np.ones((4, 5)), np.ones((4, 5, 6), np.float32)
+PICTURE, CUBE = np.ones((4, 5)), np.ones((4, 5, 6), np.uint8)
 EYE = resample.Camera.from_fov(60, 4, 5)
 CLOUD = resample_points.Cloud(*[np.eye(3, dtype=np.float32)] * 3, np.ones(3, np.float32))
 PARTICLES = resample_points.Particles(np.eye(3), 1.0, 1.0)
