@@ -38,7 +38,23 @@ def plugin_of(group: str, given: Any, name: str = "") -> Any:
     return given
 
 
-class ByName(Generic[T]):
+class _Held(Generic[T]):
+    """Field of a frozen dataclass that holds an object, and is set by what stands for one."""
+
+    default: T
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, choices: object, owner: type | None = None) -> T:
+        """Return the object; of the class, the default."""
+        return self.default if choices is None else cast(T, vars(choices)[self.name])
+
+    def _is_default(self, given: object) -> bool:
+        return given is None and self.default is None
+
+
+class ByName(_Held[T]):
     """Field of a frozen dataclass that holds an object, and may be set by a plugin's name.
 
     Examples
@@ -51,20 +67,12 @@ class ByName(Generic[T]):
     def __init__(self, group: str, default: T) -> None:
         self.group, self.default = group, default
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, choices: object, owner: type | None = None) -> T:
-        """Return the object; of the class, the default."""
-        return self.default if choices is None else cast(T, vars(choices)[self.name])
-
     def __set__(self, choices: object, given: T | str) -> None:
-        is_default = given is None and self.default is None
-        found = None if is_default else plugin_of(self.group, given, self.name)
+        found = None if self._is_default(given) else plugin_of(self.group, given, self.name)
         vars(choices)[self.name] = found
 
 
-class OneOf(Generic[T, N]):
+class OneOf(_Held[T], Generic[T, N]):
     """Field of a frozen dataclass that holds an enumeration's member, and may be set by its text.
 
     Examples
@@ -77,16 +85,9 @@ class OneOf(Generic[T, N]):
     def __init__(self, kind: type[StrEnum], default: T) -> None:
         self.kind, self.default = kind, default
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, choices: object, owner: type | None = None) -> T:
-        """Return the member; of the class, the default."""
-        return self.default if choices is None else cast(T, vars(choices)[self.name])
-
     def __set__(self, choices: object, given: T | N) -> None:
-        is_default = given is None and self.default is None
-        vars(choices)[self.name] = None if is_default else member_of(self.kind, given, self.name)
+        found = None if self._is_default(given) else member_of(self.kind, given, self.name)
+        vars(choices)[self.name] = found
 
 
 def member_of(kind: type[E], given: Any, name: str) -> E:
