@@ -1,6 +1,5 @@
 """What all tests share: threads, the search for examples, the real data, random numbers."""
 
-import hashlib
 import os
 from collections import defaultdict
 from contextlib import suppress
@@ -64,20 +63,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Func
     config.stash[COLLECTED] = [
         (item.nodeid, getattr(item.get_closest_marker("sweep"), "kwargs", None)) for item in items
     ]
-    commit = config.getoption("--eighth")
-    if commit is not None:
-        items[:] = [item for item in items if _is_of_eighth(item, commit)]
-
-
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--eighth COMMIT` runs an eighth of the sweeps, another one for each commit."""
-    parser.addoption("--eighth", metavar="COMMIT", help="an eighth of the sweeps, and no others")
-
-
-def _is_of_eighth(item: pytest.Item, commit: str) -> bool:
-    """Whether a case is a sweep, and one that a commit's hash chooses."""
-    chosen = hashlib.sha256(f"{commit} {item.nodeid}".encode()).digest()[0] % 8 == 0
-    return chosen and item.get_closest_marker("sweep") is not None
 
 
 def _without_own(cases: list[pytest.Function]) -> list[pytest.Function]:
