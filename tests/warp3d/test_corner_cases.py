@@ -115,7 +115,7 @@ def test_noise_and_step_out_of_range_are_refused(given):
         warp(np.ones(SHAPE), WALL, SOURCE, SOURCE, **given)
 
 
-def test_shifts_by_parts_of_a_pixel_are_as_exact_as_a_little_magnification():
+def test_shifts_by_parts_of_a_pixel_are_as_exact_as_a_little_magnification(record):
     wall = [plane((0, 0, 1), 4.0, pattern(14.0))]
     source = prepare(depth_image(wall, SOURCE, SHAPE))
     found = []
@@ -124,9 +124,10 @@ def test_shifts_by_parts_of_a_pixel_are_as_exact_as_a_little_magnification():
         given = render(source, between(SOURCE, target), SHAPE, Hybrid()).image[3:-3, 3:-8]
         found.append(psnr(given, see(wall, target, SHAPE).color[3:-3, 3:-8].astype(np.float32)))
     assert found[0] > found[1] - 3
+    record.quality("shift", found[0])
 
 
-def test_silhouettes_are_not_biased():
+def test_silhouettes_are_not_biased(record):
     def inside(p):
         return 64 / 2.5 * p[..., 0] < 12.3125
 
@@ -138,7 +139,7 @@ def test_silhouettes_are_not_biased():
         Hybrid(),
     ).image[32, :, 0]
     expected = np.clip(32 + 12.3125 + 0.02 * 64 / 2.5 - np.arange(64), 0, 1)
-    assert np.abs(given - expected)[5:-5].max() < 0.01
+    record.error("silhouette", np.abs(given - expected)[5:-5].max())
 
 
 def noisy_plane(noise):
