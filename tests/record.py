@@ -23,7 +23,9 @@ RECORD = Path(__file__).with_name("record.json")
 QUALITY, ERROR = "dB", "error"
 DECIBELS = 0.5  # that a quality may fall short of the one on record
 SHARE = 0.1  # by which an error may exceed the one on record
-SAME = 100.0  # dB; beyond, pictures differ by the rounding of their floats, which is another elsewhere
+SAME = (
+    100.0  # dB; beyond, pictures differ by the rounding of their floats, which is another elsewhere
+)
 ROUNDING = 1e-6  # of errors, likewise
 
 Entry = dict[str, Any]  # a figure by its kind, and why a worse one was accepted

@@ -233,12 +233,12 @@ def test_far_beyond_an_edge_is_what_stands_there(edge):
         np.testing.assert_allclose(image, near, atol=1e-5)
 
 
-def test_a_pixel_sees_the_share_of_it_that_the_source_covers():
+def test_a_pixel_sees_the_share_of_it_that_the_source_covers(record):
     geometry = about(30.0, 0.7)
     white = np.ones((23, 26, 1), np.float32)
     warped = look(white, geometry, SHAPE, Edge.TRANSPARENT, CellGrid())
     _, coverage = rays(white, geometry, SHAPE, Edge.TRANSPARENT, Bilinear(), 64)
-    assert np.sqrt(np.mean((warped.coverage - coverage) ** 2)) < 1e-3
+    record.error("coverage", np.sqrt(np.mean((warped.coverage - coverage) ** 2)))
     np.testing.assert_allclose(warped.image[..., 0], warped.coverage, atol=5e-6)
 
 
