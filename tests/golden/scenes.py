@@ -27,6 +27,8 @@ RECORD = Path(__file__).with_name("pictures.npz")
 SIDE = 24  # px
 LATTICE = 12  # samples per side
 ALL = slice(None), slice(None)
+FLOOR = np.array([[0.9, -0.6, 12.0], [0.0, 0.25, 6.0], [0.0, -0.012, 1.0]])
+GROWN = np.array([[3.1, 0.7, -40.0], [-0.8, 2.9, -20.0], [0.0, 0.001, 1.0]])
 LEVELS = 65535  # of a number on record
 SCENES: dict[str, Callable[[], Any]] = {}
 
@@ -101,13 +103,18 @@ def field() -> Field:
     return Field(position, value, gradient.astype(np.float32), np.eye(3), look)
 
 
-def lattice_field() -> LatticeField:
-    """The same formula on all of a lattice, as rays go through it."""
+def values_of_lattice() -> Any:
+    """The same formula on all of a lattice."""
     axis = np.arange(LATTICE) - (LATTICE - 1) / 2
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    spline, bounds = spline_of((np.sin(x) + np.cos(y * z / 3)).astype(np.float32))
-    none = np.zeros(0, np.uint8)
-    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, axis[0]), field().classifier)
+    return (np.sin(x) + np.cos(y * z / 3)).astype(np.float32)
+
+
+def lattice_field() -> LatticeField:
+    """These values, as rays go through them."""
+    spline, bounds = spline_of(values_of_lattice())
+    none, first = np.zeros(0, np.uint8), -(LATTICE - 1) / 2
+    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, first), field().classifier)
 
 
 def volume(source: Callable[[], Any], away: float, **choices: Any) -> Callable[[], Any]:
@@ -183,22 +190,29 @@ def photograph(side: int) -> Any:
     return (0.5 + 0.3 * waves + 0.2 * (squares[..., None] - 0.5)).astype(np.float32)
 
 
+def bent(x: Any, y: Any) -> tuple[Any, Any]:
+    """Where places of the photograph go."""
+    return 0.45 * x + 2 * np.sin(y / 9), 0.5 * y + np.cos(x / 7)
+
+
+def back(x: Any, y: Any) -> tuple[Any, Any]:
+    """Where places of a picture come from."""
+    return 1.7 * x + np.sin(y / 5), 1.6 * y + np.sin(x / 4)
+
+
 def _add_textures() -> None:
     from resample_texture import BackwardMap, ForwardMap, Homography, warp
     from resample_texture.texels.adjoint import adjoint
     from resample_texture.texels.forward import CellGrid
     from resample_texture.types import Edge
 
-    floor = [[0.9, -0.6, 12.0], [0.0, 0.25, 6.0], [0.0, -0.012, 1.0]]
     y, x = np.mgrid[:64, :64] + 0.5
-    bent = 0.45 * x + 2 * np.sin(y / 9), 0.5 * y + np.cos(x / 7)
     row, column = np.mgrid[:SIDE, :SIDE] + 0.5
-    back = 1.7 * column + np.sin(row / 5), 1.6 * row + np.sin(column / 4)
     geometries = {
-        "plane": Homography(floor),
-        "grown": Homography([[3.1, 0.7, -40.0], [-0.8, 2.9, -20.0], [0.0, 0.001, 1.0]]),
-        "map": ForwardMap(*bent),
-        "backward map": BackwardMap(*back),
+        "plane": Homography(FLOOR),
+        "grown": Homography(GROWN),
+        "map": ForwardMap(*bent(x, y)),
+        "backward map": BackwardMap(*back(column, row)),
     }
     size = (SIDE, SIDE)
     for method in ("hybrid", "points", "splats", "paper"):
@@ -257,17 +271,19 @@ def _add_depth_images() -> None:
 
 
 def _warped(method: str, part: tuple[slice, slice] = ALL, unit: float = 1.0) -> Any:
-    from resample.cameras.models import Camera
     from resample_warp3d import warp
     from resample_warp3d.figures.scenes import generated
 
     scene = generated(64)
     image = scene.depth_image(4)
-    height, width = image.nearness.shape
     color, depth = image.color[part], unit / image.nearness[part]
-    source = Camera.from_intrinsics(55, 55, width / 2, height / 2)
+    return warp(color, depth, scene.source, target_of(scene.source, unit), method).image
+
+
+def target_of(source: Camera, unit: float = 1.0) -> Camera:
+    """The camera a little beside and before one that looks along z."""
     pose = look_at((0.3 * unit, -0.1 * unit, 0.4 * unit), (0, 0, 4 * unit), (0, -1, 0))
-    return warp(color, depth, source, source.moved(pose), method).image
+    return source.moved(pose)
 
 
 def _few_depths() -> Any:
@@ -281,7 +297,6 @@ def _few_depths() -> Any:
 
 
 def _cloud(scale: float, count: int = 600) -> Any:
-    from resample.cameras.models import Camera
     from resample_points.files.readers import Cloud
     from resample_points.painting.rendering import render_cloud
 
@@ -291,11 +306,17 @@ def _cloud(scale: float, count: int = 600) -> Any:
     ball = np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
     color = (0.5 + 0.5 * ball).astype(np.float32)
     nothing = np.zeros((0, 3), np.float32)
-    pose = look_at((0, 0, -4), (0, 0, 0), (0, -1, 0))
-    eye = Camera(np.array([[scale, 0, SIDE / 2], [0, scale, SIDE / 2], [0, 0, 1.0]]), pose)
     return render_cloud(
-        Cloud(ball, nothing, color, np.zeros(0, np.float32)), eye, size=(SIDE, SIDE)
+        Cloud(ball, nothing, color, np.zeros(0, np.float32)),
+        cloud_camera(scale),
+        size=(SIDE, SIDE),
     ).rgba
+
+
+def cloud_camera(scale: float) -> Camera:
+    """Camera that sees the unit ball."""
+    pose = look_at((0, 0, -4), (0, 0, 0), (0, -1, 0))
+    return Camera(np.array([[scale, 0, SIDE / 2], [0, scale, SIDE / 2], [0, 0, 1.0]]), pose)
 
 
 _add_volumes()
@@ -304,26 +325,56 @@ _add_depth_images()
 
 
 def recorded() -> dict[str, Any]:
-    """Pictures on record, to within a 65535th of their span."""
-    with np.load(RECORD) as packed:
-        return {name: _unpacked(packed, name) for name in packed if not name.endswith(" from")}
+    """Pictures on record."""
+    return unpacked(RECORD)
 
 
-def _unpacked(packed: Any, name: str) -> Any:
-    low, span = packed[f"{name} from"]
-    return (low + packed[name] * (span / LEVELS)).astype(np.float32)
+def packed(file: Path, pictures: dict[str, Any]) -> None:
+    """Store pictures to within a 65535th of their span, and what is NaN."""
+    numbers = {}
+    for name, picture in sorted(pictures.items()):
+        known = np.isfinite(picture)
+        low, span = picture[known].min(), max(float(np.ptp(picture[known])), 1e-9)
+        levels = np.rint((np.where(known, picture, low) - low) / span * LEVELS)
+        numbers[name] = levels.astype(np.uint16)
+        numbers[f"{name} from"] = np.array([low, span], np.float32)
+        if not known.all():
+            numbers[f"{name} known"] = known
+    np.savez_compressed(file, **numbers)
+
+
+def unpacked(file: Path) -> dict[str, Any]:
+    """Pictures that are stored."""
+    found = {}
+    with np.load(file) as stored:
+        for name in stored:
+            if not name.endswith((" from", " known")):
+                low, span = stored[f"{name} from"]
+                picture = (low + stored[name] * (span / LEVELS)).astype(np.float32)
+                is_whole = f"{name} known" not in stored
+                found[name] = (
+                    picture if is_whole else np.where(stored[f"{name} known"], picture, np.nan)
+                )
+    return found
 
 
 def main(names: list[str]) -> None:
-    """Put pictures on record."""
-    known = recorded() if names else {}
-    known |= {name: np.asarray(SCENES[name](), np.float32) for name in names or SCENES}
-    packed = {}
-    for name, picture in sorted(known.items()):
-        low, span = picture.min(), max(float(np.ptp(picture)), 1e-9)
-        packed[name] = np.rint((picture - low) / span * LEVELS).astype(np.uint16)
-        packed[f"{name} from"] = np.array([low, span], np.float32)
-    np.savez_compressed(RECORD, **packed)
+    """Put pictures on record, and tell how near they are to the truth."""
+    from tests.golden.truths import NONE, decibels, stored, truth_of
+
+    known, truths = recorded(), stored()
+    for name in names or SCENES:
+        picture, before = np.asarray(SCENES[name](), np.float32), known.get(name)
+        truth = truths.get(truth_of(name) or "")
+        if truth is None:
+            told = f"none: {NONE[name]}"
+        else:
+            told = f"{decibels(picture, truth):.2f} dB to the truth"
+            if before is not None and before.shape == picture.shape:
+                told += f", before {decibels(before, truth):.2f} dB"
+        sys.stdout.write(f"{name}: {told}\n")
+        known[name] = picture
+    packed(RECORD, {name: known[name] for name in SCENES})
 
 
 if __name__ == "__main__":
