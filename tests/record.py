@@ -12,6 +12,7 @@ gains go there; a loss never does: to accept one, edit its line by hand, and say
 
 import json
 import math
+import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -88,6 +89,8 @@ def versions(count: int = 5) -> list[str]:
     name, found = f"tests/{RECORD.name}", [RECORD.read_text(encoding="utf-8")]
 
     def git(*arguments: str) -> str:
+        if shutil.which("git") is None:
+            return ""
         command = ("git", *arguments)
         done = subprocess.run(command, cwd=RECORD.parents[1], capture_output=True, check=False)
         return done.stdout.decode() if done.returncode == 0 else ""
@@ -116,29 +119,33 @@ class Record:
 
     def quality(self, what: str, decibels: Any) -> None:
         """Fail where a quality is worse than the one on record; of several, the worst counts."""
+        __tracebackhide__ = True
         self._judge(what, QUALITY, float(decibels))
 
     def error(self, what: str, error: Any) -> None:
         """Fail where an error is larger than the one on record; of several, the largest counts."""
+        __tracebackhide__ = True
         self._judge(what, ERROR, float(error))
 
     def _judge(self, what: str, kind: str, figure: float) -> None:
+        __tracebackhide__ = True  # the line that is shown is the test's
         key = f"{self.node} {what}"
-        assert not math.isnan(figure), f"{key}: NaN"
+        if math.isnan(figure):
+            pytest.fail(f"{what}: NaN")
         worst = min if kind == QUALITY else max
         self.found[what, kind] = worst(figure, self.found.get((what, kind), figure))
         before = self.entries.get(key, {}).get(kind)
-        if before is None:
-            assert self.is_writing, (
+        if before is None and not self.is_writing:
+            pytest.fail(
                 f"{what}: {told(kind, figure)} is not on record; this adds it: "
                 f'python -m pytest --record "{self.node}", '
                 f'and so does make test-all ARGS="--record {self.node.partition("::")[0]}"'
             )
-            return
-        assert not is_worse(kind, figure, before), (
-            f"{what}: {told(kind, figure)}, but {told(kind, before)} is on record; to accept this, "
-            f'edit the line of tests/{RECORD.name}, and say why in a "why" beside the figure'
-        )
+        if before is not None and is_worse(kind, figure, before):
+            pytest.fail(
+                f"{what}: {told(kind, figure)}, but {told(kind, before)} is on record; to accept "
+                f'it, edit the line of tests/{RECORD.name} and say why in a "why" beside the figure'
+            )
 
 
 class Ledger:

@@ -7,6 +7,7 @@ its order of compositing, and knows nothing of footprints, sub-pixels, tables an
 
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ from tests.golden import scenes
 from tests.golden.scenes import SIDE, camera, packed, unpacked
 
 STORED = Path(__file__).with_name("truths.npz")
-FINE = 6  # rays per side of a pixel, through volumes
-RAYS = 16  # likewise, of textures
+FINE = 4  # rays per side of a pixel, through volumes
+RAYS = 16  # likewise, of textures and outlines
 STEP = 0.1  # voxels, along rays through fields
 CLIP = np.array([(0.6, 0.0, 0.8, 3.0)])
 SIZE = {"height": SIDE * FINE, "width": SIDE * FINE}
@@ -44,11 +45,11 @@ NONE = {
 }
 
 
-def finer(eye: Any, margin: int = 0) -> Camera:
-    """The camera with FINE rays per side of a pixel, and some px around."""
+def finer(eye: Any, margin: int = 0, count: int = FINE) -> Camera:
+    """The camera with so many rays per side of a pixel, and some px around."""
     matrix = eye.matrix.copy()
     matrix[:2, 2] += margin
-    return Camera(np.diag([FINE, FINE, 1.0]) @ matrix, eye.world_to_camera)
+    return Camera(np.diag([count, count, 1.0]) @ matrix, eye.world_to_camera)
 
 
 def mean(fine: Any, count: int = FINE) -> Any:
@@ -71,7 +72,7 @@ def one_by_one(
     center = naive.in_camera(eye, given.position)
     order = np.argsort(center[:, 2] if key == "depth" else np.linalg.norm(center, axis=1))
     between = None if clip is None else naive.kept_by(eye, clip, **size)
-    scale = np.ones(len(center)) if given.scale.size == 0 else given.scale.astype(float)
+    scale = np.ones(len(center)) if given.scale is None else given.scale.astype(float)
     picture = np.zeros((size["height"], size["width"], 4))
     for n in order:
         integral = naive.line_integrals(
@@ -126,11 +127,18 @@ def along_the_ray(away: float) -> Any:
     return mean(light(color, total * length[..., None]))
 
 
+@cache
+def field_densities() -> tuple[Any, Any, Any]:
+    """Sums of a field's values and gradients along rays."""
+    given = scenes.field()
+    what = np.column_stack([given.value, given.gradient]).astype(float)
+    return densities(given, finer(camera()), what)
+
+
 def of_field(projection: str) -> Any:
     """A field of values that kernels spread, classified after that."""
     given, eye = scenes.field(), finer(camera())
-    what = np.column_stack([given.value, given.gradient]).astype(float)
-    sums, depth, length = densities(given, eye, what)
+    sums, depth, length = field_densities()
     density, known = sums[..., 0].astype(float), sums[..., 0] > 1e-6
     value = np.where(known, sums[..., 1] / np.where(known, density, 1), 0.0)
     if projection == "additive":
@@ -153,12 +161,17 @@ def of_field(projection: str) -> Any:
     return mean(light(color, look[..., 3] * density * length[..., None]))
 
 
+@cache
+def met_on_lattice() -> ray_truth.Along:
+    """What rays meet of a field on a lattice, in short steps."""
+    given, size = scenes.lattice_field(), (SIZE["height"], SIZE["width"])
+    values, none = scenes.values_of_lattice(), np.zeros((0, 4))
+    return ray_truth.along_rays(values, given, finer(camera()), size, none)
+
+
 def of_lattice(projection: str) -> Any:
-    """A field on a lattice by SciPy's spline, in short steps."""
-    given, eye = scenes.lattice_field(), finer(camera())
-    none = np.zeros((0, 4))
-    values = scenes.values_of_lattice()
-    met = ray_truth.along_rays(values, given, eye, (SIZE["height"], SIZE["width"]), none)
+    """A field on a lattice by SciPy's spline."""
+    given, met, none = scenes.lattice_field(), met_on_lattice(), np.zeros((0, 4))
     if projection == "composite":
         return mean(ray_truth.composite(met, given, none))
     hit = met.inside.any(axis=2)
@@ -270,15 +283,15 @@ def room() -> Any:
 
 def ball(scale: float) -> Any:
     """The ball that the cloud was taken of."""
-    eye = scenes.cloud_camera(scale)
-    origin, way = naive.rays(finer(eye), **SIZE)
+    eye, side = scenes.cloud_camera(scale), SIDE * RAYS
+    origin, way = naive.rays(finer(eye, count=RAYS), side, side)
     middle = eye.view().translation
     a, b = (way * way).sum(-1), ((origin - middle) * way).sum(-1)
     root = b * b - a * (middle @ middle - 1)
     nearest = (-b - np.sqrt(np.maximum(root, 0))) / a
     point = (way * nearest[..., None] - middle) @ eye.view().rotation
     hit = (root > 0)[..., None]
-    return mean(np.where(hit, np.concatenate([0.5 + 0.5 * point, hit], axis=-1), 0.0))
+    return mean(np.where(hit, np.concatenate([0.5 + 0.5 * point, hit], axis=-1), 0.0), RAYS)
 
 
 TRUTHS: dict[str, Callable[[], Any]] = {
