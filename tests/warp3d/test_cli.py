@@ -83,9 +83,9 @@ def test_what_no_view_shows_is_transparent():
     assert not picture[:, 30:].any()
 
 
-def test_the_default_method_moves_things_too():
+def test_the_default_method_moves_things_too(record):
     picture, source = moved(*RIGHT), read_image("color.png")
-    assert np.abs(picture[2:6, 2:28, :3] - source[2:6, 4:30]).mean() < 0.05  # noise is hard
+    record.error("mean", np.abs(picture[2:6, 2:28, :3] - source[2:6, 4:30]).mean())
 
 
 def test_transparency_is_added_once(rng):

