@@ -22,7 +22,7 @@ def captions(before: Any, after: Any, decibels: tuple[float, float] | None) -> l
     return [
         f"before{told[0]}",
         f"after{told[1]}",
-        f"(after − before) × {amplified(before, after)} around gray",
+        f"after minus before, {amplified(before, after)} times, on gray",
     ]
 
 
