@@ -4,6 +4,7 @@ A test takes the fixture `record` and tells what it has found:
 
     record.quality("picture", psnr(found, truth))  # dB, more is better
     record.error("depth", rms(found, truth))  # less is better
+    record.error("wrong pixels", np.abs(found - truth) > 0.1)  # their share
 
 A figure that is worse than the one on record by over 0.5 dB, or by over 10 % of an error, fails.
 Gains of as much are told at the end of a run. With `--record`, figures that are not on record and
@@ -18,6 +19,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 RECORD = Path(__file__).with_name("record.json")
@@ -28,6 +30,7 @@ SAME = (
     100.0  # dB; beyond, pictures differ by the rounding of their floats, which is another elsewhere
 )
 ROUNDING = 1e-6  # of errors, likewise
+FEW = 2  # of what is right or wrong, more or less of which is chance
 
 Entry = dict[str, Any]  # a figure by its kind, and why a worse one was accepted
 
@@ -55,18 +58,18 @@ def rounded(kind: str, figure: float) -> float:
     return round(figure, 2) if kind == QUALITY else float(f"{figure:.3g}")
 
 
-def is_worse(kind: str, figure: float, before: float) -> bool:
+def is_worse(kind: str, figure: float, before: float, chance: float = ROUNDING) -> bool:
     """Whether a figure falls short of another by more than what chance explains."""
     if kind == QUALITY:
         return not figure >= min(before, SAME) - DECIBELS
-    return not figure <= before * (1 + SHARE) + ROUNDING
+    return not figure <= before * (1 + SHARE) + chance
 
 
-def is_better(kind: str, figure: float, before: float) -> bool:
+def is_better(kind: str, figure: float, before: float, chance: float = ROUNDING) -> bool:
     """Whether a figure exceeds another by as much."""
     if kind == QUALITY:
         return min(figure, SAME) > before + DECIBELS
-    return figure < before * (1 - SHARE) - ROUNDING
+    return figure < before * (1 - SHARE) - chance
 
 
 def told(kind: str, figure: float) -> str:
@@ -115,25 +118,33 @@ class Record:
 
     def __init__(self, node: str, entries: Mapping[str, Entry], is_writing: bool = False) -> None:
         self.node, self.entries, self.is_writing = node, entries, is_writing
-        self.found: dict[tuple[str, str], float] = {}  # the worst by what it is and its kind
+        # The worst by what it is and its kind, and what of an error is chance.
+        self.found: dict[tuple[str, str], tuple[float, float]] = {}
 
     def quality(self, what: str, decibels: Any) -> None:
         """Fail where a quality is worse than the one on record; of several, the worst counts."""
         __tracebackhide__ = True
-        self._judge(what, QUALITY, float(decibels))
+        self._judge(what, QUALITY, float(decibels), 0.0)
 
     def error(self, what: str, error: Any) -> None:
-        """Fail where an error is larger than the one on record; of several, the largest counts."""
-        __tracebackhide__ = True
-        self._judge(what, ERROR, float(error))
+        """Fail where an error is larger than the one on record; of several, the largest counts.
 
-    def _judge(self, what: str, kind: str, figure: float) -> None:
+        Of booleans, which say what is wrong, it is the share.
+        """
+        __tracebackhide__ = True
+        given = np.asarray(error)
+        if given.dtype.kind == "b":
+            self._judge(what, ERROR, float(given.mean()), FEW / given.size)
+        else:
+            self._judge(what, ERROR, float(given), ROUNDING)
+
+    def _judge(self, what: str, kind: str, figure: float, chance: float) -> None:
         __tracebackhide__ = True  # the line that is shown is the test's
         key = f"{self.node} {what}"
         if math.isnan(figure):
             pytest.fail(f"{what}: NaN")
-        worst = min if kind == QUALITY else max
-        self.found[what, kind] = worst(figure, self.found.get((what, kind), figure))
+        worst, one = min if kind == QUALITY else max, (figure, chance)
+        self.found[what, kind] = worst(one, self.found.get((what, kind), one))
         before = self.entries.get(key, {}).get(kind)
         if before is None and not self.is_writing:
             pytest.fail(
@@ -141,7 +152,7 @@ class Record:
                 f'python -m pytest --record "{self.node}", '
                 f'and so does make test-all ARGS="--record {self.node.partition("::")[0]}"'
             )
-        if before is not None and is_worse(kind, figure, before):
+        if before is not None and is_worse(kind, figure, before, chance):
             pytest.fail(
                 f"{what}: {told(kind, figure)}, but {told(kind, before)} is on record; to accept "
                 f'it, edit the line of tests/{RECORD.name} and say why in a "why" beside the figure'
@@ -155,7 +166,7 @@ class Ledger:
         self.is_writing = bool(config.getoption("--record"))
         self.is_worker = hasattr(config, "workerinput")
         self.entries = read_record(RECORD.read_text(encoding="utf-8"))
-        self.found: list[tuple[str, str, str, float]] = []
+        self.found: list[tuple[str, str, str, float, float]] = []
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Take what a test has found from its report, which workers send."""
@@ -167,12 +178,12 @@ class Ledger:
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         """Tell gains and what is not on record yet, and put both there if that is asked for."""
         lines = []
-        for node, what, kind, figure in sorted(self.found):
+        for node, what, kind, figure, chance in sorted(self.found):
             key = f"{node} {what}"
             before = self.entries.get(key, {}).get(kind)
             if before is None:
                 lines.append(f"new: {key}: {told(kind, figure)}")
-            elif is_better(kind, figure, before):
+            elif is_better(kind, figure, before, chance):
                 lines.append(f"gain: {key}: {told(kind, figure)}, before {told(kind, before)}")
             else:
                 continue
@@ -208,5 +219,5 @@ def record(request: pytest.FixtureRequest) -> Iterator[Record]:
     ledger = request.config.stash[LEDGER]
     mine = Record(request.node.nodeid, ledger.entries, ledger.is_writing)
     yield mine
-    found = [[what, kind, figure] for (what, kind), figure in mine.found.items()]
+    found = [[*name, *figure] for name, figure in mine.found.items()]
     request.node.user_properties.append(("record", found))

@@ -2,9 +2,11 @@
 
 import json
 import math
+from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests import record
@@ -99,11 +101,19 @@ def test_of_figures_of_one_name_the_worst_counts():
     for decibels, error in ((60.0, 0.01), (39.6, 0.105), (50.0, 0.05)):
         mine.quality("x", decibels)
         mine.error("y", error)
-    assert mine.found == {("x", "dB"): 39.6, ("y", "error"): 0.105}
+    assert mine.found == {("x", "dB"): (39.6, 0.0), ("y", "error"): (0.105, 1e-6)}
     with pytest.raises(pytest.fail.Exception, match=r"39\.00 dB, but 40\.00 dB"):
         mine.quality("x", 39.0)
     with pytest.raises(pytest.fail.Exception, match="NaN"):
         mine.quality("x", math.nan)
+
+
+def test_of_what_is_wrong_two_more_are_chance():
+    mine = Record("a", {"a x": {"error": 0.02}})
+    mine.error("x", np.arange(100) < 4)
+    assert mine.found == {("x", "error"): (0.04, 0.02)}
+    with pytest.raises(pytest.fail.Exception, match=r"an error of 0\.05"):
+        mine.error("x", np.arange(100) < 5)
 
 
 def test_beyond_the_rounding_of_floats_nothing_is_better_or_worse():
@@ -156,12 +166,13 @@ def test_the_record_is_as_it_would_be_written():
 def test_what_is_on_record_is_of_tests_that_exist(request):
     if any("::" in str(argument) for argument in request.config.args):
         pytest.skip("parts of files were collected")
-    known = {node for node, _ in request.config.stash[COLLECTED]}
-    files = {node.partition("::")[0] for node in known}
+    known = defaultdict(list)
+    for node, _ in request.config.stash[COLLECTED]:
+        known[node.partition("::")[0]].append(f"{node} ")
     stale = []
     for key in read_record(RECORD.read_text(encoding="utf-8")):
         file = key.partition("::")[0]
-        is_here = any(key.startswith(f"{node} ") for node in known) if file in files else True
-        if not is_here or not (ROOT / file).exists():
+        is_known = key.startswith(tuple(known[file])) if file in known else (ROOT / file).exists()
+        if not is_known:
             stale.append(key)
     assert stale == []

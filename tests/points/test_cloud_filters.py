@@ -80,9 +80,9 @@ def test_a_filtered_cloud_is_the_same_for_any_threads_and_order():
     np.testing.assert_array_equal(pictures[0].depth, pictures[1].depth)
 
 
-def test_a_filtered_cloud_knows_its_discs_and_its_nearest_depth():
+def test_a_filtered_cloud_knows_its_discs_and_its_nearest_depth(record):
     usual, given = cloud_seen(), cloud_seen("tent")
     assert given.statistics[:3] == usual.statistics[:3]
     both = np.isfinite(usual.first_depth) & np.isfinite(given.first_depth)
     near = np.abs(given.first_depth[both] / usual.first_depth[both] - 1.0)
-    assert np.mean(near < 0.02) > 0.97  # rims are seen at other places of a pixel
+    record.error("wrong depths", ~(near < 0.02))  # rims are seen at other places of a pixel

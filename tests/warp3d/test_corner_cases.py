@@ -152,9 +152,9 @@ def noisy_plane(noise):
 
 
 @pytest.mark.parametrize("noise", [7e-4, 9e-4])
-def test_little_noise_does_not_tear_surfaces(noise):
+def test_little_noise_does_not_tear_surfaces(noise, record):
     source = noisy_plane(noise)
-    assert (source.links[1:-1, 1:-1] == 15).mean() > 0.999
+    record.error("torn links", source.links[1:-1, 1:-1] != 15)
 
 
 @pytest.mark.parametrize("noise", [0.002, 0.005])

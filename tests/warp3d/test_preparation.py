@@ -93,12 +93,12 @@ def test_noise_is_measured(noise, rng):
     assert source.noise == pytest.approx(noise, rel=0.2)
 
 
-def test_noise_does_not_tear_surfaces_nor_hide_steps(rng):
+def test_noise_does_not_tear_surfaces_nor_hide_steps(rng, record):
     slope = np.where(X < 32, 1.0, 0.9) * (0.5 + 0.001 * X - 0.002 * Y)
     source = prepared(slope * (1 + 0.002 * rng.normal(size=SHAPE)))
     assert not to_right(source)[:, 31].any()
     # Six standard deviations of a difference are allowed, as far as the noise was seen.
-    assert np.delete(to_right(source), 31, axis=1).mean() > 0.998
+    record.error("torn links", ~np.delete(to_right(source), 31, axis=1))
 
 
 def test_noise_is_smoothed_along_surfaces(rng, record):
