@@ -181,9 +181,7 @@ def test_an_unknown_group_is_refused_with_the_known_ones(capsys):
     assert "there are volume, " in capsys.readouterr().err
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_transmittance.py::test_splats_are_composited_front_to_back"
-)
+@pytest.mark.sweep
 def test_fragments_leave_the_light_that_the_painter_leaves():
     rng = np.random.default_rng(7)
     position = rng.uniform(-4, 4, (300, 3)).astype(np.float32)
@@ -214,7 +212,7 @@ def test_a_floor_fills_its_frame():
         pytest.param(
             "depth image",
             20,
-            marks=pytest.mark.sweep(kept_by="test_baselines_make_the_same_picture"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -238,9 +236,7 @@ def test_every_work_is_on_record():
     assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_windows.py::test_windows_have_the_bits_of_a_volume_in_memory"
-)
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budget(capsys):
     pytest.importorskip("zarr")
