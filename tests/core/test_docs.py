@@ -154,6 +154,7 @@ def fault(path, line):
     return ""
 
 
+@pytest.mark.sweep
 def test_a_command_within_a_command_is_checked_too():
     assert not fault(DOCS, "resample-volume render $(resample-volume fetch engine) -o a.png")
     assert "fetsh" in fault(DOCS, "resample-volume render $(resample-volume fetsh engine) -o a.png")
@@ -182,6 +183,7 @@ def test_modules_that_the_measurements_name_are_there():
             assert place.is_dir() or place.with_suffix(".py").exists(), name
 
 
+@pytest.mark.sweep
 def test_options_that_no_command_has_are_found():
     assert not fault(DOCS, "resample-volume render checker-box --shadows -o a.png")
     assert "--shadow" in fault(DOCS, "resample-volume render checker-box --shadow 3 -o a.png")
@@ -200,6 +202,7 @@ def with_options_of_their_own(found):
         seen |= new
 
 
+@pytest.mark.sweep
 def test_every_option_that_the_docs_give_a_command_parses():
     found = list(with_options_of_their_own(sorted(commands(), key=lambda one: -len(one[1]))))
     assert len(found) > 40
@@ -216,6 +219,7 @@ def test_every_command_of_the_docs_parses():
 GENERATED = pytest.mark.sweep
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "program",
     ["resample", *(pytest.param(name, marks=GENERATED) for name in command_pages.PROGRAMS[1:])],
