@@ -4,6 +4,7 @@ Kernels in the user's cache are reused; the others are compiled first.
 """
 
 import argparse
+import ast
 import json
 import os
 import platform
@@ -14,6 +15,8 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from resample.engine.compiled import entries
@@ -26,12 +29,13 @@ ROOT = Path(__file__).parents[2]
 LIBRARY = ROOT / "resample" / "engine" / "compiled" / platforms.file_name()
 
 
-def used(log: Path) -> list[Path]:
-    """Kernel files named in a log of RESAMPLE_KERNELS_LOG, without duplicates."""
-    return sorted({Path(line) for line in log.read_text().splitlines()}) if log.exists() else []
+def used(log: Path) -> dict[Path, str]:
+    """Kernel files named in a log of RESAMPLE_KERNELS_LOG, with digests of their sources."""
+    lines = log.read_text().splitlines() if log.exists() else []
+    return {Path(file): digest for digest, file in (line.split(" ", 1) for line in lines)}
 
 
-def compiled_for_scenes(folder: Path) -> list[Path]:
+def compiled_for_scenes(folder: Path) -> dict[Path, str]:
     """Run all groups of scenes and collect the kernels that they use.
 
     Raises
@@ -41,7 +45,7 @@ def compiled_for_scenes(folder: Path) -> list[Path]:
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         logs = list(pool.map(lambda group: _run(group, folder), GROUPS))
-    return sorted({file for log in logs for file in used(log)})
+    return {file: digest for log in logs for file, digest in used(log).items()}
 
 
 def _run(group: str, folder: Path) -> Path:
@@ -87,26 +91,44 @@ def _common_prefix(texts: list[str]) -> int:
 
 
 def edits(files: Iterable[Path]) -> list[str]:
-    """Lines with the fraction of compile time that an edit of each module causes."""
+    """Lines with the fraction of compile time that an edit of each function or constant causes."""
     known = [entry for entry in map(entries.read, files) if entry is not None]
     total = sum(entry.seconds for entry in known)
     seconds: defaultdict[str, float] = defaultdict(float)
     for entry in known:
-        for module in entry.modules:
-            seconds[module] += entry.seconds
-    shares = {name: spent / total for name, spent in seconds.items() if is_of_kernels(name)}
-    lines = [f"{share:6.1%}  {name}" for name, share in sorted(shares.items(), key=_by_share)]
-    mean = sum(shares.values()) / len(shares)
-    return [*lines, f"{mean:6.1%}  of {total:.0f} s in the mean over {len(shares)} modules"]
+        for part in {home(part) for part in entry.parts} - set(TOOLS):
+            seconds[part] += entry.seconds
+    ordered = sorted(seconds.items(), key=lambda item: (-item[1], item[0]))
+    mean = sum(seconds.values()) / len(seconds)
+    return [
+        *(f"{spent / total:6.1%}  {part}" for part, spent in ordered),
+        f"{mean / total:6.1%}  of {total:.0f} s in the mean over {len(seconds)} functions and "
+        f"constants, {ordered[0][1] / total:.1%} at worst",
+    ]
 
 
-def is_of_kernels(module: str) -> bool:
-    """Whether a module contains kernels or their parts, but not the compiler tools."""
-    return module not in TOOLS and bool({"engine", "kernels"} & set(module.split(".")[:-1]))
+def home(part: str) -> str:
+    """Where a constant is defined that other modules import, by its name there."""
+    module, _, name = part.rpartition(".")
+    origin = imported(module).get(name)
+    return part if origin is None else home(origin)
 
 
-def _by_share(item: tuple[str, float]) -> tuple[float, str]:
-    return -item[1], item[0]
+@cache
+def imported(module: str) -> dict[str, str]:
+    """Names that a module imports from others of the same distribution, and where from."""
+    try:
+        found = find_spec(module)
+    except ModuleNotFoundError:  # a class or a function, in which another is defined
+        return {}
+    if found is None or found.origin is None:
+        return {}
+    return {
+        name.asname or name.name: f"{node.module}.{name.name}"
+        for node in ast.walk(ast.parse(Path(found.origin).read_text()))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("resample")
+        for name in node.names
+    }
 
 
 def main() -> int:
@@ -115,7 +137,9 @@ def main() -> int:
     parser.add_argument(
         "--list", action="store_true", help="list kernels and their specialisations"
     )
-    parser.add_argument("--edits", action="store_true", help="show what edits of modules recompile")
+    parser.add_argument(
+        "--edits", action="store_true", help="show what edits of functions and constants recompile"
+    )
     parser.add_argument(
         "--log", type=Path, help="use the kernels in this log of RESAMPLE_KERNELS_LOG"
     )
