@@ -18,15 +18,23 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from resample.engine.compiled import entries
 from resample.engine.compiled.library import VARIABLE
-from resample.engine.compiled.sources import TOOLS
 from tools.kernels import platforms
 from tools.kernels.scenes import GROUPS
 
 ROOT = Path(__file__).parents[2]
+COMPILED = "resample.engine.compiled"  # the compiler, which counts whole
 LIBRARY = ROOT / "resample" / "engine" / "compiled" / platforms.file_name()
+
+
+class Outline(NamedTuple):
+    """Names at the top of a module's source."""
+
+    defined: set[str]
+    imported: dict[str, str]  # and where they are from
 
 
 def used(log: Path) -> dict[Path, str]:
@@ -91,44 +99,58 @@ def _common_prefix(texts: list[str]) -> int:
 
 
 def edits(files: Iterable[Path]) -> list[str]:
-    """Lines with the fraction of compile time that an edit of each function or constant causes."""
+    """Lines with the fraction of compile time that an edit of each function or constant causes.
+
+    They are all functions, classes and constants of modules that kernels are compiled from.
+    """
     known = [entry for entry in map(entries.read, files) if entry is not None]
     total = sum(entry.seconds for entry in known)
-    seconds: defaultdict[str, float] = defaultdict(float)
+    modules = {part.rpartition(".")[0] for entry in known for part in entry.parts} - {COMPILED}
+    share = {f"{module}.{name}": 0.0 for module in modules for name in outline(module).defined}
     for entry in known:
-        for part in {home(part) for part in entry.parts} - set(TOOLS):
-            seconds[part] += entry.seconds
-    ordered = sorted(seconds.items(), key=lambda item: (-item[1], item[0]))
-    mean = sum(seconds.values()) / len(seconds)
+        for part in {home(part) for part in entry.parts} & share.keys():
+            share[part] += entry.seconds / total
+    shares = sorted(share.values())
     return [
-        *(f"{spent / total:6.1%}  {part}" for part, spent in ordered),
-        f"{mean / total:6.1%}  of {total:.0f} s in the mean over {len(seconds)} functions and "
-        f"constants, {ordered[0][1] / total:.1%} at worst",
+        *(
+            f"{each:6.1%}  {part}"
+            for part, each in sorted(share.items(), key=lambda item: -item[1])
+        ),
+        f"{shares[-1]:6.1%}  of {total:.0f} s at worst",
+        f"{shares[len(shares) // 2]:6.1%}  in the median",
+        f"{sum(shares) / len(shares):6.1%}  in the mean over {len(shares)} functions and constants",
     ]
 
 
 def home(part: str) -> str:
-    """Where a constant is defined that other modules import, by its name there."""
+    """Name of a constant where it is defined, whichever module imports it."""
     module, _, name = part.rpartition(".")
-    origin = imported(module).get(name)
+    origin = outline(module).imported.get(name)
     return part if origin is None else home(origin)
 
 
 @cache
-def imported(module: str) -> dict[str, str]:
-    """Names that a module imports from others of the same distribution, and where from."""
+def outline(module: str) -> Outline:
+    """What a module's source defines and imports; nothing for a function that defines others."""
     try:
         found = find_spec(module)
-    except ModuleNotFoundError:  # a class or a function, in which another is defined
-        return {}
-    if found is None or found.origin is None:
-        return {}
-    return {
-        name.asname or name.name: f"{node.module}.{name.name}"
-        for node in ast.walk(ast.parse(Path(found.origin).read_text()))
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("resample")
-        for name in node.names
-    }
+    except ModuleNotFoundError:
+        return Outline(set(), {})
+    defined: set[str] = set()
+    imported: dict[str, str] = {}
+    origin = found.origin if found else None
+    for node in ast.parse(Path(origin).read_text()).body if origin else ():
+        match node:
+            case ast.FunctionDef() | ast.ClassDef():
+                defined.add(node.name)
+            case ast.Assign() | ast.AnnAssign():
+                targets = [target for target in ast.walk(node) if isinstance(target, ast.Name)]
+                defined |= {each.id for each in targets if isinstance(each.ctx, ast.Store)}
+            case ast.ImportFrom(module=str() as other):
+                imported |= {
+                    each.asname or each.name: f"{other}.{each.name}" for each in node.names
+                }
+    return Outline(defined, imported)
 
 
 def main() -> int:
