@@ -33,11 +33,13 @@ RECORD = np.dtype([("x", "f4"), ("at", "i8", 2)])
 @pytest.fixture(scope="module")
 def native(tmp_path_factory):
     """The small kernels, compiled by numba, as a library of their own."""
+    from tools.kernels.__main__ import used
     from tools.kernels.link import build
 
     folder = tmp_path_factory.mktemp("library")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numba.config, "CACHE_DIR", str(folder))
+        patch.setenv("RESAMPLE_KERNELS_LOG", str(folder / "log"))
         # Anew, as other tests may have called them: what is in memory is not stored again.
         anew = [jit.making_kernel(each.__wrapped__) for each in (sums, steps, copy_into, nothing)]
         anew[0](PAIR, 2.0)
@@ -46,7 +48,7 @@ def native(tmp_path_factory):
         anew[2](np.zeros(3), np.ones(3))
         anew[3](1)
         made = folder / "_kernels.abi3.so"
-        build(folder.glob("*.kernel"), made)
+        build(used(folder / "log"), made)
     loader = ExtensionFileLoader("_kernels", str(made))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("_kernels", loader))
     loader.exec_module(module)
