@@ -167,6 +167,12 @@ class Ledger:
         self.is_worker = hasattr(config, "workerinput")
         self.entries = read_record(RECORD.read_text(encoding="utf-8"))
         self.found: list[tuple[str, str, str, float, float]] = []
+        self.collected: list[str] = []
+
+    @pytest.hookimpl(tryfirst=True)  # before some are left out
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Note which tests there are: the record holds no others."""
+        self.collected = [item.nodeid for item in items]
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Take what a test has found from its report, which workers send."""

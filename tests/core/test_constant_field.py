@@ -29,8 +29,8 @@ def largest_error(stills):
     return max(np.abs(still.error[still.interior]).max() for still in stills)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
-@pytest.mark.each_value
 @pytest.mark.parametrize("place", [FAR, TILTED], ids=["along the lattice", "tilted"])
 @pytest.mark.parametrize(
     ("form", "scales"),
@@ -43,6 +43,7 @@ def test_a_constant_field_has_the_analytic_transmittance(form, scales, place, re
     record.error("transmittance", largest_error(stills))
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_mixture_of_points_and_splats_has_the_analytic_transmittance(record):
     stills = zoom(NEAR, (0.0595, 0.058, 0.0565), HYBRID)
@@ -68,6 +69,7 @@ def check_steps(record, place, *runs):
     return grids
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_first_grids_begin_without_a_step(record):
     """Where the whole zoom's largest steps and errors are."""
@@ -75,7 +77,7 @@ def test_the_first_grids_begin_without_a_step(record):
     assert check_steps(record, FAR, *first) == {1, 2, 3, 4}
 
 
-@pytest.mark.sweep(kept_by="test_the_first_grids_begin_without_a_step")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("place", "scales"),
     [

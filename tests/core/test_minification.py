@@ -19,7 +19,7 @@ from tests.benchmarks.quality_table import (
 )
 
 FEW = [(0.9, 0.125), (0.3, 0.25)]  # alpha and scale of what `make test` looks at
-MORE = pytest.mark.sweep(kept_by="test_hybrid_comes_near_sixteen_by_sixteen_rays")
+MORE = pytest.mark.sweep
 NOISE = 0.05  # dB, between pictures that are equally good
 
 
@@ -44,6 +44,7 @@ def measured(request) -> dict[str, float]:
     return found
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_hybrid_comes_near_sixteen_by_sixteen_rays(measured, record):
     record.quality("hybrid", measured["hybrid"])
@@ -60,14 +61,13 @@ def test_hybrid_is_better_than_the_papers_form(measured):
     assert measured["hybrid"] > measured["paper"]
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "alpha",
     [
         0.9,
-        pytest.param(
-            0.3, marks=pytest.mark.sweep(kept_by="test_the_truth_needs_no_voxel_behind_the_crust")
-        ),
+        pytest.param(0.3, marks=pytest.mark.sweep),
     ],
 )
 def test_the_truth_needs_no_voxel_behind_the_crust(alpha):
@@ -77,6 +77,7 @@ def test_the_truth_needs_no_voxel_behind_the_crust(alpha):
     np.testing.assert_allclose(crust, whole, rtol=0, atol=1e-5)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_truth_has_converged(record):
     # 32 rays a side, by moving the rays by a quarter of their distance each way.
@@ -95,6 +96,7 @@ def test_the_truth_has_converged(record):
     record.quality("truth", object_psnr(shot.by(TRUTH, samples).rgba, twice))
 
 
+@pytest.mark.sweep
 def test_hybrid_is_far_better_than_one_ray_per_pixel(record):
     # The gist of the slow tests, for every run.
     shot, samples = distant(0.125), checker_box(0.9, CRUST[0.9])

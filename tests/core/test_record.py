@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests import record
-from tests.conftest import COLLECTED
 from tests.record import (
+    LEDGER,
     RECORD,
     Record,
     is_better,
@@ -167,7 +167,7 @@ def test_what_is_on_record_is_of_tests_that_exist(request):
     if any("::" in str(argument) for argument in request.config.args):
         pytest.skip("parts of files were collected")
     known = defaultdict(list)
-    for node, _ in request.config.stash[COLLECTED]:
+    for node in request.config.stash[LEDGER].collected:
         known[node.partition("::")[0]].append(f"{node} ")
     stale = []
     for key in read_record(RECORD.read_text(encoding="utf-8")):

@@ -20,8 +20,9 @@ from resample.profiles.filters import Gaussian
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from tests import naive, ray_truth
 from tests.filtered import plain_filtered, window
-from tests.golden import scenes
-from tests.golden.scenes import SIDE, camera, packed, unpacked
+from tests.golden.scenes import packed, unpacked
+from tools.kernels import pictures as scenes
+from tools.kernels.pictures import SIDE, camera
 
 STORED = Path(__file__).with_name("truths.npz")
 FINE = 4  # rays per side of a pixel, through volumes

@@ -38,6 +38,7 @@ def measured(noise):
     return prepare_cloud(cloud_of(spinning.street(noise).place))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_the_ground_is_closed_as_the_scanner_sees_it(noise, record):
     camera, ray = camera_at(np.radians(100.0))
@@ -66,6 +67,7 @@ def test_discs_of_the_ground_lie_flat(record):
     record.error("discs that stand", upright)
 
 
+@pytest.mark.sweep
 def test_given_normals_are_kept_and_discs_reach_the_next_ring(record):
     found = spinning.street(steps=1024)
     surfels = prepare_cloud(cloud_of(found.place, found.normal.astype(np.float32)))
@@ -81,6 +83,7 @@ def test_given_normals_are_kept_and_discs_reach_the_next_ring(record):
     record.error("discs that do not reach", half <= 0.5 * gap)
 
 
+@pytest.mark.sweep
 def test_discs_depend_neither_on_threads_nor_on_the_order_of_points(monkeypatch):
     place = spinning.street(0.01, rings=32, steps=1024).place
     whole = prepare_cloud(cloud_of(place), threads=1)

@@ -25,6 +25,7 @@ def scene(rng) -> ComparedView:
     return ComparedView(source, Homography(MIXED), (64, 48))
 
 
+@pytest.mark.sweep
 def test_there_is_a_row_for_each_zone_and_method(scene):
     comparison = Judge().compare("title", scene, ["bilinear", "cubic"])
     pairs = [(row["zone"], row["method"]) for row in comparison.rows]
@@ -33,6 +34,7 @@ def test_there_is_a_row_for_each_zone_and_method(scene):
     assert comparison.methods == ["bilinear", "cubic"]
 
 
+@pytest.mark.sweep
 def test_supersampling_is_nearer_to_the_truth_than_one_sample(scene, record):
     rows = Judge().compare("t", scene, ["bilinear", "opencv-supersample:n=8"]).rows
     assert rows[1]["psnr"] > rows[0]["psnr"] + 3
@@ -40,6 +42,7 @@ def test_supersampling_is_nearer_to_the_truth_than_one_sample(scene, record):
     assert rows[1]["flip"] < rows[0]["flip"]
 
 
+@pytest.mark.sweep
 def test_a_gaussian_truth_favors_a_gaussian_method(scene, record):
     psnr = {
         kind: Judge(kind).compare("t", scene, [LINEAR]).rows[0]["psnr"]
@@ -49,6 +52,7 @@ def test_a_gaussian_truth_favors_a_gaussian_method(scene, record):
     record.quality("box", psnr["box"])
 
 
+@pytest.mark.sweep
 def test_encoded_values_are_compared_as_they_are(scene):
     comparison = Judge(linear=False).compare("t", scene, ["bilinear"])
     linear = Judge().compare("t", scene, ["bilinear"])
@@ -97,6 +101,7 @@ def test_a_time_is_the_median_of_warm_runs(scene, monkeypatch):
     assert len(runs) == 4
 
 
+@pytest.mark.sweep
 def test_a_sheet_has_a_line_for_each_picture_with_its_details(scene, tmp_path):
     comparison = Judge().compare("t", scene, ["bilinear", "cubic"])
     sheet(comparison, tmp_path / "s.png", zoom=2)

@@ -66,23 +66,24 @@ def near(record, what, picture, camera, shape):
     record.quality(what, psnr(picture[..., :3], traced(THINGS, camera, shape)[0], mask=whole))
 
 
+@pytest.mark.sweep
 def test_a_panorama_is_seen_by_a_pinhole(record):
     words = *AROUND, "--pose", "target.txt", "--target-fov", 60, "--size", "128x96"
     near(record, "picture", made("around", *words), TARGETS["pinhole"], SHAPE)  # rims grow
 
 
+@pytest.mark.sweep
 def test_a_panorama_is_seen_as_one_by_default(record):
     picture = made("around", *AROUND, "--pose", "target.txt")
     near(record, "picture", picture, TARGETS["equirectangular"], (64, 128))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "kind",
     [
         "ray",
-        pytest.param(
-            "z", marks=pytest.mark.sweep(kept_by="test_depth_of_a_panorama_is_along_its_rays")
-        ),
+        pytest.param("z", marks=pytest.mark.sweep),
     ],
 )
 def test_depth_of_a_panorama_is_along_its_rays(kind, record):
@@ -90,6 +91,7 @@ def test_depth_of_a_panorama_is_along_its_rays(kind, record):
     near(record, "picture", written, PANORAMA, (HEIGHT, 2 * HEIGHT))
 
 
+@pytest.mark.sweep
 def test_parallel_rays_are_seen_by_a_pinhole_and_as_such(record):
     words = *PARALLEL, "--pose", "target.txt", "--target-fov", 60
     near(record, "pinhole", made("parallel", *words), TARGETS["pinhole"], SHAPE)
@@ -97,6 +99,7 @@ def test_parallel_rays_are_seen_by_a_pinhole_and_as_such(record):
     near(record, "parallel", parallel, SOURCES["orthographic"], SHAPE)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("target", "words"),
     [
@@ -116,6 +119,7 @@ def test_a_picture_is_seen_by_other_cameras(target, words, record):
     near(record, "picture", picture, TARGETS[target], shape)
 
 
+@pytest.mark.sweep
 def test_panoramas_have_stats_holes_and_depth():
     extra = "--stats", "s.json", "--holes", "h.png", "--depth-output", "d.npy"
     made("around", *AROUND, "--move", "0.1,0,0", *extra)
@@ -124,6 +128,7 @@ def test_panoramas_have_stats_holes_and_depth():
     assert read_channels("h.png")
 
 
+@pytest.mark.sweep
 def test_a_film_of_a_panorama_has_frames():
     words = *AROUND, "--target-fov", 60, "--size", "40x30", "--frames", 2, "-o", "film.gif"
     assert ended("animate", "around.exr", "around.npy", *words) == 0
