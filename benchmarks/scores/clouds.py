@@ -186,22 +186,23 @@ def lidar(judge: Judge) -> None:
     right, below = (column - view.center[0]) / focal, (row - view.center[1]) / focal
     seen = np.stack([np.ones_like(right), -right, -below], -1).reshape(-1, 3)
     seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-    distance, kind = street(seen, np.random.default_rng(21))
-    distance, kind = distance.reshape(alpha.shape), kind.reshape(alpha.shape)
-    degrees = np.degrees(np.arcsin(seen[:, 2])).reshape(alpha.shape)
-    scanned = (degrees > -24) & (degrees < 2.2) & (distance < 60)
-    correct = (np.abs(rgb - COLORS[kind]).max(-1) < 0.1) & (alpha > 0.9)
+    far, what = street(seen, np.random.default_rng(21))
+    shape = (size[1], size[0])
+    far, what = far.reshape(shape), what.reshape(shape)
+    degrees = np.degrees(np.arcsin(seen[:, 2])).reshape(shape)
+    scanned = (degrees > -24) & (degrees < 2.2) & (far < 60)
+    correct = (np.abs(rgb - COLORS[what]).max(-1) < 0.1) & (alpha > 0.9)
     parts = {
-        "ground": kind == GROUND,
-        "ground within 15 m": (kind == GROUND) & (distance < 15),
-        "walls": kind == WALLS,
-        "cars": kind == CARS,
+        "ground": what == GROUND,
+        "ground within 15 m": (what == GROUND) & (far < 15),
+        "walls": what == WALLS,
+        "cars": what == CARS,
     }
     for name, where in parts.items():
         share = 100 * correct[scanned & where].mean()
         case = f"64 rings, {name}: covered in the right color"
         judge.add(case, share, {"asked": 100.0}, calls=[call], unit="%", cpu=call.cpu)
-    share = 100 * alpha[kind == SKY].mean()
+    share = 100 * alpha[what == SKY].mean()
     judge.add("64 rings, sky: covered", share, {"asked": 0.0}, calls=[call], unit="%", sign=-1)
 
 

@@ -163,8 +163,9 @@ class Judge:
 
 def db(image: ArrayLike, truth: ArrayLike, where: Booleans | None = None) -> float:
     """Peak signal-to-noise ratio, dB, of values in 0..1."""
-    square = np.square(np.asarray(image, np.float64) - np.asarray(truth, np.float64))
-    return float(-10 * np.log10(max(np.mean(square if where is None else square[where]), 1e-12)))
+    square = (np.asarray(image, np.float64) - np.asarray(truth, np.float64)) ** 2
+    mean = float(np.mean(square if where is None else square[where]))
+    return float(-10 * np.log10(max(mean, 1e-12)))
 
 
 def say(text: str) -> None:

@@ -273,4 +273,5 @@ def rewrite(record: Record | None = None, pages: Iterable[Path] = PAGES) -> None
     known = read() if record is None else record
     for page in pages:
         text = page.read_text(encoding="utf-8")
-        page.write_text(rendered(text, known), encoding="utf-8")
+        if (made := rendered(text, known)) != text:
+            page.write_text(made, encoding="utf-8")

@@ -52,11 +52,15 @@ def processor() -> str:
 
 def taken(judge: Judge, measure: float, spent: float) -> Taken:
     """What a group's run gives."""
-    words = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    commit = _git("rev-parse", "--short", "HEAD") or "unknown"
+    edited = "+" if _git("status", "--porcelain", "--", "resample", "apps") else ""
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
-    commit = done.stdout.strip() or "unknown"
-    return Taken(commit, today, processor(), measure, spent, judge.skipped, judge.rows)
+    return Taken(commit + edited, today, processor(), measure, spent, judge.skipped, judge.rows)
+
+
+def _git(*words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip()
 
 
 def read(path: Path = RECORD) -> dict[str, Taken]:

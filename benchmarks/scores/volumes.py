@@ -110,9 +110,9 @@ def spheres(judge: Judge) -> None:
     # A ball that is sampled every 0.2 um in x and y, and every 0.5 um in z.
     small = ball((28, 56, 56), (0.2, 0.2, 0.5), 4.5, 200) + 2000
     write_ome(judge.folder / "small.ome.tif", small[None], (0.2, 0.2, 0.5))
-    words: tuple[object, ...] = ("--camera", "front", "--fov", 0, "--size", size, "--no-shading")
-    words += ("--transfer", "1990,white,0 2010,white,1")
-    call = judge.call("volume", "render", "small.ome.tif", *words, "-o", "out.png")
+    front = ("--camera", "front", "--fov", 0, "--size", size)
+    words = ("--no-shading", "--transfer", "1990,white,0 2010,white,1")
+    call = judge.call("volume", "render", "small.ome.tif", *front, *words, "-o", "out.png")
     seen = read_png(judge.folder / "out.png")[0][..., 0]
     off = abs(seen.sum(0).max() / seen.sum(1).max() - 1)
     case = "ball with sizes only in OME-TIFF: height / width off by"
