@@ -1,8 +1,9 @@
 """Pictures with depth in files, moved by `resample-warp3d`, against the ray-traced scene.
 
 Color is an 8-bit PNG, depth a 16-bit one. Only px that the source sees whole are scored; holes
-count as black. Peers are rewritten from their published rules: a mesh that is cut across steps, with
-4 x 4 samples or one, the triangles of RVS (quality by edge length, then depth), softmax splatting.
+count as black. Peers are rewritten from their published rules: a mesh that is cut across steps,
+with 4 x 4 samples or one, the triangles of RVS (quality by edge length, then depth), and softmax
+splatting.
 """
 
 from collections.abc import Iterator
