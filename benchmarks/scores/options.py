@@ -41,8 +41,9 @@ def options(command: str) -> dict[str, str]:
     for n, word in enumerate(words):
         name, equals, value = word.partition("=")
         if word.startswith("--") or word == "-o":
-            following = words[n + 1] if n + 1 < len(words) else ""
-            found[name] = value if equals else "" if following.startswith("--") else following
+            following = words[n + 1] if n + 1 < len(words) else "-o"
+            has_none = following == "-o" or following.startswith("--")
+            found[name] = value if equals else "" if has_none else following
     return found
 
 
