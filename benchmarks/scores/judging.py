@@ -127,7 +127,7 @@ class Judge:
         done = subprocess.run(words, cwd=self.folder, capture_output=True, text=True, check=False)
         return done, _cpu_of_children() - before
 
-    def add(  # noqa: PLR0913  a row's parts
+    def add(
         self,
         case: str,
         ours: float,

@@ -22,7 +22,7 @@ def unit_of(spacing: Spacing) -> float:
     return float(np.cbrt(np.prod(spacing)))
 
 
-def fine(  # noqa: PLR0913  a picture's parts
+def fine(
     values: Values,
     spacing: Spacing,
     view: View,

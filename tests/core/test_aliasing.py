@@ -16,7 +16,7 @@ from tests.benchmarks.splat_scenes import (
     shifted_truths,
 )
 
-MORE = pytest.mark.sweep(kept_by="test_hybrid_flickers_a_tenth_as_much_as_one_ray_per_pixel")
+MORE = pytest.mark.sweep
 
 
 def test_one_fine_picture_holds_the_truths_of_all_shifts():

@@ -156,7 +156,7 @@ def test_a_floor_fills_its_frame():
         pytest.param(
             "depth image",
             20,
-            marks=pytest.mark.sweep(kept_by="test_baselines_make_the_same_picture"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -180,9 +180,7 @@ def test_every_work_is_on_record():
     assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_windows.py::test_windows_have_the_bits_of_a_volume_in_memory"
-)
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budget(capsys):
     pytest.importorskip("zarr")

@@ -75,7 +75,7 @@ def test_the_first_grids_begin_without_a_step():
     assert check_steps(FAR, *first) == {1, 2, 3, 4}
 
 
-@pytest.mark.sweep(kept_by="test_the_first_grids_begin_without_a_step")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("place", "scales"),
     [

@@ -113,7 +113,7 @@ def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, exti
         *(5, 20),
         pytest.param(
             100,
-            marks=pytest.mark.sweep(kept_by="test_any_number_of_samples_may_be_equally_near"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -141,7 +141,7 @@ def test_filters_reach_into_other_tiles(rng):
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 
-@pytest.mark.sweep(kept_by="test_splats_of_any_width_are_those_painted_from_records")
+@pytest.mark.sweep
 def test_many_rays_per_pixel_fit_the_rows(rng):
     samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
     frame = painter(**choice)(samples, CLOSE, **SIZE)
@@ -167,7 +167,7 @@ def test_integrals_that_fall_below_zero_have_no_formula():
     assert footprint_profile(Ring()) is None
 
 
-@pytest.mark.sweep(kept_by="tests/core/test_mixtures.py::test_pieces_are_the_line_integrals")
+@pytest.mark.sweep
 def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
     spline = BSplineKernel()
     assert footprint_profile(spline) is None

@@ -207,14 +207,14 @@ def test_every_option_that_the_docs_give_a_command_parses():
     assert [said for path, line in found if (said := fault(path, line))] == []
 
 
-@pytest.mark.sweep(kept_by="test_every_option_that_the_docs_give_a_command_parses")
+@pytest.mark.sweep
 def test_every_command_of_the_docs_parses():
     found = list(commands())
     assert len(found) > 120
     assert [said for path, line in found if (said := fault(path, line))] == []
 
 
-GENERATED = pytest.mark.sweep(kept_by="test_a_command_has_a_page_with_all_of_its_options")
+GENERATED = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,7 @@ def runs_as_it_stands(line):
     return "view" not in words and any(word.startswith("sample:") for word in words)
 
 
-@pytest.mark.sweep(kept_by="test_every_option_that_the_docs_give_a_command_parses")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "line", sorted({line for _, line in commands() if runs_as_it_stands(line)})
 )

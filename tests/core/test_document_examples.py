@@ -134,12 +134,7 @@ def snapshot() -> dict[str, Any]:
     "name",
     [
         *HOWTOS,
-        *(
-            pytest.param(
-                one, marks=pytest.mark.sweep(kept_by="test_examples_of_a_how_to_run_in_their_order")
-            )
-            for one in SLOW
-        ),
+        *(pytest.param(one, marks=pytest.mark.sweep) for one in SLOW),
     ],
 )
 def test_examples_of_a_how_to_run_in_their_order(

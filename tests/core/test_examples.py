@@ -78,9 +78,7 @@ def test_registration_finds_the_matrix_between_two_pictures(registered):
 
 
 # Points of a size each have the painter compiled once more.
-POINTS = pytest.mark.sweep(
-    kept_by="test_a_particle_is_a_disc_as_wide_and_as_opaque_as_it_was_given"
-)
+POINTS = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(

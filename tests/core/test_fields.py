@@ -200,9 +200,7 @@ POINTS = "test_a_minified_field_comes_near_its_supersampled_splats"
 WIDER = "tests/core/test_slabs.py::test_neither_threads_nor_the_order_of_samples_change_a_bit"
 
 
-@pytest.mark.parametrize(
-    "scale", [0.4, 0.15, pytest.param(0.035, marks=pytest.mark.sweep(kept_by=POINTS))]
-)
+@pytest.mark.parametrize("scale", [0.4, 0.15, pytest.param(0.035, marks=pytest.mark.sweep)])
 def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     look = classifier(rng, columns=4)
     field = field_block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), look, 21)
@@ -225,7 +223,7 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     [
         Primitive.HYBRID,
         Primitive.SPLATS,
-        pytest.param(Primitive.EWA, marks=pytest.mark.sweep(kept_by=WIDER)),
+        pytest.param(Primitive.EWA, marks=pytest.mark.sweep),
     ],
 )
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):

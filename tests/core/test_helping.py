@@ -80,7 +80,7 @@ def of_built_in_data():
             yield from ("\n".join(examples_in(text)).replace("\\\n", "").splitlines())
 
 
-@pytest.mark.sweep(kept_by="test_brief_help_has_15_lines_and_three_examples_that_parse")
+@pytest.mark.sweep
 @pytest.mark.parametrize("line", list(of_built_in_data()))
 def test_examples_of_brief_help_run(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -41,7 +41,7 @@ def test_a_command_says_what_it_will_hold_within_a_factor(n):
     near(list(small())[n])
 
 
-@pytest.mark.sweep(kept_by="test_a_command_says_what_it_will_hold_within_a_factor")
+@pytest.mark.sweep
 def test_all_sizes_and_modes_say_what_they_will_hold():
     inputs()
     for words in (*small(), *more()):

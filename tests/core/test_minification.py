@@ -20,7 +20,7 @@ from tests.benchmarks.splat_scenes import (
 
 FLOOR = {0.9: 32.0, 0.3: 44.0}  # dB
 FEW = [(0.9, 0.125), (0.3, 0.25)]  # alpha and scale of what `make test` looks at
-MORE = pytest.mark.sweep(kept_by="test_hybrid_comes_near_sixteen_by_sixteen_rays")
+MORE = pytest.mark.sweep
 NOISE = 0.05  # dB, between pictures that are equally good
 
 
@@ -66,9 +66,7 @@ def test_hybrid_is_better_than_the_papers_form(measured):
     "alpha",
     [
         0.9,
-        pytest.param(
-            0.3, marks=pytest.mark.sweep(kept_by="test_the_truth_needs_no_voxel_behind_the_crust")
-        ),
+        pytest.param(0.3, marks=pytest.mark.sweep),
     ],
 )
 def test_the_truth_needs_no_voxel_behind_the_crust(alpha):

@@ -91,7 +91,7 @@ DAILY = [
     pytest.param(
         choice,
         id=name,
-        marks=[pytest.mark.sweep(kept_by=KEPT_BY[name])] if name in KEPT_BY else [],
+        marks=[pytest.mark.sweep] if name in KEPT_BY else [],
     )
     for name, choice in CHOICES.items()
 ]

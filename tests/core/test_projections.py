@@ -97,9 +97,7 @@ def test_the_sum_is_the_integral_of_the_values(camera, rng):
     [
         Primitive.HYBRID,
         # Of fields, points have the painter of slabs compiled once more.
-        pytest.param(
-            Primitive.POINTS, marks=pytest.mark.sweep(kept_by="test_an_x_ray_conserves_mass")
-        ),
+        pytest.param(Primitive.POINTS, marks=pytest.mark.sweep),
     ],
 )
 def test_an_x_ray_conserves_mass(scale, primitive, rng):
@@ -348,10 +346,7 @@ def test_an_iso_value_is_for_first_hits():
     [
         pytest.param(
             footprint,
-            marks=pytest.mark.sweep(
-                kept_by="tests/core/test_slabs.py::"
-                "test_the_whole_transmittance_is_that_of_every_sample"
-            )
+            marks=pytest.mark.sweep
             if footprint is not Footprint.EXACT  # for which the painter is compiled once more
             else (),
         )

@@ -27,7 +27,7 @@ SPLATS = painter(primitive=Primitive.SPLATS)
 LATTICE = 0.4 * sheared.LATTICE
 PLANES = [[0.3, 1.0, 0.2, 0.5], [-1.0, 0.2, 0.3, 3.0]]
 # Points of a size each have the painter compiled once more.
-POINTS = pytest.mark.sweep(kept_by="test_splats_are_line_integrals_in_the_order_of_their_depths")
+POINTS = pytest.mark.sweep
 TOLERANCE = 2e-4  # painters stop at a transmittance of 1e-4
 
 
@@ -100,7 +100,7 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
         GaussianKernel(),
         pytest.param(
             BSplineKernel(),
-            marks=pytest.mark.sweep(kept_by="test_other_kernels_and_orders_by_distance"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

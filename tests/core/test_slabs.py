@@ -119,7 +119,7 @@ def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
     np.testing.assert_allclose(drawn, truth, atol=1e-4)  # as above
 
 
-@pytest.mark.sweep(kept_by="test_the_partial_table_of_a_b_spline_is_its_integral")
+@pytest.mark.sweep
 def test_slabs_hold_what_quadrature_finds_of_a_b_spline(rng):
     samples, kernel = cloud(rng), BSplineKernel()
     truth = by_hand(samples, CAMERAS["narrow"], reconstruction=kernel)

@@ -96,7 +96,7 @@ def test_parts_in_steps_give_the_bits_of_the_whole(
     check(near, dense, side, step, window, choice, threads)
 
 
-@pytest.mark.sweep(kept_by="test_parts_in_steps_give_the_bits_of_the_whole")
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @ANY
 def test_any_parts_in_any_steps_give_the_bits_of_the_whole(

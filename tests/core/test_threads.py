@@ -119,7 +119,7 @@ MANY = {  # words of a command, which ends with its picture
 }
 
 
-@pytest.mark.sweep(kept_by="test_one_thread_and_two_give_the_same_bits")
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", MANY)
 def test_64_threads_give_the_bits_of_one(application, tmp_path):
     for threads in ("64", "1"):
@@ -131,7 +131,7 @@ def test_64_threads_give_the_bits_of_one(application, tmp_path):
     np.testing.assert_array_equal(many, one)
 
 
-MORE = pytest.mark.sweep(kept_by="test_libraries_make_no_more_threads_than_the_command_may_have")
+MORE = pytest.mark.sweep
 ALONE = """
 import os
 import sys

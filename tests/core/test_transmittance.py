@@ -78,10 +78,7 @@ def naive_picture(samples, *, linear):
 
 
 # For linear opacities the painter is compiled once more.
-LINEAR = pytest.mark.sweep(
-    kept_by="tests/core/test_mixtures.py::"
-    "test_opacities_are_those_of_absorption_or_linear_in_the_line_integral"
-)
+LINEAR = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(

@@ -129,10 +129,7 @@ def test_work_stops_in_its_midst_and_leaves_nothing_behind(
 
 @pytest.mark.parametrize(
     "name",
-    [
-        name if name == "rays" else pytest.param(name, marks=pytest.mark.sweep(kept_by=MIDST))
-        for name in WORK
-    ],
+    [name if name == "rays" else pytest.param(name, marks=pytest.mark.sweep) for name in WORK],
 )
 def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
     draw = WORK[name](SIZE)
@@ -163,9 +160,7 @@ def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
     "name",
     [
         *("splats", "image-sheets", "rays"),
-        pytest.param(
-            "maximum", marks=pytest.mark.sweep(kept_by="test_progress_rises_to_one_and_moves_often")
-        ),
+        pytest.param("maximum", marks=pytest.mark.sweep),
     ],
 )
 def test_progress_rises_to_one_and_moves_often(name: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,7 +95,7 @@ def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
     assert content(tmp_path / "whole") == content(tmp_path / "film")
 
 
-@pytest.mark.sweep(kept_by="test_a_killed_worker_costs_a_film_its_own_frames_alone")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("count", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
 )

@@ -38,7 +38,7 @@ def is_packed(case):
         SOME_FILES,
         pytest.param(
             FILES,
-            marks=pytest.mark.sweep(kept_by="test_changed_files_are_read_or_refused_in_one_line"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -56,9 +56,7 @@ def test_changed_files_are_read_or_refused_in_one_line(count):
         SOME_ARRAYS,
         pytest.param(
             ARRAYS,
-            marks=pytest.mark.sweep(
-                kept_by="test_odd_arrays_and_numbers_give_results_or_clear_errors"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -91,9 +89,7 @@ def test_what_the_fuzzer_is_to_find_it_finds():
     [
         pytest.param(
             case,
-            marks=pytest.mark.sweep(kept_by="test_files_of_the_corpus_are_read")
-            if is_packed(case)
-            else (),
+            marks=pytest.mark.sweep if is_packed(case) else (),
         )
         for case in corpus()
     ],

@@ -125,7 +125,7 @@ def test_models_of_the_picture_differ_as_measured():
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_the_exact_footprint_holds_for_every_kernel")
+            marks=pytest.mark.sweep
             if name == "bspline"  # for which the painter is compiled once more
             else (),
         )

@@ -206,7 +206,7 @@ def test_widened_primitives_and_the_papers_have_footprints_of_their_own():
 # Aliasing.
 
 
-MORE = pytest.mark.sweep(kept_by="test_all_rivals_alias_less_than_plain_splats_and_hybrid_least")
+MORE = pytest.mark.sweep
 ALIASING = (Primitive.HYBRID, Primitive.SPLATS, *WIDENED)
 
 

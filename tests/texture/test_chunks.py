@@ -116,9 +116,7 @@ MORE_TEXELS = product(
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_texels_are_projected_from_parts_of_the_source"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in MORE_TEXELS
             if each not in TEXELS

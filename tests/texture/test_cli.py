@@ -651,7 +651,7 @@ def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):
     assert Path("deep/figures/table.txt").read_text() == capsys.readouterr().out
 
 
-@pytest.mark.sweep(kept_by="test_figures_write_a_sheet_the_pictures_and_the_table")
+@pytest.mark.sweep
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
     small(monkeypatch)
     assert ended("demo", "-o", "demo") == 0

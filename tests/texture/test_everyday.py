@@ -398,11 +398,7 @@ def test_help_has_an_example(name, capsys):
     "name",
     [
         "resize",
-        *(
-            pytest.param(name, marks=pytest.mark.sweep(kept_by="test_help_imports_nothing_heavy"))
-            for name in COMMANDS
-            if name != "resize"
-        ),
+        *(pytest.param(name, marks=pytest.mark.sweep) for name in COMMANDS if name != "resize"),
     ],
 )
 def test_help_imports_nothing_heavy(name):

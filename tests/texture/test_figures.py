@@ -58,9 +58,7 @@ def test_names_of_files_are_plain(monkeypatch, tmp_path):
     "name",
     [
         "checker",
-        pytest.param(
-            "bricks", marks=pytest.mark.sweep(kept_by="test_what_is_generated_is_known_finer")
-        ),
+        pytest.param("bricks", marks=pytest.mark.sweep),
     ],
 )
 def test_what_is_generated_is_known_finer(name):

@@ -107,7 +107,7 @@ def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_every_warp_of_a_large_picture_is_as_of_others")
+            marks=pytest.mark.sweep
             if name in ("repeated", "cushion", "bent", "filtered", "flow")  # much like others
             else (),
         )

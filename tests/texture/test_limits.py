@@ -169,9 +169,7 @@ def test_other_interpolations_are_limited_too(interpolation, limit):
         2,
         4,
         60,
-        pytest.param(
-            20_000, marks=pytest.mark.sweep(kept_by="test_any_number_of_channels_is_limited")
-        ),
+        pytest.param(20_000, marks=pytest.mark.sweep),
     ],
 )
 def test_any_number_of_channels_is_limited(channels):

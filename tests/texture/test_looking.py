@@ -136,7 +136,7 @@ VIEWS = {
     [
         pytest.param(
             view,
-            marks=pytest.mark.sweep(kept_by="test_pixels_see_what_rays_see")
+            marks=pytest.mark.sweep
             if view in ("turned", "by 45")  # parts of others
             else (),
         )
@@ -280,12 +280,7 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
     "error",
     [
         0.002,
-        *(
-            pytest.param(
-                error, marks=pytest.mark.sweep(kept_by="test_an_error_that_is_asked_for_holds")
-            )
-            for error in (0.02, 0.007, 0.001)
-        ),
+        *(pytest.param(error, marks=pytest.mark.sweep) for error in (0.02, 0.007, 0.001)),
     ],
 )
 def test_an_error_that_is_asked_for_holds(error):

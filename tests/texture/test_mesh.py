@@ -62,9 +62,7 @@ def test_coverage_sums_to_the_area():
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_triangle_that_is_a_sliver_of_its_texture_is_what_rays_see"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in [(0.6, 0.0001), (0.6, 0.002), (4.0, 0.002)]
         ),

@@ -143,9 +143,7 @@ def glass_cube(texture, alpha):
     "alpha",
     [
         "blend",
-        pytest.param(
-            "mask", marks=pytest.mark.sweep(kept_by="test_a_cube_with_openings_shows_its_inside")
-        ),
+        pytest.param("mask", marks=pytest.mark.sweep),
     ],
 )
 def test_a_cube_with_openings_shows_its_inside(alpha):

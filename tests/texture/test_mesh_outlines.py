@@ -71,9 +71,7 @@ def fan(count, height):
         100,
         pytest.param(
             1000,
-            marks=pytest.mark.sweep(
-                kept_by="test_triangles_that_share_an_outline_share_its_pixels"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

@@ -34,7 +34,7 @@ def of_methods(names):
     """A test of methods; of those of a graphics card it is a sweep, which the others keep."""
 
     def made(test):
-        mark = pytest.mark.sweep(kept_by=test.__name__)
+        mark = pytest.mark.sweep
         methods = [pytest.param(name, marks=mark) if name in CARDS else name for name in names]
         return pytest.mark.parametrize("method", methods)(test)
 
@@ -131,7 +131,7 @@ FINEST = {"hybrid": {"quality": 6.0, "interpolation": "area-spline:limit=none"}}
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_a_map_of_a_matrix_gives_what_the_matrix_gives"),
+            marks=pytest.mark.sweep,
         )
         if name in SPLATTED
         else name

@@ -33,7 +33,7 @@ def pictures():
     [
         pytest.param(
             *pair,
-            marks=pytest.mark.sweep(kept_by="test_a_plan_makes_the_pictures_of_warp")
+            marks=pytest.mark.sweep
             if pair[0] == "floor" and pair[1] != "transparent"  # many mirror images
             else (),
         )

@@ -30,12 +30,7 @@ MORE = [pair for pair in product(WAYS, EDGES) if pair not in QUICK]
     ("way", "edge"),
     [
         *QUICK,
-        *(
-            pytest.param(
-                *pair, marks=pytest.mark.sweep(kept_by="test_a_region_has_the_bits_of_the_whole")
-            )
-            for pair in MORE
-        ),
+        *(pytest.param(*pair, marks=pytest.mark.sweep) for pair in MORE),
     ],
 )
 def test_a_region_has_the_bits_of_the_whole(way, edge):

@@ -184,9 +184,7 @@ def test_channels_have_masks_of_their_own():
         *(
             pytest.param(
                 name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_what_is_not_a_number_weighs_nothing_in_any_method"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name in ("mipmap", "anisotropic")  # rivals, whose kernel nothing else needs
         ),

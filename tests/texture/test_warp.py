@@ -405,8 +405,8 @@ def test_pixels_do_not_depend_on_the_number_of_threads(kind):
     [
         *("hybrid", "points", "supersample"),
         # Of maps, what finds a block's texels is compiled once more.
-        pytest.param("splats", marks=pytest.mark.sweep(kept_by="test_totals_are_kept")),
-        pytest.param("paper", marks=pytest.mark.sweep(kept_by="test_totals_are_kept")),
+        pytest.param("splats", marks=pytest.mark.sweep),
+        pytest.param("paper", marks=pytest.mark.sweep),
     ],
 )
 def test_totals_are_kept(method, scale):

@@ -31,7 +31,7 @@ from tools import notebooks
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 PATIENCE = 120.0  # seconds; kernels may have to be compiled
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
-MORE = pytest.mark.sweep(kept_by="test_cells_of_the_examples_show_what_is_stored_in_them")
+MORE = pytest.mark.sweep
 
 
 class CellPage:

@@ -50,7 +50,7 @@ def place() -> Iterator[Served]:
 
 
 # Of bytes, for whose looks all of a painter is compiled anew.
-MORE = pytest.mark.sweep(kept_by="test_the_exported_command_makes_the_page_s_picture")
+MORE = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(

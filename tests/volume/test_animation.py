@@ -100,7 +100,7 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
         Primitive.HYBRID,
         pytest.param(
             Primitive.PAPER,
-            marks=pytest.mark.sweep(kept_by="test_across_the_threshold_splats_become_points"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

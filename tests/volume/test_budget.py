@@ -20,9 +20,7 @@ PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
             pytest.param(
                 size,
                 allowed,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_fresh_process_holds_no_more_than_is_allowed"
-                ),
+                marks=pytest.mark.sweep,
             )
             for size, allowed in ((512, 128), (512, 320), (1024, 512), (1024, 1024), (2048, 1024))
         ),

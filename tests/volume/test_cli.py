@@ -173,12 +173,12 @@ def test_splats_are_red_when_colored_by_primitive():
         ["--filter", "gaussian:sigma=0.7"],
         pytest.param(
             ["--kernel", "bspline"],
-            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+            marks=pytest.mark.sweep,
         ),
         ["--kernel", "gaussian:sigma=0.9"],
         pytest.param(
             ["--opacity", "linear"],
-            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+            marks=pytest.mark.sweep,
         ),
         ["--transfer", "gray:opacity=0.3"],
         ["--opacity-unit", "5"],

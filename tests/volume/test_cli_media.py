@@ -166,7 +166,7 @@ def test_channels_in_chunks_are_painted_window_by_window(capsys):
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
 
 
-@pytest.mark.sweep(kept_by="test_channels_in_chunks_are_painted_window_by_window")
+@pytest.mark.sweep
 def test_others_in_chunks_are_painted_window_by_window_by_workers(capsys):
     in_chunks("b")
     beside = [*IN_CHUNKS, "--transfer", "80..190", "--no-shading", "--also"]

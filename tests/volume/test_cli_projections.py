@@ -294,9 +294,7 @@ def test_orders_of_fields_are_compared_on_the_voxels_that_the_thickest_slab_need
         *(
             pytest.param(
                 name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_help_shows_neither_empty_flags_nor_empty_defaults"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name in ("compare", "animate", "figures")
         ),

@@ -46,9 +46,7 @@ def test_blocked_light_has_the_bits_of_a_volume_in_memory(
     "workers",
     [
         3,
-        pytest.param(
-            1, marks=pytest.mark.sweep(kept_by="test_volumes_shade_each_other_whoever_paints_them")
-        ),
+        pytest.param(1, marks=pytest.mark.sweep),
     ],
 )
 def test_volumes_shade_each_other_whoever_paints_them(workers, rng, tmp_path, monkeypatch):

@@ -59,9 +59,7 @@ def painted(media, sides, memory, executor=None, fit="volume"):
         "beyond",
         pytest.param(
             "same",
-            marks=pytest.mark.sweep(
-                kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -74,7 +72,7 @@ def test_volumes_of_one_lattice_have_the_bits_of_those_in_memory(place, memory, 
     assert_same(found, whole_of(media))
 
 
-@pytest.mark.sweep(kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory")
+@pytest.mark.sweep
 def test_any_number_of_workers_paints_volumes_and_their_labels(rng):
     first = Appearance("60..190", labels=LABELS, **CUT)
     media = [
@@ -123,7 +121,7 @@ def test_bricks_of_a_part_lie_on_the_grid_of_the_lattice(side, rng):
                 assert least[index] > greatest[index]
 
 
-@pytest.mark.sweep(kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory")
+@pytest.mark.sweep
 @settings(max_examples=6)
 @given(
     shape=st.tuples(*[st.integers(6, 30)] * 3),
@@ -167,9 +165,7 @@ def other(rng, is_missing=False):
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_volumes_of_other_lattices_are_resampled_in_a_file"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in [(False, "visible"), (False, "volume"), (True, "volume")]
         ),

@@ -319,7 +319,7 @@ def test_pictures_of_figure_8_are_opaque_squares(shelf, tmp_path):
     assert picture.max() > 0.1
 
 
-@pytest.mark.sweep(kept_by="test_figure_8_shows_what_is_there_and_says_what_is_not")
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_figure_8a_marks_splats_in_red_and_has_points_too(volumes, tmp_path):
     gallery.make(tmp_path, VolumeFolder(volumes))

@@ -40,7 +40,7 @@ class Delayed:
         PLAIN.astype(">f4"),
         pytest.param(
             np.asfortranarray(PLAIN),
-            marks=pytest.mark.sweep(kept_by="test_the_same_values_are_the_same_picture"),
+            marks=pytest.mark.sweep,
         ),
         np.repeat(PLAIN, 2, axis=2)[:, :, ::2],
         PLAIN[::-1][::-1],

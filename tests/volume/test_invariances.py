@@ -51,9 +51,7 @@ def test_total_opacity_does_not_depend_on_the_zoom(tree, scale):
         pytest.param(ImageSheets(), id="slabs"),
         pytest.param(
             EverySample(),
-            marks=pytest.mark.sweep(
-                kept_by="test_total_opacity_does_not_depend_on_how_finely_a_smooth_field_is_sampled"
-            ),
+            marks=pytest.mark.sweep,
             id="every-sample",
         ),
     ],
@@ -116,9 +114,7 @@ def test_exact_footprints_are_far_above_affine_ones_at_45_degrees():
     assert exact > affine + 60  # dB; the goal is 20, measured 99
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_slabs.py::test_thinner_slabs_come_nearer_to_the_ray_integral_by_the_square"
-)
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_slabs_half_as_thick_err_a_third_as_much_at_most():
     scene = scenes.two_colors(0.5)

@@ -116,9 +116,7 @@ def test_beside_a_store_that_must_not_be_written_to_the_cache_keeps_it(tmp_path,
     assert len(list((tmp_path / "cache" / "surveys").iterdir())) == 1
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_streaming.py::test_each_brick_is_read_once_where_its_slopes_matter_and_never_elsewhere"
-)
+@pytest.mark.sweep
 def test_pictures_of_sparse_volumes_decode_few_bricks_twice(tmp_path):
     path = written(tmp_path, Bubbles(128).bricks(16))
     frames, reads = [], []

@@ -82,7 +82,7 @@ def in_memory(path, look, viewpoint):
         (None, 0.85, 5, 5_000_000),
         pytest.param(
             *(SOLID.light, 1.0, 8, 7_000_000),
-            marks=pytest.mark.sweep(kept_by="test_a_later_command_asks_for_nothing_hidden"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -107,9 +107,7 @@ def test_a_later_command_asks_for_nothing_hidden(light, most, layers, memory, tm
             pytest.param(
                 look,
                 id=name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_looks_that_depend_on_more_have_the_same_bits"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name, look in [
                 ("labels", replace(SOLID, labels=LABELS)),
@@ -148,12 +146,7 @@ def test_a_store_that_has_changed_is_looked_at_anew(store):
     "damage",
     [
         None,
-        *(
-            pytest.param(
-                each, marks=pytest.mark.sweep(kept_by="test_what_is_damaged_is_found_again")
-            )
-            for each in (b"", b"no archive")
-        ),
+        *(pytest.param(each, marks=pytest.mark.sweep) for each in (b"", b"no archive")),
     ],
 )
 def test_what_is_damaged_is_found_again(damage, store, tmp_path):

@@ -57,7 +57,7 @@ def same(volume, look, resampler=ALONG_RAYS, **choices):
 
 
 # Bytes lie in 16 bits, for which all of a painter is compiled anew: composited they are tried.
-BYTES = pytest.mark.sweep(kept_by="test_fields_that_are_composited_have_their_bits")
+BYTES = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_a_disk_without_room_is_said_before_anything_is_read(rng, monkeypatch):
     assert bricks.values.reads == 0
 
 
-@pytest.mark.sweep(kept_by="test_any_type_of_value_gives_its_bits")
+@pytest.mark.sweep
 def test_a_store_is_projected_within_little_memory(tmp_path, monkeypatch, capsys, rng):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RESAMPLE_LOG", "info")

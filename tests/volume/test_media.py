@@ -122,9 +122,7 @@ LATTICES = {
         "apart",
         pytest.param(
             "coarser",
-            marks=pytest.mark.sweep(
-                kept_by="test_overlapping_balls_are_the_integral_of_both_along_rays"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -170,12 +168,7 @@ LIGHTS = [None, Light(), Light((1, -1, 2), shadows=True, occlusion=True)]
     "light",
     [
         LIGHTS[1],
-        *(
-            pytest.param(
-                light, marks=pytest.mark.sweep(kept_by="test_the_order_of_volumes_does_not_matter")
-            )
-            for light in LIGHTS[::2]
-        ),
+        *(pytest.param(light, marks=pytest.mark.sweep) for light in LIGHTS[::2]),
     ],
 )
 def test_the_order_of_volumes_does_not_matter(light):

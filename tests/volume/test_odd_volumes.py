@@ -102,7 +102,7 @@ def fills_the_picture(picture):
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_a_ball_is_seen_whatever_else_is_in_the_volume")
+            marks=pytest.mark.sweep
             if name in ("outliers", "padding above", "negative", "12 bits")  # much like others
             else (),
         )

@@ -129,7 +129,7 @@ VIEWS = {
 
 
 # Our ray caster is a rival too, whose kernel is compiled for it alone.
-OURS = pytest.mark.sweep(kept_by="test_pictures_agree_with_an_obvious_trilinear_ray_caster")
+OURS = pytest.mark.sweep
 
 
 @OURS

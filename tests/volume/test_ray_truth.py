@@ -50,7 +50,7 @@ CASES = {
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_light_along_rays_is_that_of_short_steps")
+            marks=pytest.mark.sweep
             if name in ("unlit", "cropped", "clipped", "direction", "headlight")  # parts of others
             else (),
         )

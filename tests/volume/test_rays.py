@@ -146,7 +146,7 @@ def test_nothing_at_all_is_a_picture_of_nothing() -> None:
     assert not dark.rgba.any()
 
 
-@pytest.mark.sweep(kept_by="test_sub_pixels_that_are_spared_are_as_rays_would_see_them")
+@pytest.mark.sweep
 def test_automatic_sub_pixels_come_to_what_many_show() -> None:
     for size in ((12, 12), (40, 48), (160, 160)):
         few = seen(blobs(), along_rays(), Orbit(30, 20, 1.4), size)

@@ -62,7 +62,7 @@ WALL = scene_mesh(
             pytest.param(
                 *each,
                 id=name,
-                marks=pytest.mark.sweep(kept_by="test_slabs_over_each_other_are_the_flat_picture"),
+                marks=pytest.mark.sweep,
             )
             for name, *each in [
                 ("unlit splats", {"light": None}, None),

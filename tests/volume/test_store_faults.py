@@ -210,9 +210,7 @@ class Terminal(io.StringIO):
         *(
             pytest.param(
                 each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_bars_count_bricks_and_say_how_much_time_is_left"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in ({"shard": 16}, {"is_layered": False})
         ),
@@ -255,7 +253,7 @@ main()
         [],
         pytest.param(
             ["--shard", "32"],
-            marks=pytest.mark.sweep(kept_by="test_a_disk_that_takes_no_more_leaves_no_store"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

@@ -486,7 +486,7 @@ def test_a_store_is_converted_to_a_store(values, here):
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(kept_by="test_levels_are_means_of_two_along_each_axis"),
+                marks=pytest.mark.sweep,
             )
             for each in [
                 ("uint8", (70, 130, 65)),
@@ -579,9 +579,7 @@ def test_a_store_renders_the_same_bits_as_the_file_that_it_was_made_of(capsys):
     assert "b: 72 x 72 x 72 voxels are read brick by brick (8), within" in told
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_cli_media.py::test_channels_in_chunks_are_painted_window_by_window"
-)
+@pytest.mark.sweep
 def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     smoke = np.random.default_rng(5).integers(0, 200, (320, 60, 64)).astype(np.uint8)
     np.save("a.npy", smoke)
@@ -624,9 +622,7 @@ def frames(folder):
     return [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))]
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_shared_times.py::test_a_film_of_a_store_is_that_of_a_file"
-)
+@pytest.mark.sweep
 def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
@@ -649,9 +645,7 @@ def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
         assert "holds frames of another animation" in capsys.readouterr().err
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_glances.py::test_a_command_has_its_workers_look_at_a_store"
-)
+@pytest.mark.sweep
 def test_commands_that_share_their_work_write_the_same_pixels():
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0

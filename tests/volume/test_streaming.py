@@ -108,9 +108,7 @@ def test_labels_hold_in_bricks(volume, tmp_path):
         *(
             pytest.param(
                 kind,
-                marks=pytest.mark.sweep(
-                    kept_by="test_voxels_of_every_type_are_those_of_an_array_in_its_order"
-                ),
+                marks=pytest.mark.sweep,
             )
             for kind in ("int8", "int16", "int32", "uint16", "float64")
         ),

@@ -65,7 +65,7 @@ LOOKS = [
     of_voxels("20..190", labels=TISSUE),
     of_voxels(WALLS, labels=TISSUE, **CUT),
 ]
-BITS_ARE_KEPT = pytest.mark.sweep(kept_by="test_windows_have_the_bits_of_a_volume_in_memory")
+BITS_ARE_KEPT = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(
@@ -95,9 +95,7 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
     [
         (np.uint8, (8, 8, 8)),
         *(
-            pytest.param(
-                *each, marks=pytest.mark.sweep(kept_by="test_labels_may_be_in_bricks_of_their_own")
-            )
+            pytest.param(*each, marks=pytest.mark.sweep)
             for each in [(np.uint8, (37, 3, 31)), (np.int32, (8, 8, 8)), (np.int32, (37, 3, 31))]
         ),
     ],
@@ -197,9 +195,7 @@ def stored(volume, path):
     "workers",
     [
         3,
-        pytest.param(
-            1, marks=pytest.mark.sweep(kept_by="test_any_number_of_workers_paints_the_same_bits")
-        ),
+        pytest.param(1, marks=pytest.mark.sweep),
     ],
 )
 def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
@@ -245,9 +241,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
         (1,),
         pytest.param(
             (0, 1),
-            marks=pytest.mark.sweep(
-                kept_by="test_a_killed_worker_costs_a_picture_its_own_windows_alone"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -279,9 +273,7 @@ def in_small_steps(monkeypatch):
     "workers",
     [
         None,
-        pytest.param(
-            2, marks=pytest.mark.sweep(kept_by="test_bricks_that_are_on_a_shelf_are_read_once")
-        ),
+        pytest.param(2, marks=pytest.mark.sweep),
     ],
 )
 def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
@@ -330,9 +322,7 @@ def counted(volume, side):
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_windows_are_painted_step_by_step_with_the_same_bits"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in [
                 (None, Orbit(30, 20, 0.45)),
@@ -400,7 +390,7 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     assert len(set(read)) < 0.9 * 6**3
 
 
-STEPS_ARE_KEPT = pytest.mark.sweep(kept_by="test_whoever_paints_has_the_same_bits_step_by_step")
+STEPS_ARE_KEPT = pytest.mark.sweep
 PAINTERS = [
     (Resampler(order=AxisSheets()), Orbit(4, 3, 1.3)),
     (Resampler(order=ImageSheets()), Orbit(4, -3, 0.45)),

@@ -33,7 +33,7 @@ def of_methods(*methods):
     """A test of methods and of rivals; of these it is a sweep, which the methods keep."""
 
     def made(test):
-        mark = pytest.mark.sweep(kept_by=test.__name__)
+        mark = pytest.mark.sweep
         rivals = [pytest.param(name, marks=mark) for name in RIVALS]
         return pytest.mark.parametrize("method", [*methods, *rivals])(test)
 
@@ -144,9 +144,7 @@ def test_the_mean_over_a_pixel_is_what_a_method_does_anyway(method, name):
         "hybrid",
         pytest.param(
             "mesh:samples=4",
-            marks=pytest.mark.sweep(
-                kept_by="test_depth_and_magnification_are_those_of_a_pixel_s_own_square"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -192,7 +190,7 @@ def test_the_count_of_threads_does_not_change_a_bit(method):
     "method",
     [
         "hybrid",
-        pytest.param("mesh", marks=pytest.mark.sweep(kept_by="test_strips_leave_no_seam")),
+        pytest.param("mesh", marks=pytest.mark.sweep),
     ],
 )
 def test_strips_leave_no_seam(method, monkeypatch):

@@ -87,7 +87,7 @@ VIEWS = {  # yaw to the right and pitch upwards, rad
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_all_around_there_are_no_seams")
+            marks=pytest.mark.sweep
             if name in ("between", "below", "corner")  # parts of others
             else (),
         )
@@ -107,7 +107,7 @@ def test_all_around_there_are_no_seams(name):
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_an_eye_that_moves_sees_what_rays_see")
+            marks=pytest.mark.sweep
             if name in ("ahead", "behind", "below")  # parts of others
             else (),
         )

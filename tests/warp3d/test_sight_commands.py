@@ -79,9 +79,7 @@ def test_a_panorama_is_seen_as_one_by_default():
     "kind",
     [
         "ray",
-        pytest.param(
-            "z", marks=pytest.mark.sweep(kept_by="test_depth_of_a_panorama_is_along_its_rays")
-        ),
+        pytest.param("z", marks=pytest.mark.sweep),
     ],
 )
 def test_depth_of_a_panorama_is_along_its_rays(kind):

@@ -99,9 +99,7 @@ def test_what_is_beyond_the_source_is_outside(name):
             pytest.param(
                 Equirectangular(pose(*way)),
                 id=name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_panorama_of_a_panorama_has_neither_seams_nor_poles"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name, *way in [
                 ("the same", EYE),
@@ -154,9 +152,7 @@ def test_a_lens_that_does_nothing_changes_nothing():
     "target",
     [
         "equirectangular",
-        pytest.param(
-            "fisheye", marks=pytest.mark.sweep(kept_by="test_filters_see_what_rays_see_under_them")
-        ),
+        pytest.param("fisheye", marks=pytest.mark.sweep),
     ],
 )
 def test_filters_see_what_rays_see_under_them(target):

@@ -28,7 +28,7 @@ def test_importing_the_package_imports_no_heavy_library():
     [
         ["render", "--help"],
         *(
-            pytest.param(words, marks=pytest.mark.sweep(kept_by="test_help_imports_nothing_heavy"))
+            pytest.param(words, marks=pytest.mark.sweep)
             for words in (
                 ["--help"],
                 ["--version"],

@@ -27,7 +27,7 @@ def of_every_method(test):
             name == "opencv" and not hasattr(cv2, "warpFrame"),
             reason="this OpenCV has no cv2.warpFrame (5.0 brought it)",
         )
-        sweep = [pytest.mark.sweep(kept_by=test.__name__)] if name in RIVALS else []
+        sweep = [pytest.mark.sweep] if name in RIVALS else []
         methods.append(pytest.param(name, marks=[mark, *sweep]))
     return pytest.mark.parametrize("method", methods)(test)
 

@@ -88,9 +88,7 @@ def test_lengths_of_rays_become_z(source):
     [
         "beside",
         *(
-            pytest.param(
-                name, marks=pytest.mark.sweep(kept_by="test_a_fisheye_shows_what_rays_see")
-            )
+            pytest.param(name, marks=pytest.mark.sweep)
             for name in ("turned", "enlarged", "reduced")
         ),
     ],
