@@ -112,9 +112,8 @@ def both(row: Row) -> str:
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table."""
-    lines = [head, ["---"] * len(head), *rows]
-    texts = ("| " + " | ".join(line) + " |" for line in lines)
-    return "\n".join(texts).replace("| --- ", "|---").replace("---|---", "---|---") + "\n"
+    lines = ["| " + " | ".join(line) + " |" for line in (head, *rows)]
+    return "\n".join([lines[0], "|" + "---|" * len(head), *lines[1:]]) + "\n"
 
 
 def listed(head: str, rows: Sequence[tuple[str, Row]]) -> str:
@@ -221,10 +220,12 @@ def summary(record: Record) -> str:
     for group, cases in SUMMARY.items():
         rows = {row.case: row for row in record[group].rows} if group in record else {}
         for row in (rows[case] for case in cases if case in rows):
-            figures = number(row.ours, row.unit), number(row.peer, row.unit)
-            peer = f"{figures[1]}: {row.name}"
-            lines.append([group, row.case, f"{figures[0]} {row.unit}", peer, verdict(row)])
-    return f"{counted(record)}\n{markdown(['', 'case', 'ours', 'best peer', ''], lines)}"
+            by = label(row.commands)
+            case = row.case if by == "default" else f"{row.case}, {by}"
+            ours = f"{number(row.ours, row.unit)} {row.unit}"
+            peer = f"{number(row.peer, row.unit)}: {row.name}"
+            lines.append([group, case, ours, peer, verdict(row)])
+    return f"{counted(record)}\n{markdown(['group', 'case', 'ours', 'best peer', ''], lines)}"
 
 
 def times(record: Record) -> str:
@@ -233,6 +234,7 @@ def times(record: Record) -> str:
     for row in (row for each in record.values() for row in each.rows if row.unit in TIMES):
         figures = [number(row.ours, row.unit), number(row.peer, row.unit)]
         factor = "" if not (row.ours and row.peer) else f"{row.ours / row.peer:.1f}"
+        factor = f"**{factor}**" if row.is_behind() else factor
         unit = "CPU ms" if row.unit == "ms" else row.unit
         lines.append(
             [row.case, label(row.commands), figures[0], figures[1], unit, row.name, factor]
