@@ -216,8 +216,10 @@ def scan_times(judge: Judge, name: str) -> None:
     zooms = (4.0, 3.3, 3.0, 1.0) if name == "engine" else (3.3, 1.0)  # farther, start is nearly all
     words = (*white(points), "--threads", 1)
 
+    tries = 2 if judge.quick else 4  # of which the least counts, as other work disturbs
+
     def least(view: View, size: int) -> Call:
-        calls = [drawn(judge, path, view, size, *words)[1] for _ in range(2)]
+        calls = [drawn(judge, path, view, size, *words)[1] for _ in range(tries)]
         return min(calls, key=lambda call: call.cpu)
 
     start = least(view_of(field.shape, spacing, 1.0, 8, 30, 20), 8).cpu
