@@ -73,7 +73,8 @@ def _with_each_value(cases: list[pytest.Function]) -> list[pytest.Function]:
 
 def _spread(cases: list[pytest.Function], count: int) -> list[pytest.Function]:
     """So many cases at equal distances, the first among them."""
-    return [cases[n * len(cases) // count] for n in range(min(count, len(cases)))]
+    count = min(count, len(cases))
+    return [cases[n * len(cases) // count] for n in range(count)]
 
 
 @pytest.fixture

@@ -74,6 +74,7 @@ def test_the_exponent_of_a_power_law_is_found(power):
     assert exponent(sizes, [3 * size**power for size in sizes]) == pytest.approx(power, abs=1e-9)
 
 
+@pytest.mark.sweep
 def test_the_peak_of_memory_is_that_of_the_process_alone():
     code = """
 import numpy
@@ -147,6 +148,7 @@ def test_a_floor_fills_its_frame():
 
 # What the baselines leave out: sheets instead of every splat; 4 × 4 bilinear readings instead of
 # exact areas of a sharper spline; silhouettes of whole pixels.
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("name", "least"),
     [

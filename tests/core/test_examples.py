@@ -67,6 +67,7 @@ def registered():
     return module, module.registered(*module.pictures())
 
 
+@pytest.mark.sweep
 def test_registration_finds_the_matrix_between_two_pictures(registered):
     module, found = registered
     truth = module.SECOND @ np.linalg.inv(module.FIRST)

@@ -152,6 +152,7 @@ def test_spacings_of_tiles_are_found_by_one_kernel() -> None:
     assert counts[0] == counts[1]
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("choices", "kernel"),
     [

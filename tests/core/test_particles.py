@@ -41,6 +41,7 @@ def opacities(position, opacity, radius, camera, kernel):
     return np.array(result)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", [CAMERA, PARALLEL], ids=["perspective", "parallel"])
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, camera):

@@ -38,6 +38,7 @@ def change(request) -> np.ndarray:
     return found
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_turning_volume_changes_evenly(change):
     assert change.max() <= LARGEST * np.median(change)

@@ -78,6 +78,7 @@ def finer(camera, times):
     return Camera.from_intrinsics(f, times * 24.0, times * 14.0, times * 11.3, EYE)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("clip", [None, PLANES], ids=["whole", "clipped"])
 def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, clip):
@@ -94,6 +95,7 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
     np.testing.assert_allclose(product[seen], far[..., 0][seen], atol=20 * TOLERANCE)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "kernel",
     [

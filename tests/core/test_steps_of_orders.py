@@ -71,6 +71,7 @@ steps = (
 )
 
 
+@pytest.mark.sweep
 @settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.sampled_from(ORDERS), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps)
 def test_sheets_and_slabs(order, near, dense, side, step, window, threads):
@@ -91,6 +92,7 @@ def check_sheets(order, near, dense, side, step, window, threads):
     assert plan.painter == SPLATS
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.sampled_from(["depth", "distance"]), st.sampled_from([UNEVEN, FAR]), *steps)

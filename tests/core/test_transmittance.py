@@ -44,6 +44,7 @@ def draw(samples, camera=CAMERA, *, side=SIDE, **choices):
 # Values.
 
 
+@pytest.mark.sweep
 def test_the_transmittance_of_a_cloud_is_the_exponential_of_its_optical_depth(rng):
     samples = cloud(rng, extinction=2.0)
     frame = draw(samples, primitive=Primitive.SPLATS)
@@ -246,6 +247,7 @@ def test_no_footprint_depends_on_the_order_of_samples(model, rng):
     assert_same(first, draw(again, CLOSE, footprint=model))
 
 
+@pytest.mark.sweep
 def test_samples_that_look_alike_but_are_not_do_not_change_a_bit_when_swapped(rng):
     """Around the eye all records share one place on screen; their forms must tell them apart."""
     count = 60

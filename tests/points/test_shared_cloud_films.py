@@ -25,6 +25,7 @@ def in_folder(tmp_path, monkeypatch):
     np.savez("ball.npz", position=normal, normal=normal, color=np.abs(normal))
 
 
+@pytest.mark.sweep
 def test_frames_of_clouds_are_the_same_elsewhere(monkeypatch):
     pickle_for_workers(monkeypatch)
     assert_same_film(app, FILM)

@@ -130,6 +130,7 @@ def exact_areas(image, inverse, row, column):
     return areas
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("inverse", [
     np.array([[1.75, 0.25, -1.0], [-0.5, 2.25, 1.5], [0, 0, 1]]),
     np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0, 0, 1]]),  # ties

@@ -75,6 +75,7 @@ def filled(geometry):
     return inside
 
 
+@pytest.mark.some(9)
 @of_methods(VARIANTS)
 def test_a_constant_picture_stays_constant(method):
     color = np.float32([0.8, 0.1, 1.0])
@@ -103,6 +104,7 @@ def test_pictures_have_the_target_s_shape_and_the_source_s_channels(method, chan
     np.testing.assert_array_equal(source, before)
 
 
+@pytest.mark.some(16)
 @of_methods(VARIANTS)
 def test_channels_do_not_see_each_other(method):
     source = noise(4)

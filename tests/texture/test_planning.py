@@ -28,6 +28,7 @@ def pictures():
     return [rng.integers(0, 256, (*SIZE, 3), np.uint8), rng.random(SIZE, np.float32)]
 
 
+@pytest.mark.some(9)
 @pytest.mark.parametrize(
     ("name", "edge"),
     [

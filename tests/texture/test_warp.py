@@ -489,6 +489,7 @@ def test_a_continued_source_covers_the_frame(edge):
     np.testing.assert_allclose(warped.image, expected, atol=1e-5)  # other sums of other blocks
 
 
+@pytest.mark.sweep
 @settings(deadline=None, max_examples=40)
 @given(
     st.lists(st.floats(-3, 3), min_size=6, max_size=6),

@@ -11,6 +11,7 @@ pytest.importorskip("zarr")
 PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "allowed"),

@@ -57,6 +57,7 @@ def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypa
     assert len(told) == 2
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("has_strays", [False, True])
 def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monkeypatch):
     volume = with_strays(rng) if has_strays else smoke(rng)
@@ -70,6 +71,7 @@ def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monke
     assert found.sphere.radius == Subject.of(volume, Appearance("60..190")).sphere.radius
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "several",
     [

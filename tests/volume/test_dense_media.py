@@ -51,7 +51,7 @@ def painted(media, sides, memory, executor=None, fit="volume"):
     return paint_streamed(dense, subject, camera, SIZE, Budget(memory, executor=executor))
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "place",
     [
@@ -87,6 +87,7 @@ def test_any_number_of_workers_paints_volumes_and_their_labels(rng):
         assert_same(found, wanted)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("place", ["same", "within", "beyond"])
 def test_volumes_in_bricks_that_fit_have_the_bits_of_those_in_memory(place, rng):
     media = [(smoke(rng), Appearance("60..190", **CUT)), (second(rng, place), Appearance(WALLS))]
@@ -158,6 +159,7 @@ def other(rng, is_missing=False):
     return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("is_missing", "fit"),
     [

@@ -158,6 +158,7 @@ def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys
     assert np.array_equal(read_image("c.exr"), read_image("d.exr"))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "is_said"),
     [([], True), (["--order", "rays"], True), (["--method", "hybrid"], False)],

@@ -34,6 +34,7 @@ class Delayed:
         return PLAIN
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "given",
     [
@@ -145,6 +146,7 @@ def test_xarray_itself() -> None:
     np.testing.assert_array_equal(as_volume(turned).values, PLAIN)
 
 
+@pytest.mark.sweep
 def test_dask_itself() -> None:
     array = pytest.importorskip("dask.array")
     delayed = array.from_array(PLAIN, chunks=(2, 4, 3)) * 2
@@ -190,6 +192,7 @@ def test_what_is_no_volume_is_said_in_a_line(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("given", "orbit"),
     [

@@ -58,6 +58,7 @@ def same(found, given):
         assert getattr(part, "dtype", None) == getattr(other, "dtype", None)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["uint8", "int16", "float32"])
 def test_a_second_command_does_not_look_at_all_bricks_again(kind, tmp_path, rng):
     values = rng.normal(90, 30, (20, 40, 33)).clip(0, 255).astype(kind)
@@ -69,6 +70,7 @@ def test_a_second_command_does_not_look_at_all_bricks_again(kind, tmp_path, rng)
     same(second, first)
 
 
+@pytest.mark.sweep
 def test_bricks_of_another_size_and_values_without_padding_are_looked_at_by_themselves(tmp_path):
     path = written(tmp_path, np.arange(32**3, dtype=np.int16).reshape(32, 32, 32))
     looked_at(path)

@@ -98,6 +98,7 @@ def kill(*words):
     return left
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot tell whether a process lives")
 def test_the_same_command_goes_on_where_a_killed_one_was(painted, capsys):

@@ -114,6 +114,7 @@ LATTICES = {
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
@@ -164,6 +165,7 @@ def test_media_on_one_lattice_are_their_sum_by_hand():
 LIGHTS = [None, Light(), Light((1, -1, 2), shadows=True, occlusion=True)]
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "light",
     [
@@ -263,6 +265,7 @@ def test_missing_values_stay_missing_and_spread_no_farther():
     np.testing.assert_allclose(found.values[inner], x[inner], atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_look_does_not_depend_on_the_lattice_of_others():
     """Fractions stay those of a volume's own values, opacities those of its own voxels."""
     ball = filled(BALLS[1], lattice((20, 20, 20), 1.0))

@@ -169,6 +169,7 @@ def test_an_even_block_has_the_opacity_of_its_thickness(unit, opacity):
     np.testing.assert_allclose(seen[:3] / seen[3], linear, atol=1 / 255)
 
 
+@pytest.mark.sweep
 def test_pictures_agree_with_an_obvious_trilinear_ray_caster():
     volume = vessel_tree(32)
     camera = Camera.from_fov(

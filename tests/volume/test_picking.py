@@ -97,7 +97,7 @@ def naive_voxel(
     return (-1, -1, -1)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("which", [0, 1], ids=["perspective", "parallel"])
 @pytest.mark.parametrize(
     "volume", [cloud(), cloud((0.7, 1.1, 2.4), 0.5)], ids=["cubes", "bricks, turned"]

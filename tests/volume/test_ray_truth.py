@@ -43,7 +43,7 @@ CASES = {
 }
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("is_fine", [False, True])
 @pytest.mark.parametrize(
     "name",

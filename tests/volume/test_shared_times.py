@@ -59,6 +59,7 @@ def frames(folder):
     return found
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
@@ -95,6 +96,7 @@ def test_a_film_of_a_store_is_that_of_a_file(kind, words, capsys):
     assert (told in capsys.readouterr().err) == is_streamed
 
 
+@pytest.mark.sweep
 def test_padding_is_that_of_all_times_of_a_store():
     beats("int16", padding=-3000)
     series = Series.of(open_streamed("a.zarr"))
@@ -109,6 +111,7 @@ def test_padding_is_that_of_all_times_of_a_store():
     assert frames("npy") == frames("zarr")
 
 
+@pytest.mark.sweep
 def test_a_channel_of_a_store_is_filmed(capsys):
     beats("uint8", channels=2)
     for name in ("a.npy", "a.zarr"):
@@ -189,6 +192,7 @@ def pickled(monkeypatch):
     monkeypatch.setattr(workers, "worker_pools", hiring)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("name", "words", "is_kept"),
     [
@@ -241,6 +245,7 @@ def test_times_that_memory_does_not_hold_as_fields_are_said_to_be_voxels(capsys)
     assert capsys.readouterr().err.count(told) == 1
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "is_kept",
     [

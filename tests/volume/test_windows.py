@@ -68,6 +68,7 @@ LOOKS = [
 BITS_ARE_KEPT = pytest.mark.sweep
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("memory", "number"),
     [
@@ -90,6 +91,7 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("kind", "side"),
     [
@@ -123,6 +125,7 @@ def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
     assert not read
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("workers", [None, 2])
 @pytest.mark.parametrize("kind", [np.uint8, np.float32])
 def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng):
@@ -191,6 +194,7 @@ def stored(volume, path):
     return found._replace(values=replace(found.values, side=(8, 8, 8)))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "workers",
     [
@@ -209,6 +213,7 @@ def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 @settings(max_examples=8)
 @given(
     shape=st.tuples(*[st.integers(6, 34)] * 3),
@@ -234,6 +239,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "at",
@@ -269,6 +275,7 @@ def in_small_steps(monkeypatch):
     monkeypatch.setattr(blocks, "SIDE", 4)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "workers",
     [
@@ -315,6 +322,7 @@ def counted(volume, side):
     return volume._replace(values=bricks), read
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("workers", "eye"),
     [
@@ -350,6 +358,7 @@ def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, 
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     in_small_steps(monkeypatch)
     monkeypatch.setattr(windows, "SHARE", 1 << 40)  # nothing is on a shelf
@@ -374,6 +383,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     assert len(painting) < 1.2 * len(set(painting))
 
 
+@pytest.mark.sweep
 def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     in_small_steps(monkeypatch)
     values = rng.integers(200, 255, (48, 48, 48)).astype(np.uint8)
@@ -399,6 +409,7 @@ PAINTERS = [
 ]
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "number",

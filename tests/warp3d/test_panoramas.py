@@ -82,6 +82,7 @@ VIEWS = {  # yaw to the right and pitch upwards, rad
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
@@ -102,6 +103,7 @@ def test_all_around_there_are_no_seams(name):
     assert (np.abs(np.log(made.depth / truth.depth)) < 0.02).mean() > 0.99  # the rest is rims
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [

@@ -22,6 +22,7 @@ def in_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.sweep
 def test_frames_of_depth_images_are_the_same_elsewhere(monkeypatch):
     pickle_for_workers(monkeypatch)
     assert_same_film(app, ROOM)
