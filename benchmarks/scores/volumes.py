@@ -228,7 +228,9 @@ def scan_times(judge: Judge, name: str) -> None:
         view = view_of(field.shape, spacing, per, size, 30, 20)
         call = least(view, size)
         peers = peers_of(judge, field, spacing, points, size)
-        times = {peer: 1000 * min(draw(view)[1] for _ in range(2)) for peer, draw in peers.items()}
+        times = {
+            peer: 1000 * min(draw(view)[1] for _ in range(tries)) for peer, draw in peers.items()
+        }
         case = f"{name}, {per:g} px a voxel: CPU beyond start"
         ours = 1000 * (call.cpu - start)
         judge.add(case, ours, times, calls=[call], unit="ms", sign=-1)
