@@ -68,11 +68,11 @@ def read(path: Path = RECORD) -> dict[str, Taken]:
     if not path.exists():
         return {}
     stored = json.loads(path.read_text(encoding="utf-8"))
-    return {
-        group: Taken(**{**stored[group], "rows": [Row(**row) for row in stored[group]["rows"]]})
-        for group in GROUPS
-        if group in stored
-    }
+    groups = {}
+    for group in (group for group in GROUPS if group in stored):
+        rows = [Row(**{**row, "commands": (*row["commands"],)}) for row in stored[group]["rows"]]
+        groups[group] = Taken(**{**stored[group], "rows": rows})
+    return groups
 
 
 def write(groups: Mapping[str, Taken], path: Path = RECORD) -> None:

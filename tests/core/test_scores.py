@@ -77,7 +77,7 @@ def test_a_group_replaces_its_own_rows_alone(tmp_path):
     record.write(RECORD, file)
     taken = RECORD["depth"]._replace(rows=[other])
     record.write({**record.read(file), "depth": taken}, file)
-    assert record.read(file) == {**RECORD, "depth": taken._replace(rows=[Row(**vars(other))])}
+    assert record.read(file) == {**RECORD, "depth": taken}
 
 
 @pytest.mark.parametrize(
@@ -107,9 +107,9 @@ def test_the_better_figure_is_bold():
 # What commands are told
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_judged_commands_have_only_options_that_are_allowed(command):
-    assert set(options(command)) <= {*SAYS_WHAT, *SAYS_HOW}
+def test_judged_commands_have_only_options_that_are_allowed():
+    assert len(COMMANDS) > 30
+    assert {name for command in COMMANDS for name in options(command)} <= {*SAYS_WHAT, *SAYS_HOW}
 
 
 def test_a_cell_that_is_called_default_passes_no_option():
