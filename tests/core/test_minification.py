@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.benchmarks.quality_table import (
+from tests.benchmarks.splat_scenes import (
     CRUST,
     HYBRID,
     SCALES,

@@ -17,7 +17,7 @@ from resample.resampler import Resampler
 from resample.types import Samples
 from resample_volume.baselines.painting import EWA_VARIANCE, AxisSheets
 from tests import naive
-from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr
+from tests.benchmarks.splat_scenes import CRUST, checker_box, checker_truth, distant, object_psnr
 from tests.samples import cloud, painter
 
 SIDE = 28  # px
