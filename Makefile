@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all fuzz bench guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz bench guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -33,6 +33,13 @@ test: $(VENV)/.dev
 	$(PYTEST) -m "not sweep" $(ARGS)
 test-all: $(VENV)/.dev
 	$(PYTEST) $(ARGS)
+# The same with the lowest versions of dependencies that pyproject.toml admits, and with pre-releases of them.
+test-lowest: VERSIONS := --resolution lowest-direct
+test-prereleases: VERSIONS := --prerelease allow
+test-lowest test-prereleases: $(BIN)/uv
+	$(BIN)/uv pip install -q --python $(BIN)/python $(VERSIONS) -e '.[film,dicom,vtk,vdb,view,notebook,las,hdf5,e57]'
+	$(BIN)/uv pip install -q --python $(BIN)/python --group dev
+	$(PYTEST) -m "not sweep" $(ARGS)
 # Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
 # What a first picture takes after `pip install` of the wheel, in an empty environment; ARGS="--without numba" leaves packages out.
 first-pictures: wheel

@@ -122,6 +122,7 @@ def fault(path, line):
     return ""
 
 
+@pytest.mark.sweep
 def test_a_command_within_a_command_is_checked_too():
     assert not fault(DOCS, "resample-volume render $(resample-volume fetch engine) -o a.png")
     assert "fetsh" in fault(DOCS, "resample-volume render $(resample-volume fetsh engine) -o a.png")
@@ -150,6 +151,7 @@ def test_modules_that_the_measurements_name_are_there():
             assert place.is_dir() or place.with_suffix(".py").exists(), name
 
 
+@pytest.mark.sweep
 def test_options_that_no_command_has_are_found():
     assert not fault(DOCS, "resample-volume render checker-box --shadows -o a.png")
     assert "--shadow" in fault(DOCS, "resample-volume render checker-box --shadow 3 -o a.png")
@@ -168,22 +170,24 @@ def with_options_of_their_own(found):
         seen |= new
 
 
+@pytest.mark.sweep
 def test_every_option_that_the_docs_give_a_command_parses():
     found = list(with_options_of_their_own(sorted(commands(), key=lambda one: -len(one[1]))))
     assert len(found) > 40
     assert [said for path, line in found if (said := fault(path, line))] == []
 
 
-@pytest.mark.sweep(kept_by="test_every_option_that_the_docs_give_a_command_parses")
+@pytest.mark.sweep
 def test_every_command_of_the_docs_parses():
     found = list(commands())
     assert len(found) > 120
     assert [said for path, line in found if (said := fault(path, line))] == []
 
 
-GENERATED = pytest.mark.sweep(kept_by="test_a_command_has_a_page_with_all_of_its_options")
+GENERATED = pytest.mark.sweep
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "program",
     ["resample", *(pytest.param(name, marks=GENERATED) for name in command_pages.PROGRAMS[1:])],
@@ -215,7 +219,7 @@ def test_pages_that_no_command_has_any_more_are_removed(tmp_path):
     assert (tmp_path / "resample" / "plugins.md").exists()
 
 
-@pytest.mark.sweep(kept_by="test_every_option_that_the_docs_give_a_command_parses")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "line", sorted({line for _, line in commands() if runs_as_it_stands(line)})
 )

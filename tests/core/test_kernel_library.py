@@ -63,6 +63,7 @@ def of_library(native, monkeypatch):
     return lambda called: library.kernel(called.__wrapped__)
 
 
+@pytest.mark.sweep
 def test_a_kernel_gives_what_numba_gives(of_library):
     called = of_library(sums)
     for arguments in [(PAIR, 2.0), (PAIR, 2.0, 5)]:
@@ -91,6 +92,7 @@ def test_arrays_that_a_kernel_makes_are_numpys(of_library):
     assert rows.flags.writeable
 
 
+@pytest.mark.sweep
 def test_memory_of_arrays_goes_back(of_library):
     """A process that makes 1.6 GB, array by array, holds little of it."""
     resource = pytest.importorskip("resource")
@@ -260,12 +262,14 @@ values = st.recursive(
 )
 
 
+@pytest.mark.sweep
 @given(values)
 def test_types_have_the_names_that_numba_would_give_them(native, value):
     named = native.find("tests.small_kernels.nothing", ("value",), ()).key((value,), {})
     assert named == compiling.key_of(numba.typeof(value))
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("nothing_is_asked_for")
 def test_a_process_without_numba_runs_a_library(native, tmp_path):
     """What is in no library asks for numba, and says so."""

@@ -1,9 +1,7 @@
 """Signatures of the public functions: what editors complete, and type checkers find."""
 
-import ast
 import importlib
 import inspect
-import textwrap
 import tomllib
 import typing
 from collections.abc import Callable, Iterator
@@ -19,7 +17,6 @@ import resample_texture
 import resample_volume
 import resample_warp3d
 from resample_texture.like import ndimage, scikit
-from resample_texture.mesh import rendering as meshes
 
 PACKAGES = ["resample", "resample_points", "resample_texture", "resample_volume", "resample_warp3d"]
 
@@ -171,52 +168,6 @@ def test_mypy_looks_for_wrong_calls() -> None:
     assert settings["modules"] == ["tests.wrong_calls"]
     calls = (root / "tests" / "wrong_calls.py").read_text(encoding="utf-8")
     assert calls.count("# type: ignore[") > 30
-
-
-MOST_ARGUMENTS = 8  # of a public function; options beyond are in a named group of keywords
-HOVER = 3 * 100  # characters: three lines of an editor
-
-# What has more, and why.
-LONGER = {
-    "resample_texture.warp_like_opencv": "has the signature of cv2.warpPerspective",
-}
-
-
-def written(found: Callable[..., Any]) -> ast.FunctionDef:
-    """A function as its source has it, where aliases of types have their names."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(found)))
-    function = tree.body[0]
-    assert isinstance(function, ast.FunctionDef)
-    return function
-
-
-def functions() -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Public functions and methods; classes are records, or groups of options themselves.
-
-    Not the drop-ins of `resample_texture.like`, whose signatures are those of what they replace.
-    """
-    others = [(f"{meshes.__name__}.{name}", getattr(meshes, name)) for name in meshes.__all__]
-    for name, found in [*public(), *others]:
-        if inspect.isfunction(found) or inspect.ismethod(found):
-            yield name, found
-
-
-def test_public_functions_take_few_arguments() -> None:
-    longer = {
-        name: len(given)
-        for name, found in functions()
-        if len(given := [one for one in parameters(found) if one != "self"]) > MOST_ARGUMENTS
-    }
-    assert set(longer) == set(LONGER), longer
-
-
-def test_signatures_fit_three_lines_of_an_editor() -> None:
-    lengths = {}
-    for name, found in functions():
-        function = written(found)
-        text = f"{function.name}({ast.unparse(function.args)}) -> {ast.unparse(function.returns)}"  # type: ignore[arg-type]
-        lengths[name] = len(text.replace("self, ", ""))
-    assert {name for name, length in lengths.items() if length > HOVER} == set()
 
 
 GROUPED: dict[str, Callable[..., Any]] = {

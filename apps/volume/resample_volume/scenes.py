@@ -74,7 +74,7 @@ class Scene(AnyScene):
         self._quick: dict[Resampler, Resampler] = {}  # renderers of previews
         self._found: Memo = {}
 
-    def render(  # noqa: PLR0913 - all options of a picture
+    def render(
         self,
         look: Appearance | str = "auto",
         camera: Spelled = None,

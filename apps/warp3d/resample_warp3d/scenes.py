@@ -67,7 +67,7 @@ class DepthScene(AnyScene):
         self._few: Source | None = None  # for previews
         self._quick, self._coarse_cells = Preview(), Hybrid(quality=0.5)
 
-    def render(  # noqa: PLR0913 - what a user may say about a warp
+    def render(
         self,
         target: CameraModel | ArrayLike,
         *,

@@ -141,7 +141,7 @@ def warp(
     return filled(prepared, partial(seen, filter=pixel), fill)
 
 
-def warp_disparity(  # noqa: PLR0913 - what a user may say about a warp
+def warp_disparity(
     color: Any,
     disparity: Any,
     fraction: float = 1.0,

@@ -33,7 +33,7 @@ MODES = {
 SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # (row, column) and (x, y)
 
 
-def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
+def affine_transform(
     input: NDArray[Any],  # noqa: A002
     matrix: ArrayLike,
     offset: float | ArrayLike = 0.0,
@@ -66,7 +66,7 @@ def affine_transform(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
     return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, chosen)
 
 
-def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
+def map_coordinates(
     input: NDArray[Any],  # noqa: A002
     coordinates: ArrayLike,
     output: NDArray[Any] | DTypeLike | None = None,
@@ -99,7 +99,7 @@ def map_coordinates(  # noqa: PLR0913 - as scipy.ndimage has it
     return _drawn(image, geometry, shape, (order, mode, cval, prefilter), output, chosen)
 
 
-def zoom(  # noqa: PLR0913 - as scipy.ndimage has it
+def zoom(
     input: NDArray[Any],  # noqa: A002
     zoom: float | tuple[float, float],
     output: NDArray[Any] | DTypeLike | None = None,
@@ -135,7 +135,7 @@ def zoom(  # noqa: PLR0913 - as scipy.ndimage has it
     )  # fmt: skip
 
 
-def shift(  # noqa: PLR0913 - as scipy.ndimage has it
+def shift(
     input: NDArray[Any],  # noqa: A002
     shift: float | tuple[float, float],
     output: NDArray[Any] | DTypeLike | None = None,
@@ -155,7 +155,7 @@ def shift(  # noqa: PLR0913 - as scipy.ndimage has it
     )  # fmt: skip
 
 
-def rotate(  # noqa: PLR0913, PLR0917 - as scipy.ndimage has it
+def rotate(
     input: NDArray[Any],  # noqa: A002
     angle: float,
     axes: tuple[int, int] = (1, 0),

@@ -47,7 +47,7 @@ BORDERS = {
 Color = float | tuple[float, ...]
 
 
-def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
+def warp_like_opencv(
     src: NDArray[Any],
     M: ArrayLike,  # noqa: N803
     dsize: tuple[int, int],
@@ -114,7 +114,7 @@ def warp_like_opencv(  # noqa: PLR0913 - as cv2 has it
 warpPerspective = warp_like_opencv  # noqa: N816 - as cv2 has it
 
 
-def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
+def warpAffine(  # noqa: N802 - as cv2 has it
     src: NDArray[Any],
     M: ArrayLike,  # noqa: N803
     dsize: tuple[int, int],
@@ -136,7 +136,7 @@ def warpAffine(  # noqa: N802, PLR0913 - as cv2 has it
     )  # fmt: skip
 
 
-def remap(  # noqa: PLR0913 - as cv2 has it
+def remap(
     src: NDArray[Any],
     map1: ArrayLike,
     map2: ArrayLike | None,
@@ -170,7 +170,7 @@ def remap(  # noqa: PLR0913 - as cv2 has it
     return _shown(src, drawing, dst, borderMode, borderValue, linear_light=linear_light)
 
 
-def resize(  # noqa: PLR0913 - as cv2 has it
+def resize(
     src: NDArray[Any],
     dsize: tuple[int, int] | None,
     dst: NDArray[Any] | None = None,
@@ -273,7 +273,7 @@ def _picture_behind(dst: NDArray[Any], full: tuple[int, ...], dtype: np.dtype[An
     return behind.reshape(*full[:2], -1)
 
 
-def warpPolar(  # noqa: N802, PLR0913 - as cv2 has it
+def warpPolar(  # noqa: N802 - as cv2 has it
     src: NDArray[Any],
     dsize: tuple[int, int],
     center: tuple[float, float],

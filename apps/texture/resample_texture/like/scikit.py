@@ -33,7 +33,7 @@ class ReadAs(NamedTuple):
     preserve_range: bool
 
 
-def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+def warp(
     image: NDArray[Any],
     inverse_map: Any,
     map_args: dict[str, Any] | None = None,
@@ -90,7 +90,7 @@ def warp(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     return _drawn(image, Drawing(chosen, geometry, shape, _edge(mode)), values)
 
 
-def resize(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+def resize(
     image: NDArray[Any],
     output_shape: Sequence[int],
     order: int | None = None,
@@ -140,7 +140,7 @@ def resize(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     return _drawn(image, Drawing(chosen, geometry, shape, _edge(mode)), values)
 
 
-def rescale(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+def rescale(
     image: NDArray[Any],
     scale: float | Sequence[float],
     order: int | None = None,
@@ -177,7 +177,7 @@ def rescale(  # noqa: PLR0913, PLR0917 - as scikit-image has it
     )  # fmt: skip
 
 
-def rotate(  # noqa: PLR0913, PLR0917 - as scikit-image has it
+def rotate(
     image: NDArray[Any],
     angle: float,
     resize: bool = False,

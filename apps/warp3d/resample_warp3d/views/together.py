@@ -221,7 +221,7 @@ def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
     return Agreed(standing, order, sources.scale)
 
 
-def render_together(  # noqa: PLR0913 - what a user may say about a warp
+def render_together(
     sources: Agreed,
     target: CameraModel,
     shape: tuple[int, int],
