@@ -3,8 +3,6 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-# Byte-compile at install (uv does not by default, and never what stays in the checkout): halves every later start.
-export UV_COMPILE_BYTECODE := 1
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -99,6 +97,8 @@ endef
 $(VENV)/.run: requirements/run.txt pyproject.toml | $(BIN)/uv
 	$(call install,run)
 	touch $@
+# What tests start time and again is byte-compiled at once; a first run leaves that to Python, which imports a fifth of it.
+$(VENV)/.dev $(VENV)/.docs: export UV_COMPILE_BYTECODE := 1
 $(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
 	$(call install,dev)
 	touch $@ $(VENV)/.run

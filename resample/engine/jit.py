@@ -37,6 +37,8 @@ LANES = {"contract", "nsz"}  # a product and a sum may be one operation; zeros h
 
 # numba's own variables, under their own names: numba may not be there to be asked.
 IS_PLAIN = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+if IS_PLAIN:
+    np.seterr(all="ignore")  # as machine code does: 1 / 0 is inf, and hashes overflow
 _allowed = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
 CORES = int(os.environ.get("NUMBA_NUM_THREADS") or len(_allowed(0)))
 
@@ -171,7 +173,8 @@ def _on_all_threads(
         report(0, 0)
         counter, begin = np.zeros(2, np.int64), time.perf_counter()
         # To wait for others takes a tenth of a millisecond: too costly for small pictures.
-        takes_part = seconds[0] < SHORT and not is_watched()
+        # Plain Python stays on this thread, where a debugger is.
+        takes_part = IS_PLAIN or (seconds[0] < SHORT and not is_watched())
         count = workers() - takes_part
         started = [_pool().submit(compiled, counter, *args, **kwargs) for _ in range(count)]
         if takes_part:

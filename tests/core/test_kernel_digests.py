@@ -23,6 +23,7 @@ LIMIT = 10
 if BASE > 1:
     LIMIT = 20
 """,
+    "edited/same.py": "same = 1\n",
     "edited/stars.py": "from edited.numbers import *\nPAIR = (BASE, 1.5)\n",
     "edited/bundles.py": '''
 from typing import NamedTuple
@@ -78,7 +79,7 @@ def _others(bundle, number):
     return number
 """,
     "edited/loops.py": '''
-from edited import numbers, steps
+from edited import numbers, same, steps
 from edited.bundles import Inner
 from edited.roles import part
 from edited.steps import doubled, tripled
@@ -89,7 +90,7 @@ def loop(bundle, count):
     total = 0.0
     for n in range(count):  # as many as are asked for
         total += steps.step(bundle.first) + part(bundle, n) + part(Inner(), n)
-        total += numbers.TABLE[0]
+        total += numbers.TABLE[0] + same.same
     doubled(total)
     tripled(total)
     return total
@@ -122,6 +123,7 @@ CHANGE_CODE = {
     "the type of a constant": ("stars.py", "PAIR = (BASE, 1.5)", "PAIR = (1.0 * BASE, 1.5)"),
     "a number of an array": ("numbers.py", "[1.0, 2.0]", "[1.0, 3.0]"),
     "the dtype of an array": ("numbers.py", "[1.0, 2.0]", "[1, 2]"),
+    "an attribute with its module's name": ("same.py", "same = 1", "same = 2"),
     "a default": ("steps.py", "times=3", "times=4"),
     "the option of a decorator": ("steps.py", "@inner_kernel", "@kernel"),
     "free variables, exchanged": ("steps.py", "made(2), made(3)", "made(3), made(2)"),

@@ -1,16 +1,39 @@
 """A few pictures so small that kernels can paint them as plain Python (NUMBA_DISABLE_JIT=1)."""
 
+import os
+import shlex
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import cv2
 import numpy as np
 import pytest
 
 from resample.cameras.models import Camera, Orthographic
+from resample.engine import jit
 from resample.painting.choices import Opacity, Primitive, footprints_of
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
+from resample_points import Gaussians, write_gaussians
 from tests import naive
+from tests.commands import ended
+from tests.processes import PATIENCE
 from tests.samples import painter
 
 SIDE = 8  # px
+PICTURES = {
+    "warp": "resample-texture warp photo.png --corners '2,3 20,4 18,18 3,15' --size 16",
+    "enlarge": "resample-texture resize photo.png --size 32",
+    "shrink": "resample-texture resize photo.png --size 10",
+    "depth": "resample-warp3d render photo.png depth.npy --fov 60 --move 0.1,0,0 --size 16",
+    "stereo": "resample-warp3d stereo photo.png depth.npy --fov 60 --baseline 0.1",
+    "cloud": "resample-points render cloud.ply --size 16",
+    "gaussians": "resample-points render gaussians.ply --size 16",
+    "rays": "resample-volume render ball.npy --size 16",
+    "splats": "resample-volume render ball.npy --size 16 --method splats",
+}
 
 
 def two(spacing=1.0):
@@ -97,3 +120,45 @@ def test_linear_opacity_is_linear_in_the_line_integral():
     kernel = GaussianKernel()
     integral = naive.all_line_integrals(sample, camera, kernel, height=SIDE, width=SIDE)[0]
     np.testing.assert_allclose(frame.rgba[..., 3], (1 - np.exp(-1)) * integral, atol=1e-5)
+
+
+def paint(folder):
+    """Paint small pictures by the commands of every application, from files in a folder."""
+    os.chdir(folder)
+    for name, line in PICTURES.items():
+        program, *words = shlex.split(line)
+        app = import_module(f"{program.replace('-', '_')}.cli").app
+        assert ended(app, *words, "-o", f"{name}-{jit.IS_PLAIN}.png") == 0
+
+
+@pytest.fixture
+def inputs(tmp_path, monkeypatch):
+    """Folder with a small picture, its depth, a cloud, Gaussians and a volume."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(7)
+    cv2.imwrite("photo.png", rng.integers(0, 256, (18, 24, 3)).astype(np.uint8))
+    np.save("depth.npy", np.where(np.arange(24) < 12, 2.0, 3.0) + np.zeros((18, 1)))
+    head = "ply\nformat ascii 1.0\nelement vertex 40\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz") + "end_header"
+    np.savetxt("cloud.ply", rng.random((40, 3)), header=head, comments="")
+    place, turn, color = (rng.normal(size=(12, n)).astype(np.float32) for n in (3, 4, 3))
+    size, opacity = np.full((12, 3), 0.3, np.float32), rng.random(12).astype(np.float32)
+    none = np.zeros((12, 0, 3), np.int16)
+    write_gaussians("gaussians.ply", Gaussians(place, size, turn, opacity, color, none, 1e-3))
+    z, y, x = np.mgrid[-1:1:8j, -1:1:8j, -1:1:8j]
+    np.save("ball.npy", (120 * np.clip(1.2 - np.sqrt(x * x + y * y + z * z), 0, 1)).astype("u1"))
+    return tmp_path
+
+
+@pytest.mark.skipif(not jit.IS_PLAIN, reason="pictures of plain Python are those of machine code")
+def test_pictures_of_every_application_are_those_of_machine_code(inputs):
+    code = f"from tests.core.test_kernels_plain import paint; paint({str(inputs)!r})"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "0"}
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", code]
+    subprocess.run(command, cwd=root, env=environment, check=True, timeout=PATIENCE)
+    paint(inputs)
+    for name in PICTURES:
+        plain, compiled = (cv2.imread(f"{name}-{which}.png", -1) for which in (True, False))
+        assert compiled.max() > 99, name
+        assert np.abs(plain.astype(int) - compiled).max() <= 1, name  # level: both are rounded

@@ -65,11 +65,7 @@ MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
 UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
-DEMO = {  # camera and side of the picture, px
-    "checker-box": ("30,25,0.9", 64),  # 0.3 px per voxel, where primitives differ
-    "vessel-tree": ("30,15,1", 400),
-    "marschner-lobb": ("30,40,1", 400),
-}
+DEMO = {"checker-box": "30,25,0.9", "vessel-tree": "30,15,1"}  # cameras; all of one dtype
 
 
 @app.command
@@ -519,7 +515,7 @@ def figures(
 
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
-    """Render the generated volumes by all three methods.
+    """Render the generated volumes.
 
     For example:
 
@@ -527,28 +523,18 @@ def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
         resample-volume demo -o volumes
         resample-volume demo --output pictures/volumes
     """
-    from resample.command.session import Session
     from resample.console import say
     from resample.files.saving import write_frame
-    from resample.measuring.compare import contact_sheet
-    from resample_volume.command.rendering import painted, scene_of
     from resample_volume.files.source import generate as generated
+    from resample_volume.rendering import render as rendered
 
     output.mkdir(parents=True, exist_ok=True)
-    for name, (camera_angles, side) in DEMO.items():
-        session, size, pictures = Session(), (side, side), {}
-        volume, look = generated(name), AppearanceChoices(camera=camera_angles)
-        medium = volume, look.appearance(volume)
-        subject = scene_of(session, [medium], Resampling().resampler())
-        camera = subject.camera(look.viewpoint(), *size)
-        for method in ("hybrid", "points", "splats"):
-            resampler = Resampling(method=method).resampler()
-            frame = painted(session, resampler, subject.samples_for(camera), camera, size)
-            path = output / f"{name}-{method}.png"
-            write_frame(path, frame, background=(0.0, 0.0, 0.0))
-            say(f"{path}: {frame.statistics.points} points, {frame.statistics.splats} splats")
-            pictures[method] = frame.rgba
-        contact_sheet(pictures, output / f"{name}.png", columns=3)
+    for name, camera in DEMO.items():
+        volume, look = generated(name), AppearanceChoices(camera=camera)
+        frame = rendered(volume, look.appearance(volume), look.viewpoint())
+        path = output / f"{name.partition(':')[0]}.png"
+        write_frame(path, frame, background=(0.0, 0.0, 0.0))
+        say(f"{path}: a volume of {' x '.join(map(str, volume.values.shape[::-1]))} voxels")
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 
 

@@ -565,7 +565,7 @@ def figures(
 
 @app.command
 def demo(*, output: flags.DemoOutput = DEMO) -> None:
-    """Render new views of a generated room by several methods, and a swaying camera.
+    """Render a new view of a generated room beside the true one, and a swaying camera.
 
     For example:
 

@@ -51,7 +51,7 @@ class _Walk:
 
     def __init__(self) -> None:
         self.parts: set[str] = set()
-        self._numbers: dict[int, int] = {}  # of things, by their identity
+        self._numbers: dict[Any, int] = {}  # of things, by their identity
         self._waiting: list[Callable[[], str]] = []  # what describes them, by number
         self._classes: set[type] = {object, type(None)}
         self._roles: list[dict[type, FunctionType]] = []  # bodies of each
@@ -74,7 +74,7 @@ class _Walk:
         self.parts.add(module)
         return f"{module} {_module_digest(module)}"
 
-    def text(self, value: Any, label: str, names: Iterable[str]) -> str:
+    def text(self, value: Any, label: str, names: tuple[str, ...]) -> str:
         """Text of a value that code names.
 
         Parameters
@@ -89,12 +89,10 @@ class _Walk:
         if hasattr(value, "__name__") and _is_foreign(_home(value)):
             return _name(value)
         if isinstance(value, ModuleType):
-            known, kept = vars(value), [each for each in names if not label.endswith(f".{each}")]
-            members = (each for each in kept if each in known)
-            told = (self.text(known[each], f"{_home(value)}.{each}", kept) for each in members)
-            return f"{_home(value)}({', '.join(told)})"
+            told = partial(self._members, vars(value), value.__name__, names)
+            return self._numbered((id(value), names), told)
         if isinstance(value, type):
-            return self._numbered(value, partial(self._class, value))
+            return self._numbered(id(value), partial(self._class, value))
         if isinstance(value, FunctionType) or hasattr(value, "__wrapped__"):
             return self._called(value)
         self.parts.add(label)
@@ -125,24 +123,28 @@ class _Walk:
         return f"{told} {self._function(value)} {overloads}"
 
     def _function(self, function: FunctionType) -> str:
-        return self._numbered(function, partial(self._code, function))
+        return self._numbered(id(function), partial(self._code, function))
 
     def _numbered(self, thing: Any, describe: Callable[[], str]) -> str:
-        if id(thing) not in self._numbers:
-            self._numbers[id(thing)] = len(self._waiting)
+        if thing not in self._numbers:
+            self._numbers[thing] = len(self._waiting)
             self._waiting.append(describe)
-        return f"#{self._numbers[id(thing)]}"
+        return f"#{self._numbers[thing]}"
+
+    def _members(self, known: dict[str, Any], home: str, names: tuple[str, ...]) -> str:
+        """Text of what names stand for in a module, as far as they are there."""
+        told = (f"{n} {self.text(known[n], f'{home}.{n}', names)}" for n in names if n in known)
+        return f"{home}({', '.join(told)})"
 
     def _code(self, function: FunctionType) -> str:
         """Text of a function: its code, and the values of all names in it."""
         self.parts.add(_name(function))
         code, names = _read(function.__code__)
-        known, home = function.__globals__, _home(function)
-        told = [self.text(known[each], f"{home}.{each}", names) for each in names if each in known]
+        told = [self._members(function.__globals__, _home(function), names)]
         own = [each.cell_contents for each in function.__closure__ or ()]
         own += [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()]
         told += [self.text(each, _name(function), names) for each in own]
-        return f"{_name(function)} {code} {[each for each in names if each in known]} {told}"
+        return f"{_name(function)} {code} {told}"
 
     def _class(self, of: type) -> str:
         """Text of a class: the fields of a bundle, and the module of any other."""
@@ -204,9 +206,8 @@ def _read(code: CodeType) -> tuple[str, tuple[str, ...]]:
             if words[n] == STORE and code.co_names[words[n + 1]] in UNREAD:
                 words[n - 2 : n] = NOTHING, 0
     constants = []
-    for n in (
-        2 * np.flatnonzero(TAKES_CONSTANT[np.frombuffer(code.co_code[::2], np.uint8)])
-    ).tolist():
+    operations = np.frombuffer(code.co_code[::2], np.uint8)
+    for n in (2 * np.flatnonzero(TAKES_CONSTANT[operations])).tolist():
         number, words[n + 1] = words[n + 1], 0
         if n and words[n - 2] == EXTENDED:
             number, words[n - 1] = number + (words[n - 1] << 8), 0

@@ -75,7 +75,7 @@ def write_demo(folder: Path) -> None:
     from resample_warp3d.figures.paper import generated_figure, write_figures
     from resample_warp3d.figures.scenes import generated
 
-    write_figures(folder, generated_figure(DEMO_SIZE, "oblique", ("hybrid", "mcmillan")))
+    write_figures(folder, generated_figure(DEMO_SIZE, "oblique", ("hybrid",)))
     scene, session, choice = generated(DEMO_SIZE), Session(), DepthWarping()
     image = scene.depth_image()
     kind = Kind(("R", "G", "B"), 8, is_encoded=True)

@@ -85,7 +85,7 @@ def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links
         if links[row, column] & OPEN:
             most = max(nearness[row, column], nearness[row + dr, column + dc])
             allowed = np.float32(absolute + relative * most)
-            links[row, column] &= ~OPEN
+            links[row, column] ^= OPEN
             if _is_linked(nearness, row, column, down, allowed):
                 links[row, column] |= bit
 
