@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_points import read_cloud, read_gaussians
-from resample_points.files.ply_headers import ply_header
+from resample_points.files.ply import ply_header
 
 BINARY = b"ply\nformat binary_little_endian 1.0\n"
 LONG = 1 << 22

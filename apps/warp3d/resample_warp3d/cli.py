@@ -34,7 +34,7 @@ from resample_warp3d.command.choices import (
 )
 from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.command.stereo.choices import PairDepth, Parallax
+from resample_warp3d.command.stereo import PairDepth, Parallax
 from resample_warp3d.command.target import Aim, TargetCamera
 
 
@@ -244,7 +244,7 @@ def stereo(
     from resample_warp3d.command.filming.films import FilmWriting, stereo_film
     from resample_warp3d.command.inputs import DepthReader, read_pair, read_views
     from resample_warp3d.command.rendering import check_memory, mention_holes
-    from resample_warp3d.command.stereo.rendering import StereoRendering
+    from resample_warp3d.command.stereo import Eyes, StereoRendering
     from resample_warp3d.command.writing import check_extras, write_extras
 
     extras = Extras(holes=holes, coverage=coverage)
@@ -262,7 +262,7 @@ def stereo(
     check_targets(output, holes, coverage)
     session = Session()
     if reader is None:
-        taken, eyes = read_pair(picture, depth, disparity_scale), pair.pair_eyes
+        taken, eyes = read_pair(picture, depth, disparity_scale), Eyes(1.0, 0.0)
     else:
         taken = read_views(reader, picture, depth)
         eyes = pair.eyes([taken])

@@ -7,7 +7,7 @@ from resample.types import Floats
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import CONSTANT, COUNTS, parts_of
 from resample_points.files.gaussians.decoding import ROOT, check_count, exponentials, quaternions_of
-from resample_points.files.gaussians.ply import PlyFile, stacked
+from resample_points.files.ply import PlyFile, stacked
 
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 CHUNK = 256  # Gaussians that share ranges

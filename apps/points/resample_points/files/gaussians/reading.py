@@ -11,12 +11,11 @@ from resample.reading.texts import json_of
 from resample.words import naming
 from resample_points.data.gaussians import Gaussians, checked_gaussians
 from resample_points.files.gaussians.compressed import is_compressed, read_compressed
-from resample_points.files.gaussians.ply import PlyFile
 from resample_points.files.gaussians.sog import META, is_description, read_sog
 from resample_points.files.gaussians.splat import read_splat
 from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
 from resample_points.files.gaussians.trained import NEEDED, TrainedFile, read_trained
-from resample_points.files.ply_headers import ply_header
+from resample_points.files.ply import ply_header
 
 KNOWN = "PLY and compressed PLY, .splat, SOG (a folder, its meta.json, or .sog) and SPZ"
 ZIP = b"PK\3\4"
@@ -78,7 +77,7 @@ def stored_gaussians(path: str | Path) -> TrainedFile | None:
     if not source.is_file() or _reader(source) is not _read_ply:
         return None
     with naming(source.name):
-        header = PlyFile(ply_header(source))
+        header = ply_header(source)
         return None if is_compressed(header) else TrainedFile(header)
 
 
@@ -91,7 +90,7 @@ def is_gaussians(path: str | Path) -> bool:
     with suppress(OSError, ValueError, zipfile.BadZipFile):
         reader = _reader(source)
         if reader is _read_ply:
-            header = PlyFile(ply_header(source))
+            header = ply_header(source)
             return is_compressed(header) or header.names() >= NEEDED
         if reader is read_spz:
             return is_spz(source)
@@ -128,7 +127,7 @@ def _reader(source: Path) -> Callable[[Path], Gaussians]:
 
 
 def _read_ply(source: Path) -> Gaussians:
-    header = PlyFile(ply_header(source))
+    header = ply_header(source)
     return read_compressed(header) if is_compressed(header) else read_trained(header)
 
 

@@ -13,7 +13,7 @@ from resample.watching import report
 from resample_points.data.gaussians import Gaussians, checked_gaussians
 from resample_points.data.harmonics import COUNTS, parts_of, rounded_to, step_of
 from resample_points.files.gaussians.decoding import check_count, exponentials, sigmoids
-from resample_points.files.gaussians.ply import PlyFile, largest_of, stacked
+from resample_points.files.ply import PlyFile, largest_of, stacked
 
 POSITION, COLOR = ["x", "y", "z"], ["f_dc_0", "f_dc_1", "f_dc_2"]
 SCALE, ROTATION = ["scale_0", "scale_1", "scale_2"], ["rot_0", "rot_1", "rot_2", "rot_3"]

@@ -20,7 +20,7 @@ from resample_warp3d.command.filming.sources import FilmSources, rectified, with
 from resample_warp3d.command.filming.targets import FilmTarget
 from resample_warp3d.command.inputs import DepthReader, Inputs
 from resample_warp3d.command.rendering import check_memory, joined, joining_of
-from resample_warp3d.command.stereo.rendering import StereoRendering
+from resample_warp3d.command.stereo import Eyes, StereoRendering
 from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Warped
@@ -124,7 +124,7 @@ def stereo_film(
         ranges = _ranges(session, footage, reader, writing.filming)
         read = with_depth(footage, reader, ranges)
     film = FilmSources(session, footage, read, ranges, stereo.warping)
-    eyes = stereo.pair_eyes if reader is None else stereo.eyes(_surveyed(film))
+    eyes = Eyes(1.0, 0.0) if reader is None else stereo.eyes(_surveyed(film))
 
     def pictures(progress: Progress | None) -> Iterator[Picture]:
         for n in range(len(footage)):

@@ -1,0 +1,344 @@
+"""Pictures for two eyes: options, eye distance, layouts, rendering."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from resample.cameras.models import Camera
+from resample.cameras.panoramic import Equirectangular
+from resample.cameras.pixels import directions, pixel_centers
+from resample.command.flags import SIZE, OptionTopic
+from resample.command.intrinsics import Shape
+from resample.command.session import Session
+from resample.command.settings import Choices, height_and_width
+from resample.console import say
+from resample.files.pictures import Picture
+from resample.types import Doubles, Floats
+from resample_warp3d.command.animation import stepped
+from resample_warp3d.command.choices import Depth, DepthWarping, Joint
+from resample_warp3d.command.inputs import DepthInput, Inputs
+from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared, shifted
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.writing import warped_picture
+from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.types import Hole, Warped
+from resample_warp3d.wide import CameraModel, StereoPanorama
+
+LARGEST = 4096  # px of an eye's picture around, unless its size is given
+COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
+COMFORT_AROUND = math.radians(2.0)  # default parallax of the nearest things to the farthest
+STRAY = 0.01  # share of the depth at each end that may exceed this parallax
+
+
+class PairDepth(Depth):
+    """Meaning of the depth's or disparity's numbers for a stereo pair."""
+
+    depth_kind: Annotated[
+        Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
+        Field(
+            description="z along the camera's axis, ray length, inverse (1 / z), or disparity of a "
+            "calibrated pair, where 0, NaN and inf are unknown; or a network's output: relative, "
+            "larger is nearer, or relative-z, larger is farther; or pair, the disparity of a "
+            "rectified pair in px."
+        ),
+    ] = "pair"  # type: ignore[assignment]  # one more kind
+
+
+class Parallax(Choices):
+    """Geometry and layout of a stereo pair."""
+
+    heading: ClassVar[str] = "Stereo"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    eyes: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="Distance between the eyes, scene units. [default: such that parallax is "
+            "at most 1.5 % of the width; for vr180 and panoramas 2 degrees]",
+        ),
+    ] = None
+    zero_plane: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            description="Distance of zero parallax, scene units. [default: the median of the "
+            "depth; "
+            "infinite for vr180 and panoramas]",
+        ),
+    ] = None
+    layout: Annotated[
+        Literal[
+            "one", "side-by-side", "half-side-by-side", "top-bottom", "half-top-bottom", "anaglyph",
+            "vr180",
+        ],
+        Field(
+            description="Output: the other eye's picture alone, or both: the left one at the "
+            "left, on top, or in red; half: each squeezed by 2, together as large as one; vr180: "
+            "the half sphere ahead of each eye, side by side."
+        ),
+    ] = "one"  # fmt: skip
+    size: Annotated[
+        str | None,
+        Field(
+            description=f"{SIZE} Of each eye's picture, for vr180 (a square) and panoramas. "
+            "[default: as fine as the source]"
+        ),
+    ] = None
+
+    def is_around(self, eye: SourceCamera) -> bool:
+        """Whether eyes have pictures of directions: for vr180 and panoramas."""
+        return self.layout == "vr180" or eye.source_projection == "equirectangular"
+
+    def shape(self) -> Shape | None:
+        """Return height and width of each eye's picture, px, if given."""
+        if self.size is None:
+            return None
+        height, width = height_and_width(self.size)
+        if self.layout == "vr180" and width != height:
+            raise ValueError(f"--size {self.size}: each eye of vr180 has a square, such as 2048")
+        if self.layout != "vr180" and width != 2 * height:
+            raise ValueError(f"--size {self.size}: a panorama is twice as wide as high")
+        return height, width
+
+    def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
+        """Refuse options that do not go together."""
+        if self.is_around(eye):
+            if eye.source_projection == "orthographic":
+                raise ValueError("vr180 needs a pinhole, a lens or a panorama")
+            if meaning.depth_kind == "pair":
+                raise ValueError("vr180 and panoramas need depth, by --depth-kind")
+            if self.zero_plane is not None:
+                raise ValueError(
+                    "--zero-plane belongs to flat pictures; the eyes of vr180 and panoramas are "
+                    "parallel"
+                )
+            self.shape()
+            return
+        eye.check_pinhole("stereo")
+        if self.size is not None:
+            raise ValueError("--size belongs to --layout vr180 and panoramas; leave it out")
+        if meaning.depth_kind != "pair":
+            return
+        for name in ("eyes", "zero_plane"):
+            if getattr(self, name) is not None:
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
+
+
+class Eyes(NamedTuple):
+    """Parallax of two eyes: `gain` (n − `zero`) px at nearness n."""
+
+    gain: float
+    zero: float
+    apart: float = 0.0  # distance between the eyes, scene units; 0: unknown
+
+    @classmethod
+    def of(cls, taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
+        """Choose eyes for a flat picture, or some of a film, and report them."""
+        first = taken[0].views[0]
+        known = np.concatenate([_known(inputs.views[0], 1.0) for inputs in taken])
+        width, focal = first.shape[1], abs(float(first.pinhole.matrix[0, 0]))
+        far, middle, near = np.quantile(known, [STRAY, 0.5, 1.0 - STRAY])
+        zero = float(middle) if choice.zero_plane is None else 1.0 / choice.zero_plane
+        if choice.eyes is None:
+            gain = COMFORT * width / max(near - zero, zero - far, 1e-12)
+        else:
+            gain = focal * choice.eyes
+        before, behind = gain * (near - zero), gain * (far - zero)
+        say(
+            f"the eyes are {gain / focal:.3g} apart, the screen is {1.0 / zero:.3g} away: "
+            f"parallax from {behind:.1f} to {before:.1f} px"
+        )
+        return cls(gain, zero, gain / focal)
+
+    @classmethod
+    def around(cls, taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
+        """Choose parallel eyes for pictures of directions, and report them."""
+        known = np.concatenate([_known(v, _lengths(v)) for inputs in taken for v in inputs.views])
+        far, near = np.quantile(known, [STRAY, 1.0 - STRAY])
+        usual = COMFORT_AROUND / max(near - far, 0.5 * near)
+        apart = usual if choice.eyes is None else choice.eyes
+        least, most = (math.degrees(apart * each) for each in (far, near))
+        say(f"the eyes are {apart:.3g} apart: parallax from {least:.2f} to {most:.2f} degrees")
+        return cls(0.0, 0.0, float(apart))
+
+
+def _lengths(view: DepthInput) -> Doubles:
+    """Ray length over depth of a view's samples."""
+    place = view.image.place if view.image.place.size else pixel_centers(view.shape)
+    flat = directions(view.pinhole, place)
+    return np.asarray(np.sqrt(1.0 + (flat * flat).sum(axis=2)))
+
+
+def _known(view: DepthInput, length: Doubles | float) -> Doubles:
+    """Nearness of a view's known samples, over a length."""
+    nearness = view.image.nearness
+    return np.asarray((nearness / length)[nearness > 0], np.float64)
+
+
+class StereoPair(NamedTuple):
+    """Picture to write, and the warp of the new eye's picture."""
+
+    picture: Picture
+    warped: Warped
+    sources: list[Prepared]
+
+
+@dataclass(frozen=True, eq=False)
+class StereoRendering:
+    """How both eyes' pictures are rendered."""
+
+    parallax: Parallax
+    fraction: float  # position of the new eye: 1 is the other eye
+    given: str  # left or right: which eye's picture the source is
+    warping: DepthWarping
+    is_around: bool  # pictures of directions: vr180 and panoramas
+
+    @property
+    def way(self) -> float:
+        """Position of the new eye to the right, in eye distances."""
+        return self.fraction if self.given == "left" else -self.fraction
+
+    def eyes(self, taken: Sequence[Inputs]) -> Eyes:
+        """Choose the eyes for a picture, or some of a film, and report them."""
+        return (Eyes.around if self.is_around else Eyes.of)(taken, self.parallax)
+
+    def shape(self, taken: Inputs) -> Shape:
+        """Return height and width of an eye's picture, px."""
+        given = self.parallax.shape()
+        if not self.is_around or given is not None:
+            return taken.shape if given is None else given
+        if isinstance(taken.camera, Camera):
+            side = min(LARGEST, 2 * round(0.5 * math.pi * abs(taken.camera.fx)))
+            return side, side
+        height, width = taken.shape
+        return (height, height) if self.parallax.layout == "vr180" else (height, width)
+
+    def render(
+        self, session: Session, taken: Inputs, eyes: Eyes, chosen: Sequence[str] | None = None
+    ) -> StereoPair:
+        """Render a picture for both eyes, in the layout.
+
+        `chosen`: refinement of each view; None: that of the options.
+        """
+        sources = prepared(session, taken.views, self.warping, chosen)
+        render = self._around if self.is_around else self._flat
+        first, second, warped = render(session, taken, sources, eyes)
+        if self.parallax.layout == "one":
+            return StereoPair(second, warped, sources)
+        both = (first, second) if self.given == "left" else (second, first)
+        return StereoPair(together(*both, self.parallax.layout), warped, sources)
+
+    def _flat(
+        self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes
+    ) -> tuple[Picture, Picture, Warped]:
+        """Render the new eye's picture, beside the source's."""
+        view, kind, filled = taken.views[0], taken.picture.kind, self.warping.fill
+        shape, equation = taken.shape, of_rectified(self.way, eyes.gain, eyes.zero)
+        warped = shifted(session, sources[0], equation, shape, self.warping)
+        first = view.picture
+        if view.image.place.size and self.parallax.layout != "one":  # only the source has a lens
+            unbent = shifted(session, sources[0], of_rectified(0.0), shape, self.warping)
+            first = warped_picture(unbent, kind, filled=filled)
+        return first, warped_picture(warped, kind, filled=filled), warped
+
+    def _around(
+        self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes
+    ) -> tuple[Picture, Picture, Warped]:
+        """Render pictures of directions, for both eyes."""
+        kind, filled = taken.picture.kind, self.warping.fill
+        is_half = self.parallax.layout == "vr180"
+        height, width = self.shape(taken)
+        joining = joining_of(taken, Joint.usual())
+        made = []
+        for target in self._targets(taken, eyes, is_half=is_half):
+            whole = height, 2 * width if is_half else width
+            seen = joined(session, sources, target, whole, self.warping, joining).warped
+            made.append(_front(seen, filled=filled) if is_half else seen)
+        first, second = (warped_picture(each, kind, filled=filled) for each in made)
+        return first, second, made[1]
+
+    def _targets(self, taken: Inputs, eyes: Eyes, *, is_half: bool) -> list[CameraModel]:
+        """Return the cameras of the given and of the new eye.
+
+        The source of vr180 is one eye's picture; a panorama is the head's, between both eyes.
+        """
+        pose = taken.camera.world_to_camera
+        if is_half:
+            moved = stepped([self.way * eyes.apart, 0.0, 0.0]) @ pose
+            return [Equirectangular(pose), Equirectangular(moved)]
+        half = 0.5 * self.way * eyes.apart
+        return [StereoPanorama(pose, -half), StereoPanorama(pose, half)]
+
+
+def _front(warped: Warped, *, filled: bool) -> Warped:
+    """Return the half of a panorama that is ahead; what is beside the source stays empty."""
+    quarter = warped.coverage.shape[1] // 4
+    ahead = slice(quarter, 3 * quarter)
+    parts = {name: part[:, ahead] for name, part in warped._asdict().items()}
+    half = warped._replace(**parts)
+    if not filled:
+        return half
+    is_kept = half.holes != Hole.OUTSIDE
+    image = half.image * is_kept[..., None]
+    return half._replace(image=image, coverage=half.coverage * is_kept)
+
+
+def together(left: Picture, right: Picture, layout: str) -> Picture:
+    """Combine the pictures of both eyes; both have alpha if one has."""
+    if left.kind.has_alpha != right.kind.has_alpha:
+        left, right = (p if p.kind.has_alpha else _opaque(p) for p in (left, right))
+    if layout == "anaglyph":
+        return _anaglyph(left, right)
+    axis = 1 if layout.endswith(("side-by-side", "vr180")) else 0
+    both = [p.data for p in (left, right)]
+    if layout.startswith("half-"):
+        both = [_squeezed(data, axis) for data in both]
+    return left._replace(data=np.concatenate(both, axis=axis))
+
+
+def _squeezed(data: Floats, axis: int) -> Floats:
+    """Halve a picture (H, W, C) along an axis by means; odd sides to the next larger half."""
+    import cv2
+
+    height, width, channels = data.shape
+    size = (width, (height + 1) // 2) if axis == 0 else ((width + 1) // 2, height)
+    made = cv2.resize(np.ascontiguousarray(data), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(made, np.float32).reshape(size[1], size[0], channels)
+
+
+def _opaque(picture: Picture) -> Picture:
+    one = np.ones((*picture.data.shape[:2], 1), np.float32)
+    kind = picture.kind._replace(channels=(*picture.kind.channels, "A"))
+    return Picture(np.concatenate([picture.data, one], axis=2), kind, picture.about)
+
+
+def _anaglyph(left: Picture, right: Picture) -> Picture:
+    """Combine red of the left picture with green and blue of the right one."""
+    names, has_alpha = left.kind.channels, left.kind.has_alpha
+    colors = names[:-1] if has_alpha else names
+    if colors not in (("R", "G", "B"), ("Y",)):
+        raise ValueError(f"an anaglyph is made of gray or RGB pictures, not of {', '.join(colors)}")
+    straight = [_straight(picture) for picture in (left, right)]
+    planes = [straight[0][..., 0], straight[1][..., len(colors) // 2], straight[1][..., -1]]
+    data = np.stack(planes, axis=2)
+    channels: tuple[str, ...] = ("R", "G", "B")
+    if has_alpha:
+        alpha = np.minimum(left.data[..., -1:], right.data[..., -1:])
+        data = np.concatenate([data * alpha, alpha], axis=2)
+        channels = (*channels, "A")
+    return Picture(np.asarray(data, np.float32), left.kind._replace(channels=channels), left.about)
+
+
+def _straight(picture: Picture) -> Floats:
+    """Return straight color."""
+    if not picture.kind.has_alpha:
+        return picture.data
+    alpha = picture.data[..., -1:]
+    color = picture.data[..., :-1]
+    return np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)

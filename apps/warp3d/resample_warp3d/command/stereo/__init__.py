@@ -1,1 +1,0 @@
-"""Pictures for two eyes: options, eye distance, layouts."""
