@@ -182,3 +182,17 @@ def test_who_paints_is_not_said_before_all_were_asked():
     paint, eye = Resampler(primitive=Primitive.POINTS), camera()
     part = paint.plans(cloud(100, 60.0), eye, **PICTURE, painters=[SPLATS])
     assert paint.plan_of([part], np.eye(3), eye, **PICTURE) is None
+
+
+@pytest.mark.parametrize("size", [{"height": 0, "width": 5}, {"height": 5, "width": -1}])
+@pytest.mark.parametrize("way", ["__call__", "plan", "plans", "footprints"])
+def test_each_way_to_a_picture_refuses_a_size_that_is_none(way, size):
+    with pytest.raises(ValueError, match="both sides must be at least 1"):
+        getattr(Resampler(), way)(cloud(50, 20.0), camera(), **size)
+
+
+def test_samples_with_a_scale_each_have_no_footprints():
+    samples = cloud(50, 20.0)
+    scaled = samples._replace(scale=np.ones(50))
+    with pytest.raises(ValueError, match="no records of samples that have a scale each"):
+        Resampler().footprints(scaled, camera(), **PICTURE)

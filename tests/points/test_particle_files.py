@@ -10,6 +10,7 @@ from PIL import Image
 from resample.files.images import read_channels
 from resample_points import cli, column_density, read_particles
 from resample_points.data.smoothing import KERNELS
+from resample_points.files.snapshots import KNOWN_LENGTHS, SUN, length_unit, mass_unit
 from tests import commands, snapshots
 from tests.snapshots import COUNT, HEAT, PLACE
 
@@ -283,3 +284,25 @@ def test_a_picture_has_a_logarithmic_scale_and_a_bar(folder):
 @pytest.mark.usefixtures("folder")
 def test_options_that_do_not_fit_are_refused(more, message, capsys):
     assert message in refused(capsys, "density", "a.hdf5", "--size", "64", *more)
+
+
+@pytest.mark.parametrize(
+    ("size", "name"),
+    [
+        (None, ""), (1.0, "g"), (SUN, "Msun"), (1.0001 * SUN, "Msun"), (0.9999 * SUN, "Msun"),
+        (SUN * 1e10, "10^10 Msun"), (SUN * 1e10 * 0.9999, "10^10 Msun"), (SUN / 1e3, "10^-3 Msun"),
+        (SUN * 1.0001e-3, "10^-3 Msun"), (SUN * 1.1, "(2.1873e+33 g)"), (0.0, "(0 g)"),
+        (-1.0, "(-1 g)"),
+    ],
+)  # fmt: skip
+def test_a_unit_of_mass_is_named_by_the_nearest_power_of_ten_of_suns(size, name):
+    assert mass_unit(size) == name
+
+
+@pytest.mark.parametrize(
+    ("size", "name"),
+    [(None, ""), (1.0, "cm"), *((0.9999 * of, name) for name, of in KNOWN_LENGTHS.items()),
+     (KNOWN_LENGTHS["kpc"] * 1.002, "(3.0918e+21 cm)"), (2.0, "(2 cm)")],
+)  # fmt: skip
+def test_a_unit_of_length_is_named_if_it_is_known(size, name):
+    assert length_unit(size) == name

@@ -250,6 +250,13 @@ def test_nonsense_in_a_legacy_grid_is_refused_in_words(old, new, match, tmp_path
     refused(open_volume, tmp_path / "a.vtk", match)
 
 
+def test_cells_without_volume_are_refused_though_they_lie_in_space(tmp_path):
+    """Two triangles' worth of a cube's diagonal plane."""
+    flat = WHOLE.replace("CELLS 1 9\n8 0 1 2 3 4 5 6 7", "CELLS 1 5\n4 0 1 7 6")
+    (tmp_path / "a.vtk").write_text(flat.replace("CELL_TYPES 1\n11", "CELL_TYPES 1\n9"))
+    refused(open_volume, tmp_path / "a.vtk", "its cells have no volume")
+
+
 def test_nonsense_in_a_legacy_structured_grid_is_refused_in_words(tmp_path):
     text = f"{HEAD}STRUCTURED_GRID\nDIMENSIONS 2 2 2\nPOINTS 8 float\n{CUBE}POINT_DATA 8\n"
     for old, new, match in (

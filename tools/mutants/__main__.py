@@ -70,7 +70,8 @@ def run(wanted: list[Site], known: dict[str, dict], asked: argparse.Namespace) -
                 with asked.results.open("a") as lines:
                     lines.write(json.dumps({"id": site.id, "text": site.text, **known[site.id]}))
                     lines.write("\n")
-                sys.stdout.write(f"{_line(site, known[site.id])}\n")
+                told = f"{known[site.id]['status']}, {outcome.cpu:.1f} CPU s"
+                sys.stdout.write(f"{site.id} {site.stratum}, {site.kind}: {told}\n")
                 sys.stdout.flush()
             killers = {case for site in wanted for case in known[site.id]["killed_by"]}
             ((_, outcome),) = _tried([(sorted(killers), None)], folder, asked)
@@ -82,7 +83,8 @@ def run(wanted: list[Site], known: dict[str, dict], asked: argparse.Namespace) -
 
 def _line(site: Site, known: dict) -> str:
     """A mutant, and what became of it."""
-    by = f" by {known['killed_by'][0]}: {known['message']}" if known["killed_by"] else ""
+    by = f" by {known['killed_by'][0]}" if known["killed_by"] else ""
+    by += f": {known['message']}" if known["message"] else ""
     told = f"{known['status']}, {known['tried']} cases, {known['cpu']:.1f} CPU s{by}"
     place = f"{site.id} {site.stratum}, {site.kind}: {site.file}:{site.line} {site.function}"
     return f"{place}\n  - {site.before}\n  + {site.after}\n  {told}"

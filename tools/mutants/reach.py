@@ -19,6 +19,7 @@ from tools.mutants.sites import PACKAGES, Site
 
 Name = tuple[str, str]  # a module, and a name of its top level
 STARTING = 0.02  # CPU seconds of a case beside what it does
+FILES = 12  # of tests; to import one takes as long as many cases
 MANY = 20  # marks; a case that meets no more is about little
 
 
@@ -173,6 +174,9 @@ class Chooser:
 
     def __init__(self, root: Path, reach: Reach) -> None:
         self.root, self.reach = root, reach
+        self._files: dict[str, tuple[ast.Module, list[tuple[str, int, int]]]] = {}
+        # What a case costs, and how much it meets beside a mutant; less is better.
+        self._worth = [(c.seconds + STARTING) * (len(c.marks) + MANY) for c in reach.cases]
         self._met_by: defaultdict[int, list[int]] = defaultdict(list)
         for n, case in enumerate(reach.cases):
             for mark in case.marks:
@@ -190,16 +194,18 @@ class Chooser:
         """
         reached = {n for mark in self._marks(site) for n in self._met_by[mark]}
         reached = reached or self._named(site)
-        cases, order, seen = self.reach.cases, [], defaultdict(int)
-        for n in sorted(reached, key=lambda n: _worth(cases[n])):
+        cases, worth, order, seen = self.reach.cases, self._worth, [], defaultdict(int)
+        for n in sorted(reached, key=worth.__getitem__):
             test = cases[n].name.partition("[")[0]
             seen[test] += 1
-            order.append((_worth(cases[n]) * seen[test], n))
-        chosen, spent = [], 0.0
+            order.append((worth[n] * seen[test], n))
+        chosen, spent, files = [], 0.0, set()
         for _, n in sorted(order):
-            if spent + cases[n].seconds <= budget or not chosen:
-                spent += cases[n].seconds + STARTING
-                chosen.append(cases[n].name)
+            name, seconds = cases[n].name, cases[n].seconds + STARTING
+            files |= {name.partition("::")[0]} if len(files) < FILES else set()
+            if name.partition("::")[0] in files and (spent + seconds <= budget or not chosen):
+                spent += seconds
+                chosen.append(name)
         return chosen
 
     def _named(self, site: Site) -> set[int]:
@@ -212,16 +218,20 @@ class Chooser:
         cases = self.reach.cases
         return {n for n in range(len(cases)) if cases[n].name.partition("::")[0] in named}
 
+    def _parsed(self, file: str) -> tuple[ast.Module, list[tuple[str, int, int]]]:
+        """A module, and the first and last lines of its blocks."""
+        if file not in self._files:
+            tree = ast.parse((self.root / file).read_bytes())
+            bodies = [(name, body[0].lineno, body[-1].end_lineno) for name, body in blocks(tree)]
+            self._files[file] = tree, bodies
+        return self._files[file]
+
     def _marks(self, site: Site) -> Iterable[int]:
         """The innermost block that is marked, else what mentions the function or constant."""
-        raw = (self.root / site.file).read_bytes()
-        tree, line = ast.parse(raw), raw[: site.begin].count(b"\n") + 1
+        tree, bodies = self._parsed(site.file)
+        line = site.line
         around = [f"{site.file}:{site.function}:0"]  # also of what is before the body
-        around += [
-            f"{site.file}:{name}"
-            for name, body in blocks(tree)
-            if body[0].lineno <= line <= body[-1].end_lineno
-        ]
+        around += [f"{site.file}:{name}" for name, first, last in bodies if first <= line <= last]
         known = self.reach.marks
         met = [known[name] for name in around if name in known]
         if met:
@@ -230,8 +240,3 @@ class Chooser:
         top = [s for s in tree.body if s.lineno <= line <= s.end_lineno]
         bound = [name for statement in top for name in _bound(statement)]
         return {known[m] for name in bound for m in self._mentions.marks(module, name, known)}
-
-
-def _worth(case: Case) -> float:
-    """What a case costs, and how much it meets beside a mutant; less is better."""
-    return (case.seconds + STARTING) * (len(case.marks) + MANY)

@@ -1,5 +1,6 @@
 """Run cases of the tests against mutants, each in a process of its own that a worker forks."""
 
+import gc
 import importlib
 import json
 import os
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -23,10 +25,13 @@ LIBRARIES = (
     *("scipy.sparse", "scipy.interpolate", "cv2", "OpenImageIO", "PIL.Image", "pydantic"),
     *("cyclopts", "rich.console", "pytest", "hypothesis", "docstring_parser", "platformdirs"),
     *("numba.core.typed_passes", "llvmlite.binding", "numba.np.ufunc", "SimpleITK", "matplotlib"),
+    *("zarr", "anyio", "trimesh", "jinja2", "scipy.stats", "pytest_httpserver"),
 )
 PATIENCE = 12  # wall seconds for each CPU second that a run may take
 MEMORY = 12 << 30  # bytes of address space
 SHORT = 300  # letters of a message
+FIRST = 3  # files of tests that are tried before others
+LINES = 12  # of what pytest says where it fails itself
 
 
 class Outcome(NamedTuple):
@@ -92,12 +97,15 @@ def set_environment(folder: Path, root: Path) -> None:
     for file in kernels.glob("*.kernel"):
         with suppress(OSError):
             os.link(file, folder / "kernels" / file.name)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
     data = os.environ.get("RESAMPLE_TEST_DATA") or (root / "../shared/data").resolve()
     os.environ |= {
         "NUMBA_CACHE_DIR": str(folder / "kernels"),
         "NUMBA_NUM_THREADS": "2",
         "RESAMPLE_LOG": "warning",
         "RESAMPLE_TEST_DATA": str(data),
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # their assertions need no rewriting
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]),
     }
 
@@ -107,6 +115,7 @@ def import_libraries() -> None:
     for name in LIBRARIES:
         with suppress(ImportError):
             importlib.import_module(name)
+    gc.freeze()  # forked processes need not look at what there is
 
 
 def copied(root: Path, folder: Path) -> Path:
@@ -134,22 +143,38 @@ class Worker:
         self._count = 0
 
     def run(self, cases: list[str], site: Site | None = None) -> Outcome:
-        """Run cases until one fails, against a mutant or the sources as they are."""
-        if not cases:
-            return Outcome("unreached", 0.0, 0)
-        scratch = Path(tempfile.mkdtemp(dir=self.folder))
+        """Run cases until one fails, against a mutant or the sources as they are.
+
+        To import a file of tests takes as long as many cases: the first few files are tried alone.
+        """
+        files = list(dict.fromkeys(case.partition("::")[0] for case in cases))
+        parts = [files[:FIRST], files[FIRST:]] if site is not None else [files]
+        cpu, tried = 0.0, 0
         with self._mutated(site):
-            status, cpu = self._forked(cases, scratch, is_mutant=site is not None)
+            for part in filter(None, parts):
+                some = [case for case in cases if case.partition("::")[0] in part]
+                outcome = self._outcome(some, is_mutant=site is not None)
+                cpu, tried = cpu + outcome.cpu, tried + outcome.tried
+                if outcome.status != "survived":
+                    return outcome._replace(cpu=cpu, tried=tried)
+        return Outcome("survived" if cases else "unreached", cpu, tried)
+
+    def _outcome(self, cases: list[str], *, is_mutant: bool) -> Outcome:
+        """Run cases in a forked process and read its notes."""
+        scratch = Path(tempfile.mkdtemp(dir=self.folder))
+        status, cpu = self._forked(cases, scratch, is_mutant=is_mutant)
         notes = scratch / "notes"
         told = [json.loads(line) for line in notes.open()] if notes.exists() else []
+        output = (scratch / "output").read_text(errors="replace").split("\n")[-LINES:]
         shutil.rmtree(scratch, ignore_errors=True)
         failed = list(dict.fromkeys(note["failed"] for note in told if "failed" in note))
-        why = next((note["why"] for note in told if "failed" in note), "")
         begun = [note["begun"] for note in told if "begun" in note]
         if failed:
+            why = next(note["why"] for note in told if "failed" in note)
             return Outcome("killed", cpu, len(begun), failed, why)
         if status != 0:
-            return Outcome("stuck", cpu, len(begun), begun[-1:], f"status {status}")
+            why = "\n".join([*output, f"status {status}"])
+            return Outcome("stuck", cpu, len(begun), begun[-1:], why)
         return Outcome("survived", cpu, len(begun))
 
     @contextmanager
@@ -180,6 +205,8 @@ class Worker:
                 resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
                 resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
                 status = self._test(cases, scratch, is_mutant=is_mutant)
+            except BaseException:
+                (scratch / "output").open("a").write(traceback.format_exc())
             finally:
                 os._exit(status)
         begin = time.monotonic()
@@ -209,7 +236,8 @@ class Worker:
         os.environ["HYBRID_RESAMPLE_CACHE"] = str(scratch / "cache")
         sys.argv = ["pytest"]
         files = list(dict.fromkeys(case.partition("::")[0] for case in cases))
-        options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--basetemp={scratch}/tests"]
+        options = ["-q", "-p", "no:cacheprovider", "-p", "pytest_httpserver.pytest_plugin"]
+        options.append(f"--basetemp={scratch}/tests")
         options += ["-x"] if is_mutant else []
         watch = Watch(cases, scratch / "notes")
         status = pytest.main([*options, *files], plugins=[watch])

@@ -93,7 +93,13 @@ class Source:
     def __init__(self, raw: bytes) -> None:
         self.raw = raw
         self.tree = ast.parse(raw)
-        self.parents = {c: n for n in ast.walk(self.tree) for c in ast.iter_child_nodes(n)}
+        self.nodes: list[ast.AST] = [self.tree]
+        self.parents: dict[ast.AST, ast.AST] = {}
+        for node in self.nodes:  # which grows
+            for child in ast.iter_child_nodes(node):
+                if not isinstance(child, ast.expr_context):
+                    self.parents[child] = node
+                    self.nodes.append(child)
 
     @cached_property
     def _lines(self) -> list[int]:
@@ -156,7 +162,7 @@ def stratum_of(file: str) -> str | None:
 
 def _changes(source: Source) -> Iterator[Change]:
     skipped = set(_skipped(source))
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         if node in skipped:
             continue
         match node:
@@ -186,16 +192,16 @@ def _changes(source: Source) -> Iterator[Change]:
 
 def _skipped(source: Source) -> Iterator[ast.AST]:
     """Nodes of types and decorators, and imports for types alone."""
-    for node in ast.walk(source.tree):
-        for field in ("annotation", "returns"):
-            if isinstance(getattr(node, field, None), ast.AST):
-                yield from ast.walk(getattr(node, field))
-        for decorator in getattr(node, "decorator_list", ()):
-            yield from ast.walk(decorator)
-        for_types = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-        is_type = isinstance(node, ast.Subscript) and TYPES.fullmatch(ast.unparse(node.value))
-        if for_types or is_type:
-            yield from ast.walk(node)
+    for node in source.nodes:
+        unused = [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        unused += getattr(node, "decorator_list", ())
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            unused.append(node)
+        if isinstance(node, ast.Subscript) and TYPES.fullmatch(getattr(node.value, "id", "")):
+            unused.append(node)
+        for part in unused:
+            if isinstance(part, ast.AST):
+                yield from ast.walk(part)
 
 
 def _logs(node: ast.Expr) -> bool:
