@@ -46,13 +46,23 @@ def _tried(
             yield sites[done], done.result()
 
 
+def _recorded(asked: argparse.Namespace) -> Path:
+    """File of what cases run through, of all or, anew, of those of some files."""
+    file = asked.folder / "reach.json.gz"
+    if asked.record is None and file.exists():
+        return file
+    described = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(described, cwd=ROOT, capture_output=True, text=True, check=True)
+    found = reach.record(commit.stdout.strip(), asked.workers, asked.record or ())
+    if asked.record and file.exists():
+        found = reach.merged(reach.read(file), found, asked.record)
+    reach.write(found, file)
+    return file
+
+
 def run(wanted: list[Site], known: dict[str, dict], asked: argparse.Namespace) -> None:
     """Try the wanted mutants, append what becomes of them, and look at what has killed them."""
-    file = asked.folder / "reach.json.gz"
-    if asked.record or not file.exists():
-        described = ["git", "describe", "--always", "--dirty"]
-        commit = subprocess.run(described, cwd=ROOT, capture_output=True, text=True, check=True)
-        reach.write(reach.record(commit.stdout.strip(), asked.workers), file)
+    file = _recorded(asked)
     chooser = reach.Chooser(ROOT, reach.read(file))
     unfit_file = asked.folder / "unfit.json"  # cases that fail here without a fault
     unfit = set(json.loads(unfit_file.read_text())) if unfit_file.exists() else set()
@@ -126,7 +136,7 @@ def _options() -> argparse.ArgumentParser:
     add("--workers", type=int, default=2, help="mutants at a time")
     add("--budget", type=float, default=8, help="CPU seconds of the cases that are chosen")
     add("--seconds", type=float, default=30, help="CPU seconds that a mutant may take")
-    add("--record", action="store_true", help="record anew what cases run through")
+    add("--record", nargs="*", metavar="FILE", help="record anew what cases of files run through")
     add("--folder", type=Path, default=Path(user_cache_dir("hybrid-resample")) / "mutants")
     add("--results", type=Path, help="file of results; default: one per seed in the folder")
     return parser
@@ -156,7 +166,9 @@ def main(words: list[str] | None = None) -> int:
         lines = [f"{s.id} {s.stratum}, {s.kind}: {s.text} (line {s.line})" for s in sites]
         sys.stdout.writelines(f"{line}\n" for line in lines)
         return 0
-    if wanted and not asked.summary:
+    if asked.record is not None:
+        _recorded(asked)
+    elif wanted and not asked.summary:
         run(wanted, known, asked)
     sys.stdout.writelines(f"{line}\n" for line in summary(sites, known, equivalent))
     return 0

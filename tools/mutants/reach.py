@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -39,17 +39,34 @@ class Reach(NamedTuple):
     cases: list[Case]
 
 
-def record(commit: str, workers: int) -> Reach:
-    """Run all tests of `make test` once, with marks in all functions."""
+def record(commit: str, workers: int, files: Sequence[str] = ()) -> Reach:
+    """Run tests of `make test` once, all or those of some files, with marks in all functions."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "sitecustomize.py").write_text("import tools.mutants.marks\n")
         path = os.pathsep.join([folder, str(ROOT)])
         environment = {**os.environ, FOLDER: folder, "PYTHONPATH": path}
-        options = ["-q", "-n", str(workers), "--dist", "worksteal", "-p", "tools.mutants.marks"]
-        command = [sys.executable, "-m", "pytest", *options, "-m", "not sweep and not browser"]
-        subprocess.run(command, cwd=ROOT, env=environment, check=False)
+        options = ["-q", "--assert=plain", "-n", str(workers), "--dist", "worksteal"]
+        command = [sys.executable, "-m", "pytest", *options, "-p", "tools.mutants.marks"]
+        subprocess.run(
+            [*command, "-m", "not sweep and not browser", *files],
+            cwd=ROOT,
+            env=environment,
+            check=False,
+        )
         lines = [line for file in Path(folder).glob("*.jsonl") for line in file.open()]
     return _gathered(commit, [json.loads(line) for line in lines])
+
+
+def merged(known: Reach, new: Reach, files: Sequence[str]) -> Reach:
+    """What was known of cases, with what is new of those of some files."""
+    lines = [
+        [case.name, case.seconds, "passed", [names[n] for n in case.marks]]
+        for reach in (known, new)
+        for names in [list(reach.marks)]
+        for case in reach.cases
+        if reach is new or case.name.partition("::")[0] not in files
+    ]
+    return _gathered(known.commit, lines)
 
 
 def _gathered(commit: str, lines: list[list]) -> Reach:

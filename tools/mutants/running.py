@@ -22,7 +22,7 @@ from tools.mutants.sites import Site
 # What tests and the sources import and mutants do not change; forked processes have it at once.
 LIBRARIES = (
     *("numpy", "numba", "scipy.ndimage", "scipy.spatial", "scipy.special", "scipy.optimize"),
-    *("scipy.sparse", "scipy.interpolate", "cv2", "OpenImageIO", "PIL.Image", "pydantic"),
+    *("scipy.sparse", "scipy.interpolate", "cv2", "PIL.Image", "pydantic"),
     *("cyclopts", "rich.console", "pytest", "hypothesis", "docstring_parser", "platformdirs"),
     *("numba.core.typed_passes", "llvmlite.binding", "numba.np.ufunc", "SimpleITK", "matplotlib"),
     *("zarr", "anyio", "trimesh", "jinja2", "scipy.stats", "pytest_httpserver"),
