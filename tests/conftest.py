@@ -25,8 +25,6 @@ import pytest
 
 pytest.register_assert_rewrite("tests.bits", "tests.commands")  # they say what differs
 
-# Ids of all tests, and what the mark of those that are sweeps says.
-COLLECTED = pytest.StashKey[list[tuple[str, dict[str, str] | None]]]()
 DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parents[1] / "../shared/data"))
 
 with suppress(ImportError):  # tests of the wheel have pytest alone
@@ -47,31 +45,36 @@ def real(name: str) -> Path:
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks are looked at
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Function]) -> None:
-    """Of tests marked `each_value`, leave cases without a value of their own to `make test-all`.
-
-    What each sweep is, and which test keeps its claim, is left in `config.stash` for
-    `test_sweeps.py`.
-    """
+def pytest_collection_modifyitems(items: list[pytest.Function]) -> None:
+    """Leave to `make test-all` what `each_value` and `some` do not try."""
     tests: defaultdict[str, list[pytest.Function]] = defaultdict(list)
     for item in items:
-        if item.get_closest_marker("each_value") and not item.get_closest_marker("sweep"):
+        if not item.get_closest_marker("sweep"):
             tests[item.nodeid.partition("[")[0]].append(item)
-    for name, cases in tests.items():
-        for case in _without_own(cases):
-            case.add_marker(pytest.mark.sweep(kept_by=name))
-    config.stash[COLLECTED] = [
-        (item.nodeid, getattr(item.get_closest_marker("sweep"), "kwargs", None)) for item in items
-    ]
+    for cases in tests.values():
+        tried = cases
+        if cases[0].get_closest_marker("each_value"):
+            tried = _with_each_value(cases)
+        elif some := cases[0].get_closest_marker("some"):
+            tried = _spread(cases, *some.args)
+        for case in set(cases).difference(tried):
+            case.add_marker(pytest.mark.sweep)
 
 
-def _without_own(cases: list[pytest.Function]) -> list[pytest.Function]:
-    """Cases whose values of parameters others have, taken greedily."""
+def _with_each_value(cases: list[pytest.Function]) -> list[pytest.Function]:
+    """Cases that have each value of each parameter, taken greedily."""
     left = {case: {(k, repr(v)) for k, v in case.callspec.params.items()} for case in cases}
-    unseen = set().union(*left.values())
+    unseen, tried = set().union(*left.values()), []
     while unseen:
-        unseen -= left.pop(max(left, key=lambda case: len(left[case] & unseen)))
-    return list(left)
+        tried.append(max(left, key=lambda case: len(left[case] & unseen)))
+        unseen -= left.pop(tried[-1])
+    return tried
+
+
+def _spread(cases: list[pytest.Function], count: int) -> list[pytest.Function]:
+    """So many cases at equal distances, the first among them."""
+    count = min(count, len(cases))
+    return [cases[n * len(cases) // count] for n in range(count)]
 
 
 @pytest.fixture

@@ -89,6 +89,7 @@ def _compile(
         dispatchers.append(_compiler[0].define(call, function, is_packed, options))
 
     call.dispatchers = dispatchers  # type: ignore[attr-defined]
+    call.options = {**options, "is_packed": is_packed}  # type: ignore[attr-defined]
     when_compiling(register)
     return call
 

@@ -50,6 +50,7 @@ def _cast(function: Callable[P, R], inline: str, **own: Any) -> Callable[P, R]:
 
     when_compiling(lambda: compiler().define_role(play, bodies, inline, own))
     play.bodies = bodies  # type: ignore[attr-defined]
+    play.options = {**own, "inline": inline}  # type: ignore[attr-defined]
     return play
 
 

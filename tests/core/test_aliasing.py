@@ -16,15 +16,17 @@ from tests.benchmarks.quality_table import (
     shifted_truths,
 )
 
-MORE = pytest.mark.sweep(kept_by="test_hybrid_flickers_a_tenth_as_much_as_one_ray_per_pixel")
+MORE = pytest.mark.sweep
 
 
+@pytest.mark.sweep
 def test_one_fine_picture_holds_the_truths_of_all_shifts():
     truth = shifted_truths(0.9, 0.1, 4)[3]
     direct = distant(0.1, shift=3 / 16).by(TRUTH, checker_box(0.9, CRUST[0.9])).rgba
     np.testing.assert_allclose(truth, direct, rtol=0, atol=1e-4)  # float32 sums; opaque at 1e-4
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("alpha", "scale", "frames"),

@@ -201,6 +201,7 @@ for name in ("a.gif", "frames"):
 """
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that can be forked")
 def test_a_run_killed_at_any_file_operation_is_gone_on_with(tmp_path):

@@ -106,6 +106,7 @@ def test_a_scene_stops_for_itself_and_for_whoever_asks(way):
     assert given.is_cancelled == (way == "given")  # what is given is not the scene's to set
 
 
+@pytest.mark.some(2)
 def test_cancelling_stops_the_pictures_that_are_begun_and_no_later_one(scene, monkeypatch):
     seen, view = scene
     entered = seen._rendering
@@ -123,6 +124,7 @@ def test_cancelling_stops_the_pictures_that_are_begun_and_no_later_one(scene, mo
     seen.render(*view, size=SIZE)
 
 
+@pytest.mark.some(2)
 def test_previews_have_the_size_of_pictures(scene):
     seen, view = scene
     quick, whole = seen.preview(*view, size=(41, 30)), seen.render(*view, size=(41, 30))

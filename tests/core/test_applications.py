@@ -70,12 +70,14 @@ def app_of(application):
     return registry.load("apps", application)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", HELP)
 def test_help_imports_nothing_heavy(application):
     """None of its kinds, one after the other in one process."""
     assert imported_by_all(f"resample_{application}.cli", HELP[application]) & HEAVY == set()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", HELP)
 def test_help_has_headings_and_completion_is_installed(application, folder, capsys, monkeypatch):
     # All commands' sources are parsed, of which many share classes of options.
@@ -107,6 +109,7 @@ def test_a_mistyped_command_or_option_is_put_right(application, mistyped, comman
     assert f"needs {first}" in refused(app, capsys, command)
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("command", ["demo", "figures"])
 @pytest.mark.parametrize("application", ["texture", "volume", "warp3d"])
 def test_a_file_is_refused_as_a_folder(application, command, capsys, monkeypatch):
@@ -131,6 +134,7 @@ def test_compare_of_equal_pictures_is_valid_json(application, capsys):
     assert strict_json(capsys.readouterr().out)[0]["psnr"] is None
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("application", STAYS)
 def test_ctrl_c_in_mid_work_leaves_one_line_and_no_file(application, folder):

@@ -225,6 +225,7 @@ def complaint(call: Callable[[], Any]) -> str:
     return said
 
 
+@pytest.mark.some(164)
 @pytest.mark.parametrize(("call", "given", "words"), CASES)
 def test_a_bad_argument_is_refused_in_one_line(
     call: Callable[[Any], Any], given: Any, words: str

@@ -79,6 +79,7 @@ def test_the_exponent_of_a_power_law_is_found(power):
     assert exponent(sizes, [3 * size**power for size in sizes]) == pytest.approx(power, abs=1e-9)
 
 
+@pytest.mark.sweep
 def test_the_peak_of_memory_is_that_of_the_process_alone():
     code = """
 import numpy
@@ -181,9 +182,7 @@ def test_an_unknown_group_is_refused_with_the_known_ones(capsys):
     assert "there are volume, " in capsys.readouterr().err
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_transmittance.py::test_splats_are_composited_front_to_back"
-)
+@pytest.mark.sweep
 def test_fragments_leave_the_light_that_the_painter_leaves():
     rng = np.random.default_rng(7)
     position = rng.uniform(-4, 4, (300, 3)).astype(np.float32)
@@ -205,6 +204,7 @@ def test_a_floor_fills_its_frame():
 
 # What the baselines leave out: sheets instead of every splat; 4 × 4 bilinear readings instead of
 # exact areas of a sharper spline; silhouettes of whole pixels.
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("name", "least"),
     [
@@ -214,7 +214,7 @@ def test_a_floor_fills_its_frame():
         pytest.param(
             "depth image",
             20,
-            marks=pytest.mark.sweep(kept_by="test_baselines_make_the_same_picture"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -238,9 +238,7 @@ def test_every_work_is_on_record():
     assert set(guard.read_record(guard.RECORD)) == set(guard.WORKS)
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_windows.py::test_windows_have_the_bits_of_a_volume_in_memory"
-)
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_volume_beyond_memory_has_the_bits_of_one_in_memory_and_keeps_its_budget(capsys):
     pytest.importorskip("zarr")

@@ -50,6 +50,7 @@ def test_every_sample_is_tried_here():
     assert sorted(SMALL) == registry.names("samples")
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("name", SMALL)
 def test_samples_are_the_same_whenever_they_are_made(name, tmp_path, monkeypatch):
     first = kept(spec(name))
@@ -105,6 +106,7 @@ def test_the_depth_of_the_room_is_exact_on_its_back_wall():
     assert room.depth[20, 2] < 5.6
 
 
+@pytest.mark.sweep
 def test_the_room_seen_from_elsewhere_is_the_room_warped():
     from resample_warp3d import Camera, warp
 
@@ -131,6 +133,7 @@ def test_volumes_come_back_from_their_files_as_they_are():
     assert made.name == stored.name
 
 
+@pytest.mark.sweep
 def test_meshes_and_clouds_of_samples_are_read_as_they_were_made():
     from resample_points import read_cloud
     from resample_texture.mesh.rendering import load_mesh
@@ -143,6 +146,7 @@ def test_meshes_and_clouds_of_samples_are_read_as_they_were_made():
     assert np.allclose(cloud.normal, stored.normal, atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_normals_of_the_knot_point_out_of_it():
     cloud = resample.sample("knot-points:count=4000")
     gap = np.linalg.norm(cloud.position[:, None] - cloud.position[None, :400], axis=2)
@@ -165,6 +169,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_commands_take_samples_and_need_no_more(name):
     command, given, *words = COMMANDS[name]
@@ -179,6 +184,7 @@ def test_what_a_sample_brings_yields_to_what_is_said():
     assert words.count("--move") == 0
 
 
+@pytest.mark.sweep
 def test_a_room_compared_brings_what_is_really_seen():
     words = expanded(["compare", spec("room")])
     truth = Path(words[words.index("--truth") + 1])

@@ -136,12 +136,14 @@ def test_an_application_that_cannot_be_imported_is_one_line(monkeypatch, capsys)
     )
 
 
+@pytest.mark.sweep
 def test_heavy_libraries_are_not_imported_before_they_are_needed():
     heavy = commands.HEAVY | {"pydantic"}
     lines = [["--help"], ["plugins", "filters"]]
     assert commands.imported_by_all("resample.cli", lines) & heavy == set()
 
 
+@pytest.mark.sweep
 def test_help_imports_what_a_command_line_is_made_of_and_nothing_else():
     # How many seconds that takes is measured by `make bench GROUPS=startup`.
     imported = python(
@@ -160,6 +162,7 @@ def test_the_version_is_that_of_the_distribution(capsys):
     assert capsys.readouterr().out.strip() == version("hybrid-resample")
 
 
+@pytest.mark.sweep
 def test_the_module_runs_without_home_and_terminal():
     command = [
         sys.executable,

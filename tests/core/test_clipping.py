@@ -53,7 +53,7 @@ def draw(samples, camera, clip=None, *, side=SIDE, **choices):
 # Exactly.
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("planes", PLANES.values(), ids=PLANES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camera, rng):
@@ -73,7 +73,7 @@ def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camer
         np.testing.assert_allclose(drawn, truth, atol=1e-4, err_msg=str(order))
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("planes", ["oblique", "a corner", "through the eye"])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_slabs_are_cut_with_their_colors(camera, planes, rng):
@@ -96,7 +96,7 @@ def test_parts_on_either_side_of_a_plane_make_the_whole(rng):
     np.testing.assert_allclose(parts[0] * parts[1], whole, atol=1e-4)  # as above
 
 
-@pytest.mark.each_value
+@pytest.mark.some(3)
 @pytest.mark.parametrize(("primitive", "order"), IN_ORDERS, ids=str)
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_planes_that_remove_nothing_change_no_bit(camera, primitive, order, rng):
@@ -129,7 +129,7 @@ def test_every_footprint_is_cut_alike(model, rng):
 # Minified.
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("scale", [0.4, 0.12, 0.035])
 def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
@@ -161,7 +161,7 @@ def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
 # Bits.
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("primitive", "order"), IN_ORDERS, ids=str)
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(primitive, order, rng):
     samples, planes = cloud(rng, 300, 0.5 * np.eye(3)), np.array(PLANES["a corner"])

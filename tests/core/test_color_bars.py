@@ -9,6 +9,7 @@ from resample.measuring.color_bars import check_bar, plain_bar, ticks_of
 RAMP = np.stack([np.linspace(0, 1, 100), np.full(100, 0.5), np.zeros(100)], axis=1)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("height", [64, 150, 401])
 @pytest.mark.parametrize("title", ["", "intensity", "a very long name of a column"])
 def test_a_bar_is_as_high_as_asked_for_and_opaque(height, title):

@@ -42,6 +42,7 @@ def levels(image: np.ndarray) -> np.ndarray:
     return np.round(shown(image) * 255).astype(np.uint8)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("columns", [None, 1, 2, 3])
 def test_every_pixel_becomes_a_square_of_the_same_color(tmp_path, images, columns):
     contact_sheet(images, tmp_path / "sheet.png", zoom=8, columns=columns)

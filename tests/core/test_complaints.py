@@ -19,6 +19,7 @@ def said(capsys, application, *words):
     return refused(APPS[application], capsys, *words).removeprefix("resample: error: ").rstrip()
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "option"),
     [
@@ -49,6 +50,7 @@ def test_an_option_that_is_like_none_names_the_help(capsys):
     assert line == "Unknown option: --fps. resample-volume render --help lists all."
 
 
+@pytest.mark.sweep
 def test_every_synonym_leads_to_an_option_of_some_command():
     options = {
         name.removeprefix("--")
@@ -98,6 +100,7 @@ def test_what_is_missing_or_too_much_is_named_with_what_to_do(words, line, capsy
     assert line in said(capsys, *words.split())
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "words",
     [
@@ -121,6 +124,7 @@ def test_a_missing_folder_of_a_missing_file_is_named(capsys):
     assert line == "scans/a.nrrd: there is no such file; there is no folder scans either"
 
 
+@pytest.mark.sweep
 def test_a_folder_where_a_file_is_wanted_names_files_in_it(tmp_path, capsys):
     (tmp_path / "scans").mkdir()
     line = said(capsys, "points", "render", "scans", "-o", "a.png")
@@ -130,6 +134,7 @@ def test_a_folder_where_a_file_is_wanted_names_files_in_it(tmp_path, capsys):
     assert line == "scans: is a folder; give a file in it, such as scans/a.ply"
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("words", "line"),
     [

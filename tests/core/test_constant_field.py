@@ -29,8 +29,8 @@ def largest_error(stills):
     return max(np.abs(still.error[still.interior]).max() for still in stills)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
-@pytest.mark.each_value
 @pytest.mark.parametrize("place", [FAR, TILTED], ids=["along the lattice", "tilted"])
 @pytest.mark.parametrize(
     ("form", "scales"),
@@ -43,6 +43,7 @@ def test_a_constant_field_has_the_analytic_transmittance(form, scales, place):
     assert largest_error(stills) < 0.01  # of the transmittance; measured 0.005
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_mixture_of_points_and_splats_has_the_analytic_transmittance():
     stills = zoom(NEAR, (0.0595, 0.058, 0.0565), HYBRID)
@@ -68,6 +69,7 @@ def check_steps(place, *runs):
     return grids
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_first_grids_begin_without_a_step():
     """Where the whole zoom's largest steps and errors are."""
@@ -75,7 +77,7 @@ def test_the_first_grids_begin_without_a_step():
     assert check_steps(FAR, *first) == {1, 2, 3, 4}
 
 
-@pytest.mark.sweep(kept_by="test_the_first_grids_begin_without_a_step")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("place", "scales"),
     [

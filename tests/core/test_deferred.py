@@ -24,7 +24,7 @@ from tests.sheared import CAMERAS, CLOSE, PLANE, SIZE, box
 TOLERANCE = 1e-4
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, camera, extinction):
@@ -37,6 +37,7 @@ def test_pictures_are_those_painted_from_records(rng, camera, extinction):
     assert frame.statistics.subpixels == other.statistics.subpixels
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     samples = box(rng)
@@ -46,7 +47,7 @@ def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     assert frame.statistics.splats == other.statistics.splats
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("longest", [1, 7, 256])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
@@ -56,6 +57,7 @@ def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
     assert_same(frame, painter()(samples, camera, **SIZE))
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
     samples = box(rng)
@@ -66,6 +68,7 @@ def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
     assert frame.statistics.splats == other.statistics.splats
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
@@ -94,7 +97,7 @@ def test_the_order_of_samples_changes_no_bit(rng, key):
     assert_same(resample(samples, CLOSE, **SIZE), resample(other, CLOSE, **SIZE))
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("subpixels", [1, 2, 3, 5, 8, 16])
 @pytest.mark.parametrize("extinction", [0.4, 6.0])
 def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, extinction):
@@ -113,7 +116,7 @@ def test_splats_of_any_width_are_those_painted_from_records(rng, subpixels, exti
         *(5, 20),
         pytest.param(
             100,
-            marks=pytest.mark.sweep(kept_by="test_any_number_of_samples_may_be_equally_near"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -134,6 +137,7 @@ def test_any_number_of_samples_may_be_equally_near(rng, side):
     np.testing.assert_allclose(frame.rgba, records.rgba, atol=TOLERANCE)
 
 
+@pytest.mark.sweep
 def test_filters_reach_into_other_tiles(rng):
     samples, pixel = box(rng), Gaussian(0.7, 2.0)
     frame = painter(pixel_filter=pixel)(samples, CLOSE, **SIZE)
@@ -141,7 +145,7 @@ def test_filters_reach_into_other_tiles(rng):
     np.testing.assert_allclose(frame.rgba, other.rgba, atol=TOLERANCE)
 
 
-@pytest.mark.sweep(kept_by="test_splats_of_any_width_are_those_painted_from_records")
+@pytest.mark.sweep
 def test_many_rays_per_pixel_fit_the_rows(rng):
     samples, choice = box(rng, side=7), {"primitive": Primitive.SPLATS, "subpixels": 32}
     frame = painter(**choice)(samples, CLOSE, **SIZE)
@@ -167,7 +171,7 @@ def test_integrals_that_fall_below_zero_have_no_formula():
     assert footprint_profile(Ring()) is None
 
 
-@pytest.mark.sweep(kept_by="tests/core/test_mixtures.py::test_pieces_are_the_line_integrals")
+@pytest.mark.sweep
 def test_integrals_of_splines_have_none_and_are_painted_all_the_same(rng):
     spline = BSplineKernel()
     assert footprint_profile(spline) is None

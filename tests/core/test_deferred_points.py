@@ -60,7 +60,7 @@ def assert_alike(frame, other, *, are_counted=True):
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, deferred_only, camera, extinction):
@@ -82,7 +82,7 @@ CHOICES = {
 }
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
 @pytest.mark.parametrize("camera", ["far", "wide", "parallel"])
 def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
@@ -92,7 +92,7 @@ def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
     assert_alike(frame, from_records(samples, CAMERAS[camera], **SIZE, **choices))
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("primitive", [Primitive.POINTS, Primitive.HYBRID])
 @pytest.mark.parametrize("scale", [1.0, 0.02])
 def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
@@ -105,6 +105,7 @@ def test_the_hybrid_s_points_are_those_of_records(rng, scale, primitive):
     assert_alike(frame, from_records(samples, camera, **SIZE, primitive=primitive))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_a_plane_cuts_as_it_cuts_records(rng, camera):
     samples, choice = box(rng), {"primitive": Primitive.POINTS}
@@ -121,7 +122,7 @@ UNFIT = {
 }
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", UNFIT.values(), ids=UNFIT)
 def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera):
     samples, choice = box(rng, side=11), {"primitive": Primitive.POINTS}
@@ -130,6 +131,7 @@ def test_what_is_no_small_point_is_painted_in_order(rng, deferred_only, camera):
     assert_alike(frame, from_records(samples, camera, **SIZE, **choice), are_counted=False)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("choice", [{"subpixels": 32}, {"pixel_filter": Gaussian(1.0, 4.0)}])
 def test_rows_that_are_too_long_are_painted_in_order(rng, choice):
     camera = Camera.from_intrinsics(0.02, 0.02, *PIXEL, look_at((8, -60, 12), (0, 0, 0)))
@@ -138,6 +140,7 @@ def test_rows_that_are_too_long_are_painted_in_order(rng, choice):
     assert_alike(frame, from_records(samples, camera, **SIZE, **choices), are_counted=False)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("thickness", [1e-6, 1e-3, 0.02])
 def test_sheets_may_be_thin(rng, thickness):
     samples = box(rng)
@@ -173,6 +176,7 @@ def test_the_order_of_samples_changes_no_bit(rng, key, extinction):
     assert_same(resample(samples, FAR, **SIZE), resample(other, FAR, **SIZE))
 
 
+@pytest.mark.sweep
 def test_samples_beside_the_view_do_no_harm(rng):
     samples, choice = box(rng, side=40), {"primitive": Primitive.POINTS}
     camera = Camera.from_intrinsics(60.0, 60.0, -5.0, 50.0, look_at((20, -150, 60), (0, 0, 0)))
@@ -186,6 +190,7 @@ def test_threads_change_no_bit(rng):
     assert_same(*(resample(samples, FAR, threads=count, **SIZE) for count in (1, 2)))
 
 
+@pytest.mark.sweep
 def test_hidden_points_are_skipped(rng):
     samples = box(rng, 50.0, 64)
     resample = painter(primitive=Primitive.POINTS)

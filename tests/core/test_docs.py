@@ -11,26 +11,18 @@ from cyclopts import CycloptsError
 from resample.samples.finding import expanded
 from tests.commands import ended
 from tools import command_pages
-
-ROOT = Path(__file__).parents[2]
-DOCS = ROOT / "docs"
-BUILT = ("_build", "gallery", "tutorials", "generated", "commands")  # written by `make docs`
-PAGES = sorted(
-    path
-    for suffix in ("md", "rst")
-    for path in DOCS.rglob(f"*.{suffix}")
-    if not {*BUILT, "_templates"} & set(path.relative_to(DOCS).parts)
+from tools.pages import (
+    BUILT,
+    DOCS,
+    LINKED,
+    PAGES,
+    ROOT,
+    SCRIPTS,
+    TUTORIALS,
+    commands,
+    runs_as_it_stands,
+    shown_by,
 )
-LINKED = [
-    ROOT / "README.md",
-    *(p for p in PAGES if p.suffix == ".md"),
-    *ROOT.glob("apps/*/README.md"),
-    *ROOT.glob("notes/*.md"),
-]
-SCRIPTS = sorted((ROOT / "examples").glob("gallery/*/plot_*.py"))
-TUTORIALS = sorted((ROOT / "examples" / "tutorials").glob("plot_*.py"))
-COMMAND = re.compile(r"(?:\$ )?((?:resample|resample-\w+) \S.*)")
-SHELLS = ("", "console", "bash", "sh")  # languages of blocks that hold commands
 
 
 def named(path):
@@ -64,30 +56,6 @@ def prose(path):
         r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
     )
     return re.sub(r"`[^`\n]*`", "", text)
-
-
-def in_blocks(path):
-    """Commands in a page's blocks, fenced or indented."""
-    fence = None
-    for line in path.read_text(encoding="utf-8").splitlines():
-        if line.startswith("```"):
-            fence = line.strip("`").strip() if fence is None else None
-        elif fence in SHELLS or (fence is None and line.startswith("    ")):
-            found = COMMAND.fullmatch(line.strip())
-            yield from found.groups() if found else ()
-
-
-def commands():
-    """Commands of the docs, each with the file that it is in."""
-    for path in LINKED:
-        yield from ((path, line) for line in in_blocks(path))
-    for path in [*SCRIPTS, *TUTORIALS]:
-        yield from ((path, line) for line in shown_by(path))
-
-
-def shown_by(script):
-    """Commands in an example's text."""
-    return re.findall(r"^[# ]+\$ (.+)$", script.read_text(encoding="utf-8"), re.MULTILINE)
 
 
 def app_of(program):
@@ -154,6 +122,7 @@ def fault(path, line):
     return ""
 
 
+@pytest.mark.sweep
 def test_a_command_within_a_command_is_checked_too():
     assert not fault(DOCS, "resample-volume render $(resample-volume fetch engine) -o a.png")
     assert "fetsh" in fault(DOCS, "resample-volume render $(resample-volume fetsh engine) -o a.png")
@@ -182,6 +151,7 @@ def test_modules_that_the_measurements_name_are_there():
             assert place.is_dir() or place.with_suffix(".py").exists(), name
 
 
+@pytest.mark.sweep
 def test_options_that_no_command_has_are_found():
     assert not fault(DOCS, "resample-volume render checker-box --shadows -o a.png")
     assert "--shadow" in fault(DOCS, "resample-volume render checker-box --shadow 3 -o a.png")
@@ -200,22 +170,24 @@ def with_options_of_their_own(found):
         seen |= new
 
 
+@pytest.mark.sweep
 def test_every_option_that_the_docs_give_a_command_parses():
     found = list(with_options_of_their_own(sorted(commands(), key=lambda one: -len(one[1]))))
     assert len(found) > 40
     assert [said for path, line in found if (said := fault(path, line))] == []
 
 
-@pytest.mark.sweep(kept_by="test_every_option_that_the_docs_give_a_command_parses")
+@pytest.mark.sweep
 def test_every_command_of_the_docs_parses():
     found = list(commands())
     assert len(found) > 120
     assert [said for path, line in found if (said := fault(path, line))] == []
 
 
-GENERATED = pytest.mark.sweep(kept_by="test_a_command_has_a_page_with_all_of_its_options")
+GENERATED = pytest.mark.sweep
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "program",
     ["resample", *(pytest.param(name, marks=GENERATED) for name in command_pages.PROGRAMS[1:])],
@@ -247,13 +219,7 @@ def test_pages_that_no_command_has_any_more_are_removed(tmp_path):
     assert (tmp_path / "resample" / "plugins.md").exists()
 
 
-def runs_as_it_stands(line):
-    """Whether a command is of built-in data, and ends by itself."""
-    words = shlex.split(line, comments=True)
-    return "view" not in words and any(word.startswith("sample:") for word in words)
-
-
-@pytest.mark.sweep(kept_by="test_every_option_that_the_docs_give_a_command_parses")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "line", sorted({line for _, line in commands() if runs_as_it_stands(line)})
 )

@@ -94,6 +94,7 @@ def given(block: str, volume: NDArray[np.uint8]) -> dict[str, Any]:
     }
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("block", list(blocks()))
 def test_examples_of_documents_run(
     block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -130,16 +131,12 @@ def snapshot() -> dict[str, Any]:
     }
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "name",
     [
         *HOWTOS,
-        *(
-            pytest.param(
-                one, marks=pytest.mark.sweep(kept_by="test_examples_of_a_how_to_run_in_their_order")
-            )
-            for one in SLOW
-        ),
+        *(pytest.param(one, marks=pytest.mark.sweep) for one in SLOW),
     ],
 )
 def test_examples_of_a_how_to_run_in_their_order(

@@ -67,6 +67,7 @@ def registered():
     return module, module.registered(*module.pictures())
 
 
+@pytest.mark.sweep
 def test_registration_finds_the_matrix_between_two_pictures(registered):
     module, found = registered
     truth = module.SECOND @ np.linalg.inv(module.FIRST)
@@ -78,9 +79,7 @@ def test_registration_finds_the_matrix_between_two_pictures(registered):
 
 
 # Points of a size each have the painter compiled once more.
-POINTS = pytest.mark.sweep(
-    kept_by="test_a_particle_is_a_disc_as_wide_and_as_opaque_as_it_was_given"
-)
+POINTS = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(

@@ -96,6 +96,7 @@ def by_hand(field, camera, thickness=1.0):
 # Against the loop.
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("lattice", LATTICES.values(), ids=LATTICES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_slabs_are_classified_by_their_mean_value(camera, lattice, rng):
@@ -106,6 +107,7 @@ def test_slabs_are_classified_by_their_mean_value(camera, lattice, rng):
     np.testing.assert_allclose(draw(field, camera).rgba, truth, atol=2e-4)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("thickness", [0.3, 2.0])
 def test_slabs_of_any_thickness_are_classified(thickness, rng):
     field, camera = field_cloud(rng, classifier(rng)), CAMERAS["narrow"]
@@ -113,6 +115,7 @@ def test_slabs_of_any_thickness_are_classified(thickness, rng):
     np.testing.assert_allclose(draw(field, camera, thickness).rgba, truth, atol=5e-4)
 
 
+@pytest.mark.sweep
 def test_a_second_dimension_of_the_table_is_the_gradient(rng):
     field, camera = field_cloud(rng, classifier(rng, rows=5)), CAMERAS["narrow"]
     truth = by_hand(field, camera)
@@ -121,6 +124,7 @@ def test_a_second_dimension_of_the_table_is_the_gradient(rng):
     np.testing.assert_allclose(draw(field, camera).rgba, truth, atol=3e-4)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("lamp", LAMPS.values(), ids=LAMPS)
 @pytest.mark.parametrize("camera", ["narrow", "parallel"])
 def test_slabs_are_lit_at_their_mean_gradient(camera, lamp, rng):
@@ -129,6 +133,7 @@ def test_slabs_are_lit_at_their_mean_gradient(camera, lamp, rng):
     np.testing.assert_allclose(draw(field, camera).rgba, truth, atol=4e-4)
 
 
+@pytest.mark.sweep
 def test_depth_cueing_dims_by_depth(rng):
     field = field_cloud(rng, classifier(rng, near=7.5, far=9.5, dimmed=0.8))
     camera = CAMERAS["narrow"]
@@ -200,9 +205,8 @@ POINTS = "test_a_minified_field_comes_near_its_supersampled_splats"
 WIDER = "tests/core/test_slabs.py::test_neither_threads_nor_the_order_of_samples_change_a_bit"
 
 
-@pytest.mark.parametrize(
-    "scale", [0.4, 0.15, pytest.param(0.035, marks=pytest.mark.sweep(kept_by=POINTS))]
-)
+@pytest.mark.sweep
+@pytest.mark.parametrize("scale", [0.4, 0.15, pytest.param(0.035, marks=pytest.mark.sweep)])
 def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     look = classifier(rng, columns=4)
     field = field_block(lambda place: 1 + 2 * np.sin(place @ [0.7, 0.4, 0.3]), look, 21)
@@ -218,14 +222,14 @@ def test_a_minified_field_comes_near_its_supersampled_splats(scale, rng):
     assert error < 0.25 * plain
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("projection", [one for one in Projection if one != Projection.MINIMUM])
 @pytest.mark.parametrize(
     "primitive",
     [
         Primitive.HYBRID,
         Primitive.SPLATS,
-        pytest.param(Primitive.EWA, marks=pytest.mark.sweep(kept_by=WIDER)),
+        pytest.param(Primitive.EWA, marks=pytest.mark.sweep),
     ],
 )
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(projection, primitive, rng):

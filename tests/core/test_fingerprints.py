@@ -141,6 +141,7 @@ def test_what_cannot_be_told_is_not(value):
     assert fingerprint([value]) is None
 
 
+@pytest.mark.sweep
 def test_other_processes_find_the_same():
     code = (
         "from resample.fingerprints import fingerprint\n"

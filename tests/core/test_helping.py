@@ -49,6 +49,7 @@ def examples(text):
     return re.findall(r"^  (resample.*)$", text.replace("\\\n", ""), re.MULTILINE)
 
 
+@pytest.mark.some(11)
 @pytest.mark.parametrize(("application", "command"), [*commands(), *((name, "") for name in APPS)])
 def test_brief_help_has_15_lines_and_three_examples_that_parse(
     application, command, capsys, tmp_path, monkeypatch
@@ -80,7 +81,7 @@ def of_built_in_data():
             yield from ("\n".join(examples_in(text)).replace("\\\n", "").splitlines())
 
 
-@pytest.mark.sweep(kept_by="test_brief_help_has_15_lines_and_three_examples_that_parse")
+@pytest.mark.sweep
 @pytest.mark.parametrize("line", list(of_built_in_data()))
 def test_examples_of_brief_help_run(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -88,6 +89,7 @@ def test_examples_of_brief_help_run(line, tmp_path, monkeypatch):
     assert ended(APPS[program], *words) == 0
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(("application", "command"), list(commands()))
 def test_every_option_names_its_default_is_required_or_a_switch(application, command):
     app = APPS[application][command]
@@ -105,6 +107,7 @@ def test_every_option_names_its_default_is_required_or_a_switch(application, com
     assert wrong == {}
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(("application", "command"), list(commands()))
 def test_every_option_says_what_it_does_without_sending_to_another_command(application, command):
     app = APPS[application][command]
@@ -118,6 +121,7 @@ def test_every_option_says_what_it_does_without_sending_to_another_command(appli
     assert {name: text for name, text in helps.items() if not text or sending.search(text)} == {}
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("application", "command", "options"),
     [
@@ -152,6 +156,7 @@ def test_what_follows_two_hyphens_is_no_request_for_help(capsys):
     assert "-h" in capsys.readouterr().err
 
 
+@pytest.mark.sweep
 def test_brief_help_imports_neither_numpy_nor_rich():
     loaded = imported("resample_volume.cli", "render", "-h")
     assert loaded & {"numpy", "rich", "rich.console", "numba"} == set()

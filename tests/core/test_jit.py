@@ -274,6 +274,7 @@ def test_of_processes_that_want_one_kernel_at_once_one_compiles_it(tmp_path):
     assert sorted(counts) == [[0, 1], [0, 1], [1, 0]]
 
 
+@pytest.mark.sweep
 @compiled_only
 def test_copies_of_the_sources_share_the_kernels_of_a_folder_that_is_asked_for(tmp_path):
     package = Path(jit.__file__).parents[1]
@@ -286,6 +287,7 @@ def test_copies_of_the_sources_share_the_kernels_of_a_folder_that_is_asked_for(t
     assert compiled_and_loaded(second) == [0, 1]
 
 
+@pytest.mark.sweep
 @compiled_only
 def test_what_is_compiled_is_logged_once_and_nothing_is_said_by_default(tmp_path):
     source = tmp_path / "kernels_of_a_test.py"

@@ -12,7 +12,7 @@ from resample.engine.compiled import compiling, entries
 from resample.engine.compiled.entries import Entry
 from tests.small_kernels import nothing
 
-ENTRY = Entry("a.kernel", "qd", "0" * 64, ["a", "b"], 1.5, b"machine code\n" * 100)
+ENTRY = Entry("a.kernel", "qd", ["a.kernel", "b.STEP"], 1.5, b"machine code\n" * 100)
 
 
 def test_an_entry_is_read_as_it_was_written(tmp_path):

@@ -152,6 +152,7 @@ def test_spacings_of_tiles_are_found_by_one_kernel() -> None:
     assert counts[0] == counts[1]
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("choices", "kernel"),
     [
@@ -170,9 +171,7 @@ def test_steps_are_painted_by_the_kernels_of_whole_pictures(choices: Any, kernel
 
 
 # It compiles what nothing else does; records ask `grid_of`, and kernels `grid`.
-@pytest.mark.sweep(
-    kept_by="tests/core/test_deferred.py::test_pictures_are_those_painted_from_records"
-)
+@pytest.mark.sweep
 def test_a_grid_is_found_without_a_kernel_and_is_that_of_the_kernel() -> None:
     style = Resampler()._style(np.eye(3), None)
     assert isinstance(style, Style)

@@ -33,11 +33,13 @@ RECORD = np.dtype([("x", "f4"), ("at", "i8", 2)])
 @pytest.fixture(scope="module")
 def native(tmp_path_factory):
     """The small kernels, compiled by numba, as a library of their own."""
+    from tools.kernels.__main__ import used
     from tools.kernels.link import build
 
     folder = tmp_path_factory.mktemp("library")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(numba.config, "CACHE_DIR", str(folder))
+        patch.setenv("RESAMPLE_KERNELS_LOG", str(folder / "log"))
         # Anew, as other tests may have called them: what is in memory is not stored again.
         anew = [jit.making_kernel(each.__wrapped__) for each in (sums, steps, copy_into, nothing)]
         anew[0](PAIR, 2.0)
@@ -46,7 +48,7 @@ def native(tmp_path_factory):
         anew[2](np.zeros(3), np.ones(3))
         anew[3](1)
         made = folder / "_kernels.abi3.so"
-        build(folder.glob("*.kernel"), made)
+        build(used(folder / "log"), made)
     loader = ExtensionFileLoader("_kernels", str(made))
     module = importlib.util.module_from_spec(importlib.util.spec_from_loader("_kernels", loader))
     loader.exec_module(module)
@@ -61,6 +63,7 @@ def of_library(native, monkeypatch):
     return lambda called: library.kernel(called.__wrapped__)
 
 
+@pytest.mark.sweep
 def test_a_kernel_gives_what_numba_gives(of_library):
     called = of_library(sums)
     for arguments in [(PAIR, 2.0), (PAIR, 2.0, 5)]:
@@ -89,6 +92,7 @@ def test_arrays_that_a_kernel_makes_are_numpys(of_library):
     assert rows.flags.writeable
 
 
+@pytest.mark.sweep
 def test_memory_of_arrays_goes_back(of_library):
     """A process that makes 1.6 GB, array by array, holds little of it."""
     resource = pytest.importorskip("resource")
@@ -258,12 +262,14 @@ values = st.recursive(
 )
 
 
+@pytest.mark.sweep
 @given(values)
 def test_types_have_the_names_that_numba_would_give_them(native, value):
     named = native.find("tests.small_kernels.nothing", ("value",), ()).key((value,), {})
     assert named == compiling.key_of(numba.typeof(value))
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("nothing_is_asked_for")
 def test_a_process_without_numba_runs_a_library(native, tmp_path):
     """What is in no library asks for numba, and says so."""

@@ -5,6 +5,8 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from resample.engine.compiled import sources
 from tests.processes import PATIENCE
 
@@ -60,6 +62,7 @@ for edited in ["", *sys.argv[1:]]:
 """
 
 
+@pytest.mark.sweep
 def test_an_edit_changes_the_fingerprints_of_what_depends_on_it(tmp_path):
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

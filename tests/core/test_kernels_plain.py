@@ -89,9 +89,7 @@ def test_the_order_of_many_samples_does_not_change_a_bit():
     assert first.rgba.tobytes() == again.rgba.tobytes()
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_mixtures.py::test_opacities_are_those_of_absorption_or_linear_in_the_line_integral"
-)
+@pytest.mark.sweep
 def test_linear_opacity_is_linear_in_the_line_integral():
     sample = Samples(*(column[:1] for column in two()[:3]), lattice=np.eye(3))
     camera = Camera.from_intrinsics(8.0, 8.0, 4.1, 3.9)

@@ -39,6 +39,7 @@ def names() -> list[str]:
     return sorted(path.name for path in Path().iterdir())
 
 
+@pytest.mark.sweep
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot tell whether a process lives")
 def test_what_a_killed_process_was_writing_is_removed_by_the_next_one():
     for target in ("a.png", "b[1].nii.gz", "c"):

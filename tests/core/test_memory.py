@@ -33,6 +33,7 @@ def written(size):
     cv2.imwrite(f"d{size}.png", np.tile(across, (size, 1)))
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 3, 5], ids=["texture", "warp3d", "volume"])
 def test_a_command_says_what_it_will_hold_within_a_factor(n):
@@ -41,7 +42,7 @@ def test_a_command_says_what_it_will_hold_within_a_factor(n):
     near(list(small())[n])
 
 
-@pytest.mark.sweep(kept_by="test_a_command_says_what_it_will_hold_within_a_factor")
+@pytest.mark.sweep
 def test_all_sizes_and_modes_say_what_they_will_hold():
     inputs()
     for words in (*small(), *more()):
@@ -63,6 +64,7 @@ CASES = {
 }
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("command", CASES)
 def test_what_memory_does_not_allow_is_refused_in_a_line(command, tmp_path, capsys):
     from PIL import Image
@@ -78,6 +80,7 @@ def test_what_memory_does_not_allow_is_refused_in_a_line(command, tmp_path, caps
     assert not list(tmp_path.glob("o.*"))
 
 
+@pytest.mark.sweep
 def test_what_is_allowed_is_worked_on(capsys, monkeypatch):
     monkeypatch.setenv("RESAMPLE_LOG", "debug")
     app = registry.load("apps", "volume")
@@ -109,6 +112,7 @@ def test_platforms_that_do_not_tell_refuse_nothing(monkeypatch):
     require("all", {"libraries": 100 << 40}, "do less")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("kind", "most"), [("DATA", 300 << 20), ("AS", 1100 << 20)])
 def test_limits_of_the_process_are_refused_in_a_line(kind, most, tmp_path):
     resource = pytest.importorskip("resource", reason="Windows has no such limits")

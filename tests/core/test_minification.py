@@ -20,7 +20,7 @@ from tests.benchmarks.quality_table import (
 
 FLOOR = {0.9: 32.0, 0.3: 44.0}  # dB
 FEW = [(0.9, 0.125), (0.3, 0.25)]  # alpha and scale of what `make test` looks at
-MORE = pytest.mark.sweep(kept_by="test_hybrid_comes_near_sixteen_by_sixteen_rays")
+MORE = pytest.mark.sweep
 NOISE = 0.05  # dB, between pictures that are equally good
 
 
@@ -45,6 +45,7 @@ def measured(request) -> dict[str, float]:
     return {**found, "floor": FLOOR[alpha]}
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_hybrid_comes_near_sixteen_by_sixteen_rays(measured):
     assert measured["hybrid"] >= measured["floor"]
@@ -61,14 +62,13 @@ def test_hybrid_is_better_than_the_papers_form(measured):
     assert measured["hybrid"] > measured["paper"]
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "alpha",
     [
         0.9,
-        pytest.param(
-            0.3, marks=pytest.mark.sweep(kept_by="test_the_truth_needs_no_voxel_behind_the_crust")
-        ),
+        pytest.param(0.3, marks=pytest.mark.sweep),
     ],
 )
 def test_the_truth_needs_no_voxel_behind_the_crust(alpha):
@@ -78,6 +78,7 @@ def test_the_truth_needs_no_voxel_behind_the_crust(alpha):
     np.testing.assert_allclose(crust, whole, rtol=0, atol=1e-5)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_truth_has_converged():
     # 32 rays a side, by moving the rays by a quarter of their distance each way.
@@ -96,6 +97,7 @@ def test_the_truth_has_converged():
     assert object_psnr(shot.by(TRUTH, samples).rgba, twice) > 65  # dB; all claims are below 60
 
 
+@pytest.mark.sweep
 def test_hybrid_is_far_better_than_one_ray_per_pixel():
     # The gist of the slow tests, for every run.
     shot, samples = distant(0.125), checker_box(0.9, CRUST[0.9])

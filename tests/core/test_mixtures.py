@@ -91,7 +91,7 @@ DAILY = [
     pytest.param(
         choice,
         id=name,
-        marks=[pytest.mark.sweep(kept_by=KEPT_BY[name])] if name in KEPT_BY else [],
+        marks=[pytest.mark.sweep] if name in KEPT_BY else [],
     )
     for name, choice in CHOICES.items()
 ]
@@ -108,7 +108,7 @@ def assert_alike(frame, other, atol=1e-4):  # sub-pixels may become opaque one s
     np.testing.assert_allclose(frame.depth[clear], other.depth[clear], rtol=1e-3)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("choice", DAILY)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
@@ -123,6 +123,7 @@ def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("choice", DAILY)
 def test_a_plane_cuts_what_streams(rng, choice):
     samples = box(rng, side=SMALL)

@@ -21,6 +21,7 @@ def test_nothing_is_said_where_there_is_no_namesake(tmp_path):
         warn_of_namesake(str(tmp_path))
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", ["points", "texture", "volume", "warp3d"])
 def test_an_application_beside_a_namesake_alone_says_what_to_do(tmp_path, name):
     (tmp_path / "resample").mkdir()

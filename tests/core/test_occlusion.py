@@ -50,16 +50,19 @@ def frames(request, rng) -> tuple[Frame, Frame]:
     return tuple(picture(Primitive(primitive), scale, side, count, rng) for count in (0, BEHIND))
 
 
+@pytest.mark.sweep
 def test_samples_behind_an_opaque_wall_are_hidden(frames):
     alone, crowded = frames
     assert crowded.statistics.hidden - alone.statistics.hidden > 0.99 * BEHIND
 
 
+@pytest.mark.some(1)
 def test_hidden_samples_leave_no_trace_in_the_picture(frames):
     alone, crowded = frames
     np.testing.assert_allclose(crowded.rgba, alone.rgba, rtol=0, atol=1e-4)
     np.testing.assert_allclose(crowded.first_depth, alone.first_depth, rtol=0, atol=1e-3)
 
 
+@pytest.mark.sweep
 def test_an_opaque_wall_is_opaque(frames):
     assert frames[0].rgba[..., 3].min() > 0.999

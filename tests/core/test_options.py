@@ -118,6 +118,7 @@ def test_a_bug_shows_its_traceback(bug):
         run(failing(bug("inside")), [])
 
 
+@pytest.mark.sweep
 def test_a_reader_that_has_seen_enough_is_no_error():
     read_end, write_end = os.pipe()
     os.close(read_end)

@@ -32,6 +32,7 @@ def texts():
     return found
 
 
+@pytest.mark.sweep
 def test_an_option_means_the_same_in_all_commands(monkeypatch):
     # Commands share classes of options, whose sources are parsed for each of them.
     monkeypatch.setattr(docstring_parser, "parse_from_object", cache(parse_from_object))
@@ -44,6 +45,7 @@ def test_an_option_means_the_same_in_all_commands(monkeypatch):
     assert {name: dict(said) for name, said in options.items() if len(said) > 1} == {}
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("words", GONE, ids=" ".join)
 def test_an_old_spelling_is_an_unknown_option(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -62,6 +64,7 @@ def defaults(option):
                     yield f"{application} {command}", argument
 
 
+@pytest.mark.sweep
 def test_pictures_have_one_size_or_the_help_says_why():
     other = {}
     for name, argument in defaults("--size"):
@@ -72,6 +75,7 @@ def test_pictures_have_one_size_or_the_help_says_why():
     assert other == {"volume render": "400", "volume animate": "400", "volume compare": "96"}
 
 
+@pytest.mark.sweep
 def test_z_is_up_or_the_help_says_why():
     found = {name: argument.field_info.default for name, argument in defaults("--up")}
     assert {name: axis for name, axis in found.items() if axis != "z"} == {"texture mesh": "y"}

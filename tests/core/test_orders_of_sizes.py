@@ -59,6 +59,7 @@ def test_a_pair_of_pixels_is_called_shape_or_size() -> None:
     assert not found
 
 
+@pytest.mark.sweep
 def test_docstrings_say_shapes_and_sizes_in_their_order() -> None:
     wrong = []
     for name, function in documented():
@@ -141,6 +142,7 @@ SIZES: dict[str, Callable[[tuple[int, int]], Any]] = {
 }
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_shape_is_height_and_width(name: str) -> None:
     assert np.asarray(SHAPES[name]((6, 9))).shape[:2] == (6, 9)

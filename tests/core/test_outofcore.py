@@ -84,6 +84,7 @@ def assert_whole(found, whole, paint, camera=CAMERA, size=SIZE):
         assert getattr(found, name).tobytes() == getattr(wanted, name).tobytes(), name
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("memory", "workers"), [(1 << 30, None), (170_000, None), (170_000, 1), (170_000, 2)]
 )
@@ -99,6 +100,7 @@ def test_samples_in_files_have_the_bits_of_samples_in_memory(memory, workers, rn
     assert_whole(found, whole, paint)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_two_processes_paint_samples_in_files_with_the_same_bits(rng, tmp_path):
     (source, sizes, whole), paint = scattered(tmp_path, rng), Resampler()

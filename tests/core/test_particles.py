@@ -13,9 +13,7 @@ SIZE = {"height": SIDE, "width": SIDE}
 POSE = np.array([[0.8, 0, 0.6, 0.5], [0, 1, 0, -0.2], [-0.6, 0, 0.8, 1.0], [0, 0, 0, 1]])
 CAMERA = Camera.from_intrinsics(20.0, 24.0, 12.3, 11.6, POSE)
 PARALLEL = Orthographic(4.0, 4.4, 12.3, 11.6, POSE)
-MORE = pytest.mark.sweep(
-    kept_by="test_a_radius_each_is_painted_as_line_integrals_say_nearest_first"
-)
+MORE = pytest.mark.sweep
 KERNELS = [GaussianKernel(), pytest.param(BSplineKernel(), marks=MORE)]
 
 
@@ -43,6 +41,7 @@ def opacities(position, opacity, radius, camera, kernel):
     return np.array(result)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", [CAMERA, PARALLEL], ids=["perspective", "parallel"])
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, camera):
@@ -56,7 +55,7 @@ def test_a_radius_each_is_painted_as_line_integrals_say_nearest_first(kernel, ca
     np.testing.assert_allclose(picture, truth, atol=1e-4)  # painters stop at 1e-4 of the light
 
 
-@pytest.mark.sweep(kept_by="tests/core/test_scales.py::test_neither_order_nor_threads_change_a_bit")
+@pytest.mark.sweep
 def test_neither_order_nor_threads_change_a_bit():
     given = spheres(500)
     order = np.random.default_rng(2).permutation(500)
@@ -88,7 +87,7 @@ def test_particles_far_away_or_behind_take_no_light():
     assert not painter()(samples, CAMERA, height=4, width=5).rgba.max() > 1e-6
 
 
-@pytest.mark.sweep(kept_by="test_a_radius_each_is_painted_as_line_integrals_say_nearest_first")
+@pytest.mark.sweep
 def test_radii_may_differ_by_many_powers_of_ten():
     """The smallest take no light, and the largest fills the picture."""
     position = np.array([[0, 0, 4.0], [0.5, 0, 5], [0, 0, 8e6]]) @ POSE[:3, :3]

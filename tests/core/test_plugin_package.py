@@ -64,6 +64,7 @@ def resample(installed: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return command(installed, "-c", "from resample.cli import main; main()", *words)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_it_is_listed_with_its_distribution_and_parameters(installed):
     listed = resample(installed, "plugins", "filters")
@@ -71,6 +72,7 @@ def test_it_is_listed_with_its_distribution_and_parameters(installed):
     assert "  box  (hybrid-resample)\n" in listed.stdout
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_its_broken_plugin_is_listed_with_the_reason(installed):
     listed = resample(installed, "plugins", "filters")
@@ -78,6 +80,7 @@ def test_its_broken_plugin_is_listed_with_the_reason(installed):
     assert listed.returncode == 0
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_application_runs_as_a_command_and_refuses_in_one_line(installed, tmp_path):
     light = np.full((10, 10, 3), 255, np.uint8)
@@ -90,6 +93,7 @@ def test_the_application_runs_as_a_command_and_refuses_in_one_line(installed, tm
     assert refused.stderr.count("\n") == 1
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_it_passes_the_check_for_authors(installed):
     code = (
@@ -107,6 +111,7 @@ def render(installed: Path, pixel_filter: str, picture: Path) -> subprocess.Comp
     return command(installed, "-c", code, *words, "-o", str(picture))
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(not has_application, reason="the volume application is not installed")
 def test_it_renders(installed, tmp_path):
@@ -116,6 +121,7 @@ def test_it_renders(installed, tmp_path):
     assert (tmp_path / "x.png").stat().st_size > 100
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(not has_application, reason="the volume application is not installed")
 def test_its_own_check_reaches_the_user_in_one_line(installed, tmp_path):

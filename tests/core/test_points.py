@@ -71,7 +71,7 @@ AS_POINTS = [
 ]
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("primitive", "spacing"), AS_POINTS)
 def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spacing):
     point = one_point()
@@ -86,6 +86,7 @@ def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spaci
             assert energy(frame)[3] == pytest.approx(expected[3], rel=1e-3)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("spacing", [0.21, 0.25, 0.3])
 def test_a_lone_splat_on_sub_pixels_holds_its_energy_to_two_percent(spacing):
     """Hybrid draws these as splats whose neighbours are a sub-pixel apart or more, one ray each.
@@ -101,6 +102,7 @@ def test_a_lone_splat_on_sub_pixels_holds_its_energy_to_two_percent(spacing):
             assert energy(frame)[0] / COLOR[0] == pytest.approx(expected, rel=0.025)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", registry.names("filters"))
 def test_no_filter_loses_or_adds_energy(name):
     """On a bed that keeps sums under negative lobes above 0, where they are not clamped."""
@@ -256,6 +258,7 @@ def test_negative_lobes_do_not_move_what_is_plainly_seen(primitive, lobed, rng):
     assert frame.depth[plain].max() <= samples.position[:, 2].max() + overshoot
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("subpixels", [1, 2, 3, 5])
 def test_a_chosen_grid_conserves_energy_too(subpixels):
     expected = 0.1**2 * (1 - np.exp(-0.7))
@@ -268,6 +271,7 @@ def test_a_chosen_grid_conserves_energy_too(subpixels):
 # Edges.
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("primitive", [form for form in Primitive if form is not Primitive.PAPER])
 @pytest.mark.parametrize("scale", [0.05, 0.3, 0.8], ids="{} px".format)
 def test_a_picture_is_a_window_of_a_larger_one_on_an_anisotropic_lattice(primitive, scale):

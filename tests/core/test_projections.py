@@ -54,7 +54,7 @@ def sums(field, camera):
 # Maximum, average, sum.
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("thickness", [0.5, 1.0])
 def test_the_maximum_is_the_largest_mean_of_a_slab(camera, thickness, rng):
@@ -71,6 +71,7 @@ def test_the_maximum_is_the_largest_mean_of_a_slab(camera, thickness, rng):
     np.testing.assert_allclose(value[seen], truth[seen], atol=5e-3 * (HIGH - LOW))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_the_average_is_the_integral_of_values_over_that_of_the_density(camera, rng):
     field = cloud(rng)
@@ -81,6 +82,7 @@ def test_the_average_is_the_integral_of_values_over_that_of_the_density(camera, 
     assert np.isnan(value[density == 0]).all()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_the_sum_is_the_integral_of_the_values(camera, rng):
     field = cloud(rng)
@@ -97,9 +99,7 @@ def test_the_sum_is_the_integral_of_the_values(camera, rng):
     [
         Primitive.HYBRID,
         # Of fields, points have the painter of slabs compiled once more.
-        pytest.param(
-            Primitive.POINTS, marks=pytest.mark.sweep(kept_by="test_an_x_ray_conserves_mass")
-        ),
+        pytest.param(Primitive.POINTS, marks=pytest.mark.sweep),
     ],
 )
 def test_an_x_ray_conserves_mass(scale, primitive, rng):
@@ -114,6 +114,7 @@ def test_an_x_ray_conserves_mass(scale, primitive, rng):
     assert np.nansum(value.astype(float)) / (1.3 * scale**2) == pytest.approx(mass, rel=1e-6)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("projection", SUMMED)
 @pytest.mark.parametrize("scale", [0.4, 0.15])
 def test_a_minified_projection_comes_near_its_supersampled_splats(projection, scale):
@@ -348,10 +349,7 @@ def test_an_iso_value_is_for_first_hits():
     [
         pytest.param(
             footprint,
-            marks=pytest.mark.sweep(
-                kept_by="tests/core/test_slabs.py::"
-                "test_the_whole_transmittance_is_that_of_every_sample"
-            )
+            marks=pytest.mark.sweep
             if footprint is not Footprint.EXACT  # for which the painter is compiled once more
             else (),
         )

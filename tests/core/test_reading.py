@@ -317,6 +317,7 @@ def test_deeply_nested_json_is_refused(text, tmp_path):
         refused(read, path)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "text", ["a = " + "[" * 50_000, "a" + ".a" * 500_000 + " = 1", "[" + "a." * 90 + "a]\n"]
 )
@@ -330,6 +331,7 @@ def test_deeply_nested_toml_is_refused(text, tmp_path):
     refused(viewpoint, lens)
 
 
+@pytest.mark.sweep
 def test_a_very_long_word_is_looked_at_once():
     with pytest.raises(ValueError, match="Expected '='"):
         toml_of("a" * (4 << 20))  # when each letter could begin a name, its square took minutes
@@ -483,6 +485,7 @@ def test_a_command_raises_limits_for_itself_alone(monkeypatch):
         pass
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", ["points", "texture", "volume", "warp3d"])
 def test_every_command_takes_the_flags_that_raise_limits(application):
     app = registry.load("apps", application)

@@ -109,11 +109,13 @@ def test_the_ripple_is_as_the_docstring_says(kernel, low, high):
     assert low - 5e-5 <= smallest <= 0 <= largest <= high + 5e-5
 
 
+@pytest.mark.some(1)
 def test_the_defaults_are_flat_within_a_percent(installed):
     smallest, largest = ripple(installed)
     assert -0.01 < smallest <= 0 <= largest < 0.01
 
 
+@pytest.mark.sweep
 def test_another_width_ripples_more():
     best = max(np.abs(ripple(GaussianKernel())))
     for sigma in (0.5, 0.6, 0.7, 0.8):

@@ -51,6 +51,7 @@ def keywords(nodes, name):
                 yield getattr(keyword.value, "value", None), f"{path}:{node.lineno}"
 
 
+@pytest.mark.sweep
 def test_arrays_are_never_read_with_pickled_objects(nodes):
     assert [place for value, place in keywords(nodes, "allow_pickle") if value is not False] == []
     calls = [n for n, _ in nodes if isinstance(n, ast.Call) and isinstance(n.func, ast.Attribute)]

@@ -27,7 +27,7 @@ SPLATS = painter(primitive=Primitive.SPLATS)
 LATTICE = 0.4 * sheared.LATTICE
 PLANES = [[0.3, 1.0, 0.2, 0.5], [-1.0, 0.2, 0.3, 3.0]]
 # Points of a size each have the painter compiled once more.
-POINTS = pytest.mark.sweep(kept_by="test_splats_are_line_integrals_in_the_order_of_their_depths")
+POINTS = pytest.mark.sweep
 TOLERANCE = 2e-4  # painters stop at a transmittance of 1e-4
 
 
@@ -78,6 +78,7 @@ def finer(camera, times):
     return Camera.from_intrinsics(f, times * 24.0, times * 14.0, times * 11.3, EYE)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("clip", [None, PLANES], ids=["whole", "clipped"])
 def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, clip):
@@ -94,13 +95,14 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
     np.testing.assert_allclose(product[seen], far[..., 0][seen], atol=20 * TOLERANCE)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "kernel",
     [
         GaussianKernel(),
         pytest.param(
             BSplineKernel(),
-            marks=pytest.mark.sweep(kept_by="test_other_kernels_and_orders_by_distance"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

@@ -65,6 +65,7 @@ def test_a_lattice_of_splats_covers_every_pixel_once_but_for_their_ripple(spacin
     np.testing.assert_allclose(result.value, 7, rtol=1e-5)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("spacing", [0.3, 0.5, 0.7, 1.0, 3.0])
 def test_a_turned_lattice_covers_every_pixel_within_a_twentieth(spacing):
     turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
@@ -73,6 +74,7 @@ def test_a_turned_lattice_covers_every_pixel_within_a_twentieth(spacing):
     np.testing.assert_allclose(result.coverage, 1, atol=0.05)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_points_and_splats_are_those_of_the_obvious_loop(method):
     position, value, jacobian = scattered(60)

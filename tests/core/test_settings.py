@@ -118,6 +118,7 @@ def test_a_color_that_is_none_is_refused(name):
         linear_color(name)
 
 
+@pytest.mark.sweep
 def test_settings_import_no_numerics():
     code = "import sys, resample.command.settings; print(*sys.modules)"
     imported = subprocess.run(

@@ -51,6 +51,7 @@ def holding(text: str) -> list[str]:
     return ["--settings", "view.toml"]
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("command", KEPT)
 def test_a_picture_of_kept_settings_has_the_same_bits(command):
     inputs, words = KEPT[command]
@@ -64,6 +65,7 @@ def test_a_picture_of_kept_settings_has_the_same_bits(command):
     assert not Path("holes.png").exists()  # what else was written is not kept
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("suffix", ["png", "exr"])
 @pytest.mark.parametrize("command", ["volume render", "texture warp", "warp3d render"])
 def test_pictures_hold_the_settings_they_were_made_with(command, suffix):
@@ -91,6 +93,7 @@ def test_settings_in_pictures_are_of_any_letters():
     assert tomllib.loads(settings_in(Path("box.png")))["a"] == "façade 😀"
 
 
+@pytest.mark.sweep
 def test_other_pictures_hold_no_settings(capsys):
     told = refused(capsys, *RENDER, "--settings", "color.png", "-o", "box.png")
     assert told.strip().endswith(
@@ -103,6 +106,7 @@ def test_other_pictures_hold_no_settings(capsys):
     assert "no such file" in refused(capsys, *RENDER, "--settings", "none.png", "-o", "box.png")
 
 
+@pytest.mark.sweep
 def test_what_differs_from_the_defaults_is_kept():
     words = [*LOOK, "--ambient", "0.3", "--depth-cue", "0.5", "--stats", "stats.json"]
     assert ended(*RENDER, *words, "-o", "box.png", "--save-settings", "view.toml") == 0
@@ -117,6 +121,7 @@ def test_what_differs_from_the_defaults_is_kept():
     }
 
 
+@pytest.mark.sweep
 def test_the_command_line_goes_before_the_file():
     given = holding('size = "24"\nbits = 16\nclip = ["1/0/0"]\n')
     made = ["volume", "render", BOX, *given, "--size", "16", "--clip", "0/0/1"]
@@ -126,6 +131,7 @@ def test_the_command_line_goes_before_the_file():
     assert cv2.imread("box.png", cv2.IMREAD_UNCHANGED).shape == (16, 16, 3)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -153,6 +159,7 @@ def test_files_that_are_no_settings_of_a_command_are_refused(capsys, text, said)
     assert said in error
 
 
+@pytest.mark.sweep
 def test_a_file_that_is_missing_or_no_text_is_refused(capsys):
     words = [*RENDER, "-o", "box.png", "--settings"]
     assert "none.toml: No such file" in refused(capsys, *words, "none.toml")
@@ -160,12 +167,14 @@ def test_a_file_that_is_missing_or_no_text_is_refused(capsys):
     assert "bytes.toml is not a text" in refused(capsys, *words, "bytes.toml")
 
 
+@pytest.mark.sweep
 def test_settings_are_kept_in_a_file_of_their_own(capsys):
     words = [*RENDER, "-o", "box.png", "--save-settings"]
     assert "box.png cannot be written twice" in refused(capsys, *words, "box.png")
     assert "none/view.toml" in refused(capsys, *words, "none/view.toml")
 
 
+@pytest.mark.sweep
 def test_a_run_that_fails_keeps_no_settings(capsys):
     words = ["--transfer", "none", "-o", "box.png", "--save-settings", "view.toml"]
     assert "none" in refused(capsys, *RENDER, *words)
@@ -176,6 +185,7 @@ def test_texts_are_read_as_they_were_written(text):
     assert tomllib.loads(as_toml(text, {"size": text})) == {"command": text, "size": text}
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", registry.names("apps"))
 def test_the_schema_of_every_command_knows_its_options(application, capsys):
     commands_of = import_module(f"resample_{application}.cli").app

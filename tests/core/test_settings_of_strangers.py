@@ -81,6 +81,7 @@ def all_commands() -> list[tuple[str, App]]:
     return found
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", ["png", "toml"])
 @pytest.mark.parametrize(
     "attack",
@@ -111,6 +112,7 @@ def test_a_file_with_settings_makes_nobody_connect(attack, kind, listener, capsy
     }
 
 
+@pytest.mark.sweep
 def test_a_picture_with_settings_makes_nothing_be_written(capsys):
     Path("precious.txt").write_text("mine")
     cv2.imwrite("color.png", np.zeros((8, 8, 3), np.uint8))
@@ -127,6 +129,7 @@ def test_a_picture_with_settings_makes_nothing_be_written(capsys):
     assert sorted(Path().iterdir()) == before
 
 
+@pytest.mark.sweep
 def test_a_file_takes_no_memory_or_processes_and_raises_no_limits(capsys):
     text = 'memory = "1KiB"\nworkers = 64\nthreads = 999\nlimit = "text=1"\nallow-outside = true\n'
     assert ended(*RENDER, "--settings", picture_of(text)) == 0
@@ -135,6 +138,7 @@ def test_a_file_takes_no_memory_or_processes_and_raises_no_limits(capsys):
     assert said.count("\n") == 1
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("name", "command"), all_commands())
 def test_of_all_options_files_say_the_look_alone(name, command):
     options, marks = options_of(command), marks_of(command.default_command)
@@ -152,6 +156,7 @@ def test_of_all_options_files_say_the_look_alone(name, command):
     assert read_settings(Path("foreign.toml"), name, known, marks) == {}
 
 
+@pytest.mark.sweep
 def test_every_model_says_what_its_options_are_about():
     all_commands()
     models, left = [], [Choices]
@@ -199,6 +204,7 @@ def test_forms_of_values_tell_looks_from_files(mark, looks, files):
     assert [about(mark, text) for text in files] == [OptionTopic.SOURCE] * len(files)
 
 
+@pytest.mark.sweep
 def test_a_long_value_is_told_from_a_file_at_once():
     for mark in (abouts.ANGLES, abouts.NUMBERS, abouts.TRANSFER):
         assert about(mark, "1" * 10**6 + "/x.json") is OptionTopic.SOURCE
@@ -230,6 +236,7 @@ def test_what_is_read_is_not_kept_which_is_said(capsys):
     )
 
 
+@pytest.mark.sweep
 def test_options_of_another_name_than_their_fields_are_kept():
     np.savetxt("cloud.xyz", np.random.default_rng(1).random((50, 3)))
     made = ["points", "render", "cloud.xyz", "--size", "16", "-o", "cloud.png", "--no-cache"]

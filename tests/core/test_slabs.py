@@ -97,7 +97,7 @@ def test_the_partial_table_of_a_b_spline_is_its_integral():
 # Pictures.
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("lattice", LATTICES.values(), ids=LATTICES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_slabs_hold_what_quadrature_finds_between_their_planes(camera, lattice, rng):
@@ -109,7 +109,7 @@ def test_slabs_hold_what_quadrature_finds_between_their_planes(camera, lattice, 
     np.testing.assert_allclose(draw(samples, camera).rgba, truth, atol=1e-4)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("thickness", [0.3, 2.0, 1000.0])
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
@@ -119,7 +119,7 @@ def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
     np.testing.assert_allclose(drawn, truth, atol=1e-4)  # as above
 
 
-@pytest.mark.sweep(kept_by="test_the_partial_table_of_a_b_spline_is_its_integral")
+@pytest.mark.sweep
 def test_slabs_hold_what_quadrature_finds_of_a_b_spline(rng):
     samples, kernel = cloud(rng), BSplineKernel()
     truth = by_hand(samples, CAMERAS["narrow"], reconstruction=kernel)
@@ -132,7 +132,7 @@ def test_slabs_hold_what_quadrature_finds_of_a_b_spline(rng):
 LOST = {Footprint.CORRECTED: 1e-3, Footprint.SMALL_ANGLE: 1e-2}
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("footprint", footprints_of(Primitive.SPLATS))
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_the_whole_transmittance_is_that_of_every_sample(camera, footprint, rng):
@@ -169,6 +169,7 @@ def errors_of_thickness(rng, thickness):
     return [float(np.sqrt(np.mean((picture - truth)[..., :3] ** 2))) for picture in pictures]
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_thinner_slabs_come_nearer_to_the_ray_integral_by_the_square(rng):
     thickness = [2.0, 1.0, 0.5, 0.25, 0.125]
@@ -179,6 +180,7 @@ def test_thinner_slabs_come_nearer_to_the_ray_integral_by_the_square(rng):
     assert error[-1] < 1e-4
 
 
+@pytest.mark.sweep
 def test_every_sample_is_farther_from_the_ray_integral_than_slabs(rng):
     samples, camera = cloud(rng, 24, extinction=3.0), CAMERAS["narrow"]
     truth = naive.ray_integral(samples, camera, GaussianKernel(), 300, height=SIDE, width=SIDE)
@@ -193,6 +195,7 @@ def test_every_sample_is_farther_from_the_ray_integral_than_slabs(rng):
 # Depth and coverage.
 
 
+@pytest.mark.sweep
 def test_depth_is_the_mean_depth_of_the_samples_seen(rng):
     samples, camera = cloud(rng), CAMERAS["narrow"]
     place = naive.in_camera(camera, samples.position)[:, 2].astype(np.float32)
@@ -244,6 +247,7 @@ def test_a_sure_point_lies_wholly_in_the_slab_of_its_center():
     assert split[0] > 1.001 * split[1]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("thickness", [0.5, 1.0, 2.0, 4.0])
 @pytest.mark.parametrize("scale", [0.3, 0.15])
 def test_points_in_slabs_have_the_transmittance_of_the_block(scale, thickness):
@@ -270,7 +274,7 @@ def test_dense_points_in_slabs_of_a_voxel_have_the_transmittance_of_the_block(az
 # Bits.
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("primitive", [form for form in Primitive if form is not Primitive.PAPER])
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_neither_threads_nor_the_order_of_samples_change_a_bit(camera, primitive, rng):

@@ -94,9 +94,7 @@ def test_peaks_that_are_too_steep_for_sixteen_bits_get_wider_steps() -> None:
 @pytest.mark.parametrize(
     "dtype",
     [
-        pytest.param(
-            "i1", marks=pytest.mark.sweep(kept_by="test_types_give_what_their_values_give")
-        ),
+        pytest.param("i1", marks=pytest.mark.sweep),
         *("?", "u1", ">u2", "<i2", ">i4", "u4", "f2", "f4", ">f4", "f8", "i8"),
     ],
 )

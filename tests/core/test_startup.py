@@ -58,7 +58,7 @@ def of_all(kind: type) -> set[type]:
     return {kind}.union(*map(of_all, kind.__subclasses__()))
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", COMMANDS)
 @pytest.mark.parametrize("words", [[], ["command"]], ids=["all", "one"])
 def test_help_imports_neither_numpy_nor_what_finds_packages(application, words):
@@ -67,6 +67,7 @@ def test_help_imports_neither_numpy_nor_what_finds_packages(application, words):
     assert loaded & (HEAVY | {"numpy", "importlib.metadata", "email.message"}) == set()
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("application", COMMANDS)
 def test_a_picture_imports_nothing_that_it_does_not_need(application, tmp_path, monkeypatch):
@@ -79,6 +80,7 @@ def test_a_picture_imports_nothing_that_it_does_not_need(application, tmp_path, 
     assert (tmp_path / "out.png").exists()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", COMMANDS)
 def test_only_the_command_that_is_asked_for_is_assembled(application):
     command = COMMANDS[application][0]
@@ -86,6 +88,7 @@ def test_only_the_command_that_is_asked_for_is_assembled(application):
     assert set(python(code).split("assembled")[-1].split()) == {"then", command}
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", registry.names("apps"))
 def test_commands_have_settings_where_they_have_options(application):
     app = registry.load("apps", application)
@@ -119,6 +122,7 @@ def test_models_are_built_when_they_are_first_given_something():
     assert said.split() == ["False", "16", "True"]
 
 
+@pytest.mark.sweep
 def test_quadratures_are_found_when_they_are_first_used():
     python(
         "import numpy as np; np.polynomial.legendre.leggauss = None\n"
@@ -173,6 +177,7 @@ start("resample_texture.cli")
 """
 
 
+@pytest.mark.sweep
 def test_what_a_command_leaves_in_cycles_is_freed_at_its_end():
     ended = subprocess.run(
         [sys.executable, "-c", CYCLE], capture_output=True, text=True, check=True, timeout=PATIENCE

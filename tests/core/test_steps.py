@@ -88,6 +88,7 @@ def check(near, dense, side, step, window, choice, threads):
         assert_same(again, whole, window)
 
 
+@pytest.mark.sweep
 @settings(max_examples=6, derandomize=True, deadline=None)
 @ANY
 def test_parts_in_steps_give_the_bits_of_the_whole(
@@ -96,7 +97,7 @@ def test_parts_in_steps_give_the_bits_of_the_whole(
     check(near, dense, side, step, window, choice, threads)
 
 
-@pytest.mark.sweep(kept_by="test_parts_in_steps_give_the_bits_of_the_whole")
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @ANY
 def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
@@ -105,6 +106,7 @@ def test_any_parts_in_any_steps_give_the_bits_of_the_whole(
     check(near, dense, side, step, window, choice, threads)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("is_parallel", [False, True])
 @pytest.mark.parametrize("near", [EVEN, 35.0, UNEVEN, 60.0, AROUND])
 def test_what_places_of_parts_say_of_spacings_holds(near, is_parallel):

@@ -28,7 +28,7 @@ LOOK = Classifier(
 )
 FAR = 60.0  # where samples of a cloud are points
 WINDOWS = [(0, 0, WIDTH, HEIGHT), (9, 3, 40, 41), (69, 49, 70, 50)]
-MORE = pytest.mark.sweep(kept_by="test_parts_behind_what_is_opaque_are_not_loaded")
+MORE = pytest.mark.sweep
 REACH = 16  # px, more than points and models reach beyond exact footprints
 
 
@@ -71,13 +71,14 @@ steps = (
 )
 
 
+@pytest.mark.sweep
 @settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.sampled_from(ORDERS), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps)
 def test_sheets_and_slabs(order, near, dense, side, step, window, threads):
     check_sheets(order, near, dense, side, step, window, threads)
 
 
-@pytest.mark.sweep(kept_by="test_sheets_and_slabs")
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(ORDERS), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps)
 def test_more_sheets_and_slabs(order, near, dense, side, step, window, threads):
@@ -91,6 +92,7 @@ def check_sheets(order, near, dense, side, step, window, threads):
     assert plan.painter == SPLATS
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @settings(max_examples=5, derandomize=True, deadline=None)
 @given(st.sampled_from(["depth", "distance"]), st.sampled_from([UNEVEN, FAR]), *steps)
@@ -98,7 +100,7 @@ def test_points(key, near, dense, side, step, window, threads):
     check_points(key, near, dense, side, step, window, threads)
 
 
-@pytest.mark.sweep(kept_by="test_points")
+@pytest.mark.sweep
 @settings(max_examples=15, derandomize=True, deadline=None)
 @given(st.sampled_from(["depth", "distance"]), st.sampled_from([UNEVEN, FAR]), *steps)
 def test_more_points(key, near, dense, side, step, window, threads):
@@ -123,7 +125,7 @@ MIXED = [
 ]
 
 
-@pytest.mark.sweep(kept_by="test_points")
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(MIXED), st.sampled_from([14.0, UNEVEN, FAR, AROUND]), *steps)
 def test_mixtures(paint, near, dense, side, step, window, threads):
@@ -133,7 +135,7 @@ def test_mixtures(paint, near, dense, side, step, window, threads):
     assert plan.painter in {SPLATS, MIXTURE, POINTS}
 
 
-@pytest.mark.sweep(kept_by="test_sheets_and_slabs")
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(
     st.sampled_from(ORDERS),
@@ -152,7 +154,7 @@ def test_sheets_and_slabs_of_mixtures(order, primitive, near, dense, side, step,
 SHOWN = [Projection.COMPOSITE, Projection.MAXIMUM, Projection.AVERAGE, Projection.FIRST_HIT]
 
 
-@pytest.mark.sweep(kept_by="test_sheets_and_slabs")
+@pytest.mark.sweep
 @settings(max_examples=25, derandomize=True, deadline=None)
 @given(st.sampled_from(SHOWN), st.sampled_from([EVEN, UNEVEN, AROUND]), *steps[1:])
 def test_fields(projection, near, side, step, window, threads):
@@ -163,9 +165,7 @@ def test_fields(projection, near, side, step, window, threads):
     check(paint, samples, side, step, window, threads)
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_steps.py::test_parts_in_steps_give_the_bits_of_the_whole"
-)
+@pytest.mark.sweep
 def test_samples_of_a_size_each():
     samples = cloud(900, 46.0)
     scale = np.random.default_rng(2).uniform(0.3, 2.0, 900).astype(np.float32)

@@ -71,11 +71,13 @@ def ended_by(folder: Path, *signals: signal.Signals) -> tuple[int, str]:
         return process.wait(PATIENCE), process.stderr.read()
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_command_that_is_interrupted_says_so_in_one_line(moment, tmp_path):
     assert told_to_stop(tmp_path, moment, signal.SIGINT) == (130, "resample: interrupted\n")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_a_command_that_is_terminated_says_so_in_one_line(moment, tmp_path):
     assert told_to_stop(tmp_path, moment, signal.SIGTERM) == (143, "resample: terminated\n")

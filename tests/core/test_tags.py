@@ -109,6 +109,7 @@ def test_damage_is_an_error_for_files_and_nothing_for_blocks(tmp_path):
     assert block_tags(path.read_bytes(), (256,), {}) == {}
 
 
+@pytest.mark.sweep
 def test_directories_in_a_circle_end(tmp_path):
     path = tmp_path / "a.tif"
     empty(path, "<42")

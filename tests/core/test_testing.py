@@ -19,6 +19,7 @@ def test_every_installed_filter_passes(name):
     check_filter(registry.build("filters", name))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", registry.names("reconstructions"))
 def test_every_installed_reconstruction_passes_with_little_ripple(name):
     low, high = check_reconstruction(registry.build("reconstructions", name))

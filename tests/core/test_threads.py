@@ -40,6 +40,7 @@ def draw(**choices):
     return painter(**choices)(scene(), CAMERA, height=40, width=48, threads=threads)
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize(
     ("primitive", "model"), [(form, model) for form in Primitive for model in footprints_of(form)]
 )
@@ -119,7 +120,7 @@ MANY = {  # words of a command, which ends with its picture
 }
 
 
-@pytest.mark.sweep(kept_by="test_one_thread_and_two_give_the_same_bits")
+@pytest.mark.sweep
 @pytest.mark.parametrize("application", MANY)
 def test_64_threads_give_the_bits_of_one(application, tmp_path):
     for threads in ("64", "1"):
@@ -131,7 +132,7 @@ def test_64_threads_give_the_bits_of_one(application, tmp_path):
     np.testing.assert_array_equal(many, one)
 
 
-MORE = pytest.mark.sweep(kept_by="test_libraries_make_no_more_threads_than_the_command_may_have")
+MORE = pytest.mark.sweep
 ALONE = """
 import os
 import sys
@@ -144,6 +145,7 @@ print(len(os.listdir("/proc/self/task")))
 """
 
 
+@pytest.mark.sweep
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
 @pytest.mark.parametrize(("suffix", "most"), [pytest.param(".png", 2, marks=MORE), (".exr", 3)])
 def test_libraries_make_no_more_threads_than_the_command_may_have(suffix, most, tmp_path):
@@ -162,6 +164,7 @@ def test_what_the_environment_allows_is_not_raised(monkeypatch):
     assert "OPENBLAS_NUM_THREADS" not in os.environ
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_kernels_give_the_same_picture_as_plain_python(tmp_path):
     compiled = drawn(tmp_path / "compiled.npz")

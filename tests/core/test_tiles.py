@@ -41,6 +41,7 @@ def naive_members(record, screen, size, column, row):
     ]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("width", "height"), [(64, 48), (33, 7), (1, 1), (8, 100)])
 @pytest.mark.parametrize("margin", [0.0, 1.0, 3.0])
 @pytest.mark.parametrize("size", [8, 32])

@@ -44,6 +44,7 @@ def draw(samples, camera=CAMERA, *, side=SIDE, **choices):
 # Values.
 
 
+@pytest.mark.sweep
 def test_the_transmittance_of_a_cloud_is_the_exponential_of_its_optical_depth(rng):
     samples = cloud(rng, extinction=2.0)
     frame = draw(samples, primitive=Primitive.SPLATS)
@@ -78,10 +79,7 @@ def naive_picture(samples, *, linear):
 
 
 # For linear opacities the painter is compiled once more.
-LINEAR = pytest.mark.sweep(
-    kept_by="tests/core/test_mixtures.py::"
-    "test_opacities_are_those_of_absorption_or_linear_in_the_line_integral"
-)
+LINEAR = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(
@@ -249,6 +247,7 @@ def test_no_footprint_depends_on_the_order_of_samples(model, rng):
     assert_same(first, draw(again, CLOSE, footprint=model))
 
 
+@pytest.mark.sweep
 def test_samples_that_look_alike_but_are_not_do_not_change_a_bit_when_swapped(rng):
     """Around the eye all records share one place on screen; their forms must tell them apart."""
     count = 60

@@ -95,6 +95,7 @@ def test_angles_in_settings_are_about_the_look(text):
     assert about(ANGLES, text) is OptionTopic.APPEARANCE
 
 
+@pytest.mark.sweep
 def test_no_help_shows_tuples_with_slashes():
     wrong = {}
     for application in registry.names("apps"):

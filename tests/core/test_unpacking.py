@@ -236,6 +236,7 @@ def test_pages_that_share_their_pixels_are_counted_together(tmp_path):
     refused(TiffStack(), many, match="21 slices, over the limit of 20")
 
 
+@pytest.mark.sweep
 def test_tags_that_overlap_or_go_round_are_damage(tmp_path):
     texts = [(tag, 2, 1 << 17, 8) for tag in (270, 271, 272)]
     path = tiff(tmp_path / "a.tif", 60, 4, bytes(1 << 17), texts)
@@ -323,6 +324,7 @@ PACKED = [
 PACKED += [("exr", one) for one in ("rle", "zips", "zip", "piz", "pxr24", "dwaa")]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("suffix", "packing"), PACKED)
 def test_pictures_that_become_far_too_much_are_refused(suffix, packing, tmp_path, monkeypatch):
     told = {"compression": packing} if packing else {}

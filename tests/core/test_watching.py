@@ -94,6 +94,7 @@ def _again_and_again(draw: Draw) -> None:
         draw()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", WORK)
 def test_work_stops_in_its_midst_and_leaves_nothing_behind(
     name: str, monkeypatch: pytest.MonkeyPatch
@@ -127,12 +128,10 @@ def test_work_stops_in_its_midst_and_leaves_nothing_behind(
     np.testing.assert_array_equal(draw(), before)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
-    [
-        name if name == "rays" else pytest.param(name, marks=pytest.mark.sweep(kept_by=MIDST))
-        for name in WORK
-    ],
+    [name if name == "rays" else pytest.param(name, marks=pytest.mark.sweep) for name in WORK],
 )
 def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
     draw = WORK[name](SIZE)
@@ -159,13 +158,12 @@ def test_work_stops_soon_and_leaves_nothing_behind(name: str) -> None:
     np.testing.assert_array_equal(draw(), before)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
         *("splats", "image-sheets", "rays"),
-        pytest.param(
-            "maximum", marks=pytest.mark.sweep(kept_by="test_progress_rises_to_one_and_moves_often")
-        ),
+        pytest.param("maximum", marks=pytest.mark.sweep),
     ],
 )
 def test_progress_rises_to_one_and_moves_often(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,6 +182,7 @@ def test_progress_rises_to_one_and_moves_often(name: str, monkeypatch: pytest.Mo
     assert min(pauses) < 0.5
 
 
+@pytest.mark.sweep
 def test_what_progress_raises_stops_the_work() -> None:
     draw = WORK["rays"](SMALL)
 
@@ -194,6 +193,7 @@ def test_what_progress_raises_stops_the_work() -> None:
         draw(progress=refuse)
 
 
+@pytest.mark.sweep
 def test_what_is_cancelled_before_does_not_begin() -> None:
     draw, cancel = WORK["rays"](SMALL), Cancel()
     cancel.cancel()
@@ -203,6 +203,7 @@ def test_what_is_cancelled_before_does_not_begin() -> None:
         assert draw().any()
 
 
+@pytest.mark.sweep
 def test_others_go_on() -> None:
     draw, cancel = WORK["rays"](SMALL), Cancel()
     seen: list[NDArray[np.float32]] = []

@@ -73,6 +73,7 @@ CASES = [
 ]
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(("paint", "near", "painter"), CASES)
 def test_windows_have_the_bits_of_the_whole(paint, near, painter):
     samples, eye = cloud(700, near), camera()
@@ -86,6 +87,7 @@ def test_windows_have_the_bits_of_the_whole(paint, near, painter):
             assert_same(part, whole, window)
 
 
+@pytest.mark.sweep
 @settings(max_examples=12, derandomize=True, deadline=None)
 @given(
     st.lists(st.integers(1, WIDTH - 1), max_size=2),

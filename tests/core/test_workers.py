@@ -84,6 +84,7 @@ def test_frames_are_made_within_the_memory_that_their_process_may_use(is_local, 
     assert ALLOWED.get() is None
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
     write_film(tmp_path / "whole", SHOTS, 24)
@@ -95,7 +96,7 @@ def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path):
     assert content(tmp_path / "whole") == content(tmp_path / "film")
 
 
-@pytest.mark.sweep(kept_by="test_a_killed_worker_costs_a_film_its_own_frames_alone")
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("count", "part", "is_late"), [(1, 0, True), (2, 5, False), (3, 1, True), (4, 3, False)]
 )
@@ -109,6 +110,7 @@ def test_a_worker_may_be_killed_at_any_time(count, part, is_late, tmp_path):
     assert content(tmp_path / "whole") == content(tmp_path / "film")
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_scheduler_that_runs_has_its_workers_do_it(tmp_path, monkeypatch):
     from distributed import LocalCluster

@@ -32,13 +32,14 @@ def is_packed(case):
     return any(b"DATA binary_compressed" in content for content in case.files.values())
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "count",
     [
         SOME_FILES,
         pytest.param(
             FILES,
-            marks=pytest.mark.sweep(kept_by="test_changed_files_are_read_or_refused_in_one_line"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -49,6 +50,7 @@ def test_changed_files_are_read_or_refused_in_one_line(count):
     assert faults(Setup(files.make, seconds=PATIENCE), seeds) == []
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "count",
@@ -56,9 +58,7 @@ def test_changed_files_are_read_or_refused_in_one_line(count):
         SOME_ARRAYS,
         pytest.param(
             ARRAYS,
-            marks=pytest.mark.sweep(
-                kept_by="test_odd_arrays_and_numbers_give_results_or_clear_errors"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -71,12 +71,14 @@ def test_odd_arrays_and_numbers_give_results_or_clear_errors(count):
     assert faults(Setup(arrays.make, seconds=PATIENCE, allowed=(TypeError,)), seeds) == []
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_odd_command_lines_are_refused_in_one_line():
     setup = Setup(partial(lines.make, is_quick=True), seconds=PATIENCE)
     assert faults(setup, range(LINES)) == []
 
 
+@pytest.mark.sweep
 def test_what_the_fuzzer_is_to_find_it_finds():
     found = [
         *tried_all(Setup(faulty.make, seconds=PATIENCE), range(3), np.inf),
@@ -91,9 +93,7 @@ def test_what_the_fuzzer_is_to_find_it_finds():
     [
         pytest.param(
             case,
-            marks=pytest.mark.sweep(kept_by="test_files_of_the_corpus_are_read")
-            if is_packed(case)
-            else (),
+            marks=pytest.mark.sweep if is_packed(case) else (),
         )
         for case in corpus()
     ],
@@ -106,6 +106,7 @@ def test_files_of_the_corpus_are_read(case, tmp_path):
     assert attempted(lambda _seed, _folder: read(first), 0, tmp_path, ()) == READ
 
 
+@pytest.mark.sweep
 def test_a_seed_stands_for_one_change():
     case = corpus()[0]
     assert mutated(random.Random(5), case.files) == mutated(random.Random(5), case.files)
@@ -182,6 +183,7 @@ def pictures(laid, folder):
     ).value
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("laid", LAYOUTS)
 def test_maps_and_other_layouts_and_byte_orders_give_the_same_bits(laid, tmp_path):

@@ -31,12 +31,7 @@ def test_every_scene_is_on_record(known):
 
 @pytest.mark.parametrize(
     "name",
-    [
-        pytest.param(name, marks=pytest.mark.sweep(kept_by=KEPT_BY[name]))
-        if name in KEPT_BY
-        else name
-        for name in SCENES
-    ],
+    [pytest.param(name, marks=pytest.mark.sweep) if name in KEPT_BY else name for name in SCENES],
 )
 def test_a_picture_is_the_one_on_record(name, known):
     found, wanted = np.asarray(SCENES[name](), np.float32), known[name]

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(
 HASHES = """
 import hashlib, json, sys
 import numpy as np
-from tests.golden.scenes import SCENES
+from tools.kernels.pictures import SCENES
 
 def digest(picture):
     return hashlib.sha256(np.ascontiguousarray(picture).tobytes()).hexdigest()

@@ -43,6 +43,7 @@ def mean(image, coverage):
     return image / np.where(coverage > 0, coverage, 1)[..., None]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("threshold", "points"), [(1e-3, range(1)), (1.2, range(120, 140)), (99.0, range(195, 196))]
 )
@@ -107,7 +108,7 @@ def step():
     return prepare(depth, noise=0.0), np.array([[18.0, 0, 9], [0, 18.0, 7], [0, 0, 1]])
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("zoom", "points"), [(0.6, range(252, 253)), (1.0, range(100, 200)), (1.7, range(1))]
 )

@@ -125,7 +125,7 @@ def test_models_of_the_picture_differ_as_measured():
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_the_exact_footprint_holds_for_every_kernel")
+            marks=pytest.mark.sweep
             if name == "bspline"  # for which the painter is compiled once more
             else (),
         )
@@ -404,6 +404,7 @@ def test_the_near_plane_cuts_parallel_rays(near):
     np.testing.assert_allclose(optical_depth(samples, camera, side=33), truth, atol=1e-4)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("near", "aside"), [(0.0, 0.3), (0.0, 1.9), (1.0, 0.3), (5.0, 0.3)])
 def test_a_sphere_fades_as_it_moves_through_the_near_plane(near, aside):
     """No step where the painter changes hands, none where the eye enters; nothing at the end."""
@@ -434,6 +435,7 @@ def test_nothing_around_the_eye_is_not_a_number(model, rng):
     assert np.isfinite(frame.depth[frame.rgba[..., 3] > 1e-6]).all()
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_exact_footprint_is_right_wherever_the_sphere_is(rng):
     for _ in range(150):

@@ -57,6 +57,7 @@ def parallel(scale):
 # Disc: Mueller and Yagel 1996.
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("cone", [1, 5, 15])
 @pytest.mark.parametrize("theta", [0, 20, 40])
 def test_a_disc_is_where_rays_meet_the_plane_across_the_ray_to_its_center(theta, cone):
@@ -206,7 +207,7 @@ def test_widened_primitives_and_the_papers_have_footprints_of_their_own():
 # Aliasing.
 
 
-MORE = pytest.mark.sweep(kept_by="test_all_rivals_alias_less_than_plain_splats_and_hybrid_least")
+MORE = pytest.mark.sweep
 ALIASING = (Primitive.HYBRID, Primitive.SPLATS, *WIDENED)
 
 
@@ -217,6 +218,7 @@ def drawn(form, scale, subpixels=None):
     return distant(scale).by(resample, checker_box(0.9, CRUST[0.9])).rgba
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
 def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
@@ -231,6 +233,7 @@ def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
         assert alias[form] > 3 * alias[Primitive.HYBRID], form
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
 def test_hybrid_is_nearest_to_the_truth(scale):

@@ -100,6 +100,7 @@ def test_the_hybrid_is_splats_above_its_threshold():
     assert (paper[FAR] != splats[FAR]).any()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("cell", [3, 4, 5])
 def test_bilinear_lookup_aliases_where_the_hybrid_does_not(cell):
     source = checkerboard(cell)

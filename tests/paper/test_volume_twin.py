@@ -49,6 +49,7 @@ def both(view, lattice, footprint=Footprint.EQUATION):
     return frame, truth
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("lattice", LATTICES)
 @pytest.mark.parametrize("view", VIEWS)
 def test_pictures_are_those_of_the_twin(view, lattice):
@@ -57,6 +58,7 @@ def test_pictures_are_those_of_the_twin(view, lattice):
     np.testing.assert_allclose(frame.rgba, truth, atol=5e-6)  # tables of 1024 steps, float32
 
 
+@pytest.mark.sweep
 def test_views_are_of_splats_of_points_and_of_both():
     shares = [both(view, "cubic")[0].statistics.splat_fraction for view in VIEWS]
     assert shares[0] == 1.0
@@ -64,6 +66,7 @@ def test_views_are_of_splats_of_points_and_of_both():
     assert shares[2] == 0.0
 
 
+@pytest.mark.sweep
 def test_the_table_is_as_good_as_its_steps_are_fine():
     frame, truth = both("splats", "cubic", Footprint.CORRECTED)
     assert frame.statistics.from_table > 0
@@ -71,6 +74,7 @@ def test_the_table_is_as_good_as_its_steps_are_fine():
     np.testing.assert_allclose(frame.rgba, truth, atol=5e-4)
 
 
+@pytest.mark.sweep
 def test_beyond_fifteen_degrees_the_equation_is_evaluated():
     frame, _ = both("splats", "cubic", Footprint.CORRECTED)
     counted = frame.statistics
@@ -81,6 +85,7 @@ def test_beyond_fifteen_degrees_the_equation_is_evaluated():
     assert evaluated.statistics.from_table == 0
 
 
+@pytest.mark.sweep
 def test_ellipses_may_lie_around_the_projected_center():
     frame, truth = both("splats", "cubic", Footprint.PROJECTED)
     np.testing.assert_allclose(frame.rgba, truth, atol=2e-3)  # with the table

@@ -64,6 +64,7 @@ SURROUNDED = {
 SURFELS = prepare_cloud(ball())
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("kind", [None, "gaussian:sigma=0.5"])
 @pytest.mark.parametrize("name", SURROUNDED)
 def test_a_ball_around_the_camera_fills_its_picture(name, kind):
@@ -143,6 +144,7 @@ def test_cameras_without_pixels_of_one_part_are_refused():
         render_cloud(SURFELS, object(), size=(60, 10))
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", SURROUNDED)
 def test_what_is_picked_lies_on_the_surface_under_any_camera(name):
     camera, shape = SURROUNDED[name]
@@ -154,6 +156,7 @@ def test_what_is_picked_lies_on_the_surface_under_any_camera(name):
     assert preview.coverage[4:-4, 20:-20].min() > 0.9
 
 
+@pytest.mark.sweep
 def test_what_is_picked_in_a_parallel_view_lies_there():
     scene = CloudScene(SURFELS)
     camera = Orthographic(8, 8, 32, 24, look_at((9, 0, 0), (0, 0, 0)))

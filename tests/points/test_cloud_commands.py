@@ -44,12 +44,14 @@ def shown(*words: object) -> np.ndarray:
     return cv2.imread("o.png")[..., ::-1]
 
 
+@pytest.mark.sweep
 def test_colors_are_those_of_a_column():
     picture = shown("--color-by", "class", "--colormap", "tab10", "--range", "0,9")
     sides = {tuple(picture[32, 30].tolist()), tuple(picture[32, 50].tolist())}
     assert sides == {(31, 119, 180), (255, 127, 14)}  # tab10's first and second
 
 
+@pytest.mark.sweep
 def test_a_bar_widens_the_picture():
     plain, barred = shown("--color-by", "x"), shown("--color-by", "x", "--color-bar")
     assert len(barred) == len(plain)
@@ -57,11 +59,13 @@ def test_a_bar_widens_the_picture():
     np.testing.assert_array_equal(barred[:, :80], plain)
 
 
+@pytest.mark.sweep
 def test_a_range_may_begin_below_zero():
     words = ["--color-by", "z", "--colormap", "gray"]
     assert shown(*words, "--range", "-3,3")[32, 40, 0] > shown(*words)[32, 40, 0] + 20
 
 
+@pytest.mark.sweep
 def test_a_cloud_is_measured_once_for_all_pictures(folder):
     one = shown()
     assert len(list((folder / "cache" / "clouds").iterdir())) == 1
@@ -75,6 +79,7 @@ def test_nothing_is_kept_where_that_is_asked_for(folder):
     assert not (folder / "cache").exists()
 
 
+@pytest.mark.sweep
 def test_threads_and_limits_of_discs_are_taken():
     plain = shown()
     np.testing.assert_array_equal(shown("--threads", "1"), plain)
@@ -82,6 +87,7 @@ def test_threads_and_limits_of_discs_are_taken():
     assert (shown("--disc-limit", "0.5") != plain).any()
 
 
+@pytest.mark.sweep
 def test_the_field_of_view_of_a_camera_file_is_heeded():
     Path("wide.toml").write_text("azimuth = 0\nelevation = 0\nfov = 100\n")
     Path("long.toml").write_text("azimuth = 0\nelevation = 0\nfov = 5\n")
@@ -92,6 +98,7 @@ def test_the_field_of_view_of_a_camera_file_is_heeded():
         assert read_image("o.exr")[..., 3].mean() > 0.7
 
 
+@pytest.mark.sweep
 def test_a_film_goes_around_a_cloud():
     assert ended(*FILM, "-o", "frames") == 0
     frames = [cv2.imread(f"frames/frame-000{n}.png") for n in range(4)]
@@ -112,6 +119,7 @@ def test_films_are_written_with_their_bar(name):
             assert film.width > 100
 
 
+@pytest.mark.sweep
 def test_a_film_follows_keyframes():
     keys = (
         "[[camera]]\ntime = 0\nazimuth = 0\nzoom = 1\n[[camera]]\ntime = 1\nazimuth = 0\nzoom = 2\n"
@@ -131,6 +139,7 @@ def test_a_film_follows_poses():
     assert first.mean() > 2 * last.mean() > 0
 
 
+@pytest.mark.sweep
 def test_a_film_is_gone_on_with(capsys):
     assert ended(*FILM, "-o", "frames") == 0
     whole = Path("frames/frame-0002.png").read_bytes()
@@ -143,6 +152,7 @@ def test_a_film_is_gone_on_with(capsys):
         assert "frames of another animation" in error
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -181,11 +191,13 @@ def test_films_are_refused_in_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, *FILM, "-o", "a.gif", *words)
 
 
+@pytest.mark.sweep
 def test_films_of_no_kind_and_of_no_frames_are_refused(capsys):
     assert "written as .mp4" in refused(capsys, *FILM, "-o", "a.avi")
     assert "0 frames; 1 to 10000" in refused(capsys, *FILM[:-1], "0", "-o", "a.gif")
 
 
+@pytest.mark.sweep
 def test_float32_positions_far_from_the_origin_are_said_to_be_rounded(capsys):
     corner = np.array([500_000, 5_000_000, 200])
     place = corner + np.random.default_rng(2).uniform(0, 100, (300, 3))
@@ -224,6 +236,7 @@ def test_classes_of_laser_scans_have_their_names():
     assert halves.scale.classes == ()
 
 
+@pytest.mark.sweep
 def test_parallel_views_show_both_ends_at_one_scale():
     near = shown("--fov", "0")
     rows = np.flatnonzero((near != 255).any(axis=(1, 2)))

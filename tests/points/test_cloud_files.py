@@ -113,7 +113,7 @@ def test_ply_reads_the_same_in_every_encoding(tmp_path, encoding):
 
 
 # What unpacks them is compiled for them alone.
-PACKED = pytest.mark.sweep(kept_by="test_pcd_reads_the_same_in_every_encoding")
+PACKED = pytest.mark.sweep
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ def test_a_pcd_file_that_is_cut_off_says_so(tmp_path, encoding):
         read_cloud(path)
 
 
-@pytest.mark.sweep(kept_by="test_a_pcd_file_that_is_cut_off_says_so")
+@pytest.mark.sweep
 def test_damaged_packing_is_noticed(tmp_path):
     path = _pcd(tmp_path / "a.pcd", "binary_compressed")
     content = bytearray(path.read_bytes())

@@ -37,6 +37,7 @@ def cloud_seen(pixel_filter=None, n=1, margin=0, **style):
     return render_cloud(ball(), camera, size=size, style=CloudStyle(**style), filter=pixel_filter)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", FILTERS)
 def test_a_cloud_under_every_filter_is_the_truth_filtered(name):
     weight, margin = window(registry.build("filters", name))
@@ -51,6 +52,7 @@ def test_a_cloud_under_every_filter_is_the_truth_filtered(name):
     assert psnr(given, rgba.astype(np.float32), mask=whole) > 38.0
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", FILTERS)
 def test_a_cloud_of_one_color_keeps_it(name):
     one = ball()._replace(color=np.full((4000, 3), 0.6, np.float32))

@@ -60,7 +60,7 @@ def _ball(count: int) -> np.ndarray:
     return np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scale", [0.2, 0.45, 0.7, 1.0, 1.6, 3.0, 8.0])
 @pytest.mark.parametrize("eye", [(0, 0, -100), (600, 200, -600)], ids=["front", "aside"])
 def test_a_plane_has_no_holes_at_any_magnification(scale, eye):
@@ -70,6 +70,7 @@ def test_a_plane_has_no_holes_at_any_magnification(scale, eye):
     np.testing.assert_allclose(frame.rgba, np.full((*SMALL, 4), (0.2, 0.5, 0.8, 1)), rtol=1e-5)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scale", [0.3, 1.0, 4.0])
 def test_irregular_points_leave_no_holes(rng, scale):
     count = 30000 if scale < 1 else 6000
@@ -79,6 +80,7 @@ def test_irregular_points_leave_no_holes(rng, scale):
     assert frame.coverage.min() > 0.99
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("distance", [3.0, 12.0, 60.0])
 def test_the_outline_of_a_ball_encloses_its_area(distance):
     size = (96, 96)
@@ -138,6 +140,7 @@ def _slope(normals, centers, camera, focal):
     return focal * np.hypot(forms[:, 0], forms[:, 1]) * centers[:, 2]
 
 
+@pytest.mark.sweep
 def test_splats_are_what_rays_through_every_subpixel_find(rng):
     count = 30
     position = rng.uniform(-1, 1, (count, 3)) * (1.5, 1.0, 1.0)
@@ -151,6 +154,7 @@ def test_splats_are_what_rays_through_every_subpixel_find(rng):
     assert (np.abs(found - expected).max(axis=2) < 1e-3).mean() > 0.995
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("scale", [0.3, 1.0, 5.0])
 def test_a_hidden_plane_does_not_shine_through(rng, scale):
     count = 200
@@ -163,6 +167,7 @@ def test_a_hidden_plane_does_not_shine_through(rng, scale):
     np.testing.assert_allclose(frame.rgba, np.full((*SMALL, 4), (1.0, 0, 0, 1)), atol=1e-6)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("scale", [0.3, 1.0, 5.0])
 def test_what_is_behind_an_edge_is_seen_beside_it(scale):
     count = 120
@@ -174,6 +179,7 @@ def test_what_is_behind_an_edge_is_seen_beside_it(scale):
     np.testing.assert_allclose(frame.rgba, np.ones((*SMALL, 4)), atol=2e-3)  # FULL leaves 1e-3
 
 
+@pytest.mark.sweep
 def test_a_minified_checker_is_its_mean():
     count = 256
     line = np.arange(count) % 2
@@ -185,6 +191,7 @@ def test_a_minified_checker_is_its_mean():
         np.testing.assert_allclose(frame.rgba[..., 0], 0.5, atol=0.04)
 
 
+@pytest.mark.sweep
 def test_a_pixel_is_a_mean_over_area_not_over_points(rng):
     stripe, size = 4.0, (12, 12)  # half a pixel
     x = np.concatenate([rng.random(5000), rng.random(20000)]) * 48
@@ -205,6 +212,7 @@ def _scene(rng) -> tuple[Cloud, Camera]:
     return _cloud(position, color), _camera(16.0, eye=(0.5, 0.5, -3.0))
 
 
+@pytest.mark.sweep
 def test_pictures_do_not_depend_on_the_order_of_points(rng):
     cloud, camera = _scene(rng)
     mixed = rng.permutation(len(cloud.position))
@@ -214,11 +222,13 @@ def test_pictures_do_not_depend_on_the_order_of_points(rng):
         np.testing.assert_array_equal(first, second)
 
 
+@pytest.mark.sweep
 def test_pictures_do_not_depend_on_the_number_of_threads(rng):
     cloud, camera = _scene(rng)
     assert_threads_change_nothing(lambda: _render(cloud, camera)[:4])
 
 
+@pytest.mark.sweep
 def test_huge_coordinates_change_nothing(rng):
     cloud, camera = _scene(rng)
     cloud = cloud._replace(position=cloud.position.astype(np.float32).astype(np.float64))
@@ -243,6 +253,7 @@ def test_depth_is_that_of_the_plane():
     assert (frame.first_depth <= frame.depth * (1 + 1e-6)).all()
 
 
+@pytest.mark.sweep
 def test_light_falls_off_with_the_angle():
     cloud = _cloud(_grid(100))
     front = _render(cloud, _camera(3.0))
@@ -251,6 +262,7 @@ def test_light_falls_off_with_the_angle():
     assert aside.rgba[24, 32, 0] == pytest.approx(0.8 * 0.6, rel=1e-2)  # the pixel's own angle
 
 
+@pytest.mark.sweep
 def test_scanned_colors_are_shown_unlit_unless_asked_for():
     cloud = _cloud(_grid(100), np.full((10000, 3), 0.5))
     aside = _camera(3.0, eye=(80, 0, -60))
@@ -261,6 +273,7 @@ def test_scanned_colors_are_shown_unlit_unless_asked_for():
     assert lit.rgba[24, 32, 0] == pytest.approx(0.3, rel=1e-2)
 
 
+@pytest.mark.sweep
 def test_backs_can_be_left_out():
     normal = np.repeat([(0.0, 0, 1)], 10000, axis=0)
     cloud = _cloud(_grid(100), normal=normal)
@@ -353,6 +366,7 @@ def test_strays_are_not_larger_than_what_they_strayed_from(strays, factor):
     assert size[is_stray].max() <= 1.01 * factor * np.median(size)
 
 
+@pytest.mark.sweep
 def test_rings_of_a_scanner_stay_as_closed_as_without_a_limit():
     down, around = np.meshgrid(np.radians(np.linspace(8, 40, 50)), np.arange(900) * np.pi / 450)
     ray = np.stack([np.cos(around), np.sin(around), np.tan(down)], axis=2).reshape(-1, 3)
@@ -415,6 +429,7 @@ def _filled(cloud, size, **camera) -> tuple[float, float]:
     return covered.any(axis=0).mean(), covered.any(axis=1).mean()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("size", [(60, 80), (80, 60), (50, 200)])
 @pytest.mark.parametrize("angles", [(0, 0), (30, 20), (250, -60)])
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (5, 1, 1), (1, 3, 0.2)])
@@ -534,6 +549,7 @@ def test_absurd_coordinates_are_refused():
         prepare_cloud(_cloud([(1e200, 0, 0), (0, 0, 0)]))
 
 
+@pytest.mark.sweep
 def test_the_scan_fills_the_frame_from_near_and_not_from_far():
     surfels = prepare_cloud(read_cloud(real("meshes/pointclouds/frag_115.ply")))
     near = framed(surfels, size=SIZE[::-1], up="-y", distance=0.5)

@@ -60,6 +60,7 @@ def error(found, truth):
     return np.sqrt(((found - truth) ** 2).mean() / (truth**2).mean())
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kernel", NAMES)
 @pytest.mark.parametrize("reach", [0.4, 1.3, 5.0, 7.9, 8.1, 20.0])
 def test_a_particle_is_the_integral_of_its_kernel_over_lines_and_pixels(kernel, reach):
@@ -125,6 +126,7 @@ def brute(particles, kernel, side, fine=16, *, plane=None):
     return sums
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kernel", NAMES)
 def test_columns_and_means_are_the_sums_over_all_particles(kernel):
     given = several()
@@ -140,6 +142,7 @@ def test_columns_and_means_are_the_sums_over_all_particles(kernel):
     assert np.isnan(mean.value[found.value == 0]).all()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kernel", NAMES)
 def test_a_slice_is_the_kernel_in_the_plane(kernel):
     given = several()
@@ -216,6 +219,7 @@ def test_a_parallel_camera_measures_masses_per_area():
     assert found.sum() / (40 * 20) == pytest.approx(given.mass.sum(), rel=1e-5)
 
 
+@pytest.mark.sweep
 def test_perspective_is_the_column_along_each_ray():
     place = np.array([[0.0, 0.0, 10.0], [4.0, -2.0, 12.0], [-2.5, 1.5, 4.0]])
     mass, reach = np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.9, 1.5])

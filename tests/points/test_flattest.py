@@ -25,6 +25,7 @@ def as_rows(matrix):
     return tuple(tuple(map(float, row)) for row in matrix)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", SPREAD)
 def test_normals_are_eigenvectors(rng, name):
     for _ in range(200):

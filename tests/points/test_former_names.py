@@ -40,6 +40,7 @@ def pages(monkeypatch):
     return found
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("old", "new", "name", "more"),
     [
@@ -58,6 +59,7 @@ def test_an_old_command_makes_the_same_file_and_says_the_new_name(old, new, name
     assert Path(f"old.{name}").read_bytes() == Path(f"new.{name}").read_bytes()
 
 
+@pytest.mark.sweep
 def test_an_old_command_has_the_help_and_the_errors_of_the_new_one(capsys):
     assert before("cloud", "--help") == 0
     assert "resample-points render" in capsys.readouterr().out
@@ -68,6 +70,7 @@ def test_an_old_command_has_the_help_and_the_errors_of_the_new_one(capsys):
     assert Path("a.png").read_bytes() == Path("b.png").read_bytes()
 
 
+@pytest.mark.sweep
 def test_settings_of_an_old_command_are_taken_by_the_new_one(capsys):
     look = 'command = "resample-warp3d {}"\ncolor-by = "z"\n'
     Path("old.toml").write_text(look.format("cloud"))
@@ -97,6 +100,7 @@ def test_the_schema_of_an_old_command_is_that_of_the_new_one(capsys):
     assert "color-by" in schemas[0]
 
 
+@pytest.mark.sweep
 def test_a_cloud_is_viewed_by_the_old_command_too(pages, capsys):
     words = ["view", "scan.xyz", "--camera", "-70/10/1", "--up=-y", "--steady", "--port", 7]
     assert before(*words) == 0

@@ -98,6 +98,7 @@ def test_exr_has_both_depths_and_the_coverage(file):
     assert (channels["first.Z"][solid] <= channels["value"][solid] + 1e-4).all()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", ["splat", "sog", "spz"])
 def test_other_formats_are_rendered(tmp_path, monkeypatch, kind):
     monkeypatch.chdir(tmp_path)
@@ -109,6 +110,7 @@ def test_other_formats_are_rendered(tmp_path, monkeypatch, kind):
     assert np.asarray(Image.open("out.png"))[..., 3].any()
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -282,6 +284,7 @@ def test_both_eyes_are_shown_beside_each_other(file, capsys):
     assert "--eyes is for perspective cameras" in message
 
 
+@pytest.mark.sweep
 def test_further_scenes_are_placed_by_a_pose(file):
     np.savetxt("pose.txt", [[1, 0, 0, 9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     write_gaussians(

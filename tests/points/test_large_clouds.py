@@ -114,6 +114,7 @@ def assert_same_discs(found, expected):
     assert found.is_oriented == expected.is_oriented
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", CLOUDS)
 @pytest.mark.parametrize("pages", [PAGES, 10 * sorting.SORTED])
 def test_a_cloud_in_files_has_the_discs_of_one_in_memory(name, pages, monkeypatch):
@@ -136,6 +137,7 @@ def test_a_cloud_in_files_knows_its_rows(name, monkeypatch):
     np.testing.assert_array_equal(place.astype(np.float32), found.position)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["plain", "unknown"])
 def test_pixels_show_the_same_points_of_a_cloud_in_files(name):
     given = CLOUDS[name]()
@@ -146,6 +148,7 @@ def test_pixels_show_the_same_points_of_a_cloud_in_files(name):
     np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("choices", [{"radius": 0.03}, {"largest": np.inf}, {"largest": 0.8}])
 def test_choices_of_discs_hold_in_files(choices):
     expected = prepare_cloud(twice(), **choices)
@@ -171,6 +174,7 @@ STYLES = {
 }
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("style", STYLES)
 def test_a_cloud_in_files_has_the_picture_of_one_in_memory(camera, style):
@@ -186,6 +190,7 @@ def test_a_cloud_in_files_has_the_picture_of_one_in_memory(camera, style):
         assert getattr(found.statistics, name) == getattr(expected.statistics, name), name
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("pages", [1, 3000, 200_000, 10_000_000])
 def test_pictures_do_not_depend_on_how_many_discs_are_painted_at_a_time(pages, monkeypatch):
     held, in_file = discs(pages)
@@ -240,6 +245,7 @@ def test_colors_by_a_column_in_a_file_are_those_of_one_in_memory(span, kind, mon
     assert is_in_file(found.cloud.color)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("few", [90, 10_000])
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.977, 1.0])
 def test_quantiles_are_those_of_all_values(share, few, monkeypatch):
@@ -322,6 +328,7 @@ def scan(tmp_path, monkeypatch):
     return written(tmp_path / "scan.ply", "ply")
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("scan")
 def test_a_command_says_that_memory_does_not_hold_a_cloud_and_paints_it(
     tmp_path, monkeypatch, capsys

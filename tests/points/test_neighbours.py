@@ -71,6 +71,7 @@ def shell():
     return np.concatenate([np.zeros((1, 3)), place[square == np.bincount(square)[:2916].argmax()]])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("place", [lattice(4), shell()], ids=["lattice", "shell"])
 def test_of_points_that_are_equally_far_the_first_come_first(place):
     place = sorted_along(place)
@@ -94,6 +95,7 @@ MANY_PLACES = {
 }
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", MANY_PLACES)
 def test_many_points_come_in_the_order_of_one_sort(name, monkeypatch):
     place = MANY_PLACES[name].astype(np.float32)

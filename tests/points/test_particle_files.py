@@ -251,6 +251,7 @@ def test_the_command_writes_slices_of_quantities_before_cameras_and_along_axes(f
     assert np.isfinite(np.load(folder / "b.npy")).all()
 
 
+@pytest.mark.sweep
 def test_a_picture_has_a_logarithmic_scale_and_a_bar(folder):
     assert not ended("density", "a.hdf5", "--size", "80", "-o", "plain.png")
     assert not ended("density", "a.hdf5", "--size", "80", "--color-bar", "-o", "bar.png")
@@ -266,6 +267,7 @@ def test_a_picture_has_a_logarithmic_scale_and_a_bar(folder):
     assert abs(gray - truth).max() < 2.1 / 255
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("more", "message"),
     [

@@ -34,6 +34,7 @@ def pictures(name):
     return [np.asarray(Image.open(path)) for path in sorted(Path(name).glob("*.png"))]
 
 
+@pytest.mark.sweep
 def test_frames_of_a_film_are_the_maps_of_its_cameras():
     span = ("--range", "1,100", "--colormap", "gray")
     assert ended("animate", "a.hdf5", "--frames", "4", *SMALL, *span, "-o", "film") == 0
@@ -47,6 +48,7 @@ def test_frames_of_a_film_are_the_maps_of_its_cameras():
         assert abs(frame[..., 0] / 255 - share).max() < 2.1 / 255
 
 
+@pytest.mark.sweep
 def test_colors_of_a_film_keep_their_range():
     assert (
         ended("animate", "a.hdf5", "--frames", "8", "--size", "80x64", "--color-bar", "-o", "film")
@@ -56,6 +58,7 @@ def test_colors_of_a_film_keep_their_range():
     assert len(bars) == 1
 
 
+@pytest.mark.sweep
 def test_quantities_and_types_are_filmed(capsys):
     words = ("--quantity", "temperature", "--frames", "2", *SMALL)
     assert ended("animate", "a.hdf5", *words, "-o", "hot") == 0
@@ -139,6 +142,7 @@ def test_pages_begin_with_a_type_that_is_there():
     assert page.about["settings"]["type"] == "dark"
 
 
+@pytest.mark.sweep
 def test_a_page_s_film_is_that_of_the_command():
     page = view_of(Path("a.hdf5"))
     cameras, settings = ["350/20/1", "10/30/1.5"], {"background": "white", "size": "48x36"}

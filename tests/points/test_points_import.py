@@ -1,5 +1,7 @@
 """What imports of the package bring along."""
 
+import pytest
+
 import resample_points
 from tests.commands import HEAVY
 from tests.processes import python
@@ -13,6 +15,7 @@ def test_importing_the_package_imports_no_heavy_library():
     assert modules_after("import resample_points") & HEAVY == set()
 
 
+@pytest.mark.sweep
 def test_clouds_are_drawn_by_names_of_the_package():
     names = {"Cloud", "CloudStyle", "framed", "prepare_cloud", "read_cloud", "render_cloud"}
     assert names <= set(resample_points.__all__)

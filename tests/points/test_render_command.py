@@ -50,6 +50,7 @@ def test_a_cloud_is_seen_from_a_pose():
     assert channels["Z"][12, 16] == pytest.approx(3, abs=1e-3)  # float32 of the projection
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -67,12 +68,14 @@ def test_what_cannot_be_rendered_is_refused_in_one_line(words, complaint, capsys
     assert complaint in refused(capsys, "render", "scan.ply", *words)
 
 
+@pytest.mark.sweep
 def test_files_that_are_no_clouds_are_one_line(capsys):
     Path("text.ply").write_text("no cloud")
     for name in ("text.ply", "gone.ply", "picture.png"):
         assert name in refused(capsys, "render", name, "-o", "o.png")
 
 
+@pytest.mark.sweep
 def test_a_cloud_takes_a_filter_too():
     rng = np.random.default_rng(3)
     np.savez("scan.npz", position=rng.random((400, 3)), color=rng.random((400, 3)))
@@ -84,6 +87,7 @@ def test_a_cloud_takes_a_filter_too():
     assert np.abs(pictures[1] - pictures[0]).max() > 0.02
 
 
+@pytest.mark.sweep
 def test_a_cloud_is_seen_with_intrinsics_of_a_file():
     scan()
     write_intrinsics()

@@ -38,6 +38,7 @@ def measured(noise):
     return prepare_cloud(cloud_of(spinning.street(noise).place))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_the_ground_is_closed_as_the_scanner_sees_it(noise):
     camera, ray = camera_at(np.radians(100.0))
@@ -63,6 +64,7 @@ def test_discs_of_the_ground_lie_flat():
     assert upright.mean() < 0.05  # those at the feet of boxes
 
 
+@pytest.mark.sweep
 def test_given_normals_are_kept_and_discs_reach_the_next_ring():
     found = spinning.street(steps=1024)
     surfels = prepare_cloud(cloud_of(found.place, found.normal.astype(np.float32)))
@@ -78,6 +80,7 @@ def test_given_normals_are_kept_and_discs_reach_the_next_ring():
     assert np.mean(half > 0.5 * gap) > 0.98
 
 
+@pytest.mark.sweep
 def test_discs_depend_neither_on_threads_nor_on_the_order_of_points(monkeypatch):
     place = spinning.street(0.01, rings=32, steps=1024).place
     whole = prepare_cloud(cloud_of(place), threads=1)

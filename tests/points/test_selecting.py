@@ -108,6 +108,7 @@ def shown(*words):
     return cv2.imread("o.png")
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("scans")
 def test_several_clouds_in_one_picture_look_as_one(capsys):
     whole = shown("whole.csv", "--color-by", "class")
@@ -116,6 +117,7 @@ def test_several_clouds_in_one_picture_look_as_one(capsys):
     assert "none.csv: there is no such file" in refused(capsys, "render", "a.csv", *words)
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("scans")
 def test_the_command_selects_by_class_and_box():
     half = shown("whole.csv", "--crop", "1.45:,:,:")

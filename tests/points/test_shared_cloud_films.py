@@ -25,19 +25,18 @@ def in_folder(tmp_path, monkeypatch):
     np.savez("ball.npz", position=normal, normal=normal, color=np.abs(normal))
 
 
+@pytest.mark.sweep
 def test_frames_of_clouds_are_the_same_elsewhere(monkeypatch):
     pickle_for_workers(monkeypatch)
     assert_same_film(app, FILM)
 
 
-@pytest.mark.sweep(kept_by="test_frames_of_clouds_are_the_same_elsewhere")
+@pytest.mark.sweep
 def test_processes_make_the_same_films():
     assert_same_film(app, FILM)
     assert sorted(os.listdir()) == ["ball.npz", "one", "two"]
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_workers.py::test_a_killed_worker_costs_a_film_its_own_frames_alone"
-)
+@pytest.mark.sweep
 def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path, monkeypatch):
     assert_killed_costs_own_frames(app, FILM, tmp_path, monkeypatch, is_late=False)

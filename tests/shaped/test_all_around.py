@@ -108,6 +108,7 @@ def test_a_lens_bends_what_is_seen():
     np.testing.assert_allclose(ours.rgba, truth(given, rays), atol=1e-3)
 
 
+@pytest.mark.sweep
 def test_sub_pixels_and_odd_sizes_are_averaged():
     given = gaussians(seed=6)
     fine = around(given, dome(200, (33, 37)), (33, 37), subpixels=3)

@@ -46,6 +46,7 @@ def test_a_picture_is_that_of_rays_by_brute_force(order):
     np.testing.assert_allclose(ours.rgba, twin.painted(given, EYE, SIZE, order), atol=3e-4)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("fine", [2, 3, 4])
 def test_sub_pixels_are_averaged(fine):
     given = gaussians(30)
@@ -239,6 +240,7 @@ def test_parts_that_fit_are_projected_once(subpixels, ahead):
     assert picture.rgba.any() == ahead
 
 
+@pytest.mark.sweep
 def test_painting_takes_little_more_memory_than_records():
     count = 200_000
     rng = np.random.default_rng(2)

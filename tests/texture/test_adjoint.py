@@ -69,6 +69,7 @@ cells_drawn = st.builds(
 )
 
 
+@pytest.mark.sweep
 @settings(max_examples=25, deadline=None)
 @given(
     numbers=st.tuples(
@@ -85,6 +86,7 @@ def test_any_homography_has_its_transpose(numbers, scale, edge, cells):
     check_transposed(Homography(matrix), edge, cells)
 
 
+@pytest.mark.sweep
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 1000),
@@ -117,6 +119,7 @@ def test_cells_of_more_texels_than_the_source_has_give_back(edge):
     check_transposed(JOINED, edge, CellGrid())
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "cells", [CellGrid(), CellGrid(Mitchell(), Spline(), is_sum=True)], ids=str
 )

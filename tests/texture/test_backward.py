@@ -122,7 +122,7 @@ def spread(at, size, pixel_filter):
     return naive_forward.pixel_shares(at, 0.0, size, pixel_filter)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize(
     "cells",
@@ -143,6 +143,7 @@ def test_pixels_are_those_of_the_obvious_loops(cells, edge):
     np.testing.assert_allclose(warped.image, image, atol=TABLE * max(1.0, image.max()))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("interpolation", [Spline(), InterpolatingGaussian()], ids=repr)
 @pytest.mark.parametrize("edge", [Edge.TRANSPARENT, Edge.MIRROR, Edge.WRAP])
 def test_prefiltered_interpolations_are_those_of_the_obvious_loops(edge, interpolation):

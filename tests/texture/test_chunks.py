@@ -37,6 +37,7 @@ class Counting:
         return part
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("side", [64, (50, 33), 500])
 @pytest.mark.parametrize("way", WAYS)
 def test_chunks_have_the_bits_of_the_whole(way, side):
@@ -46,6 +47,7 @@ def test_chunks_have_the_bits_of_the_whole(way, side):
     np.testing.assert_array_equal(made, whole)
 
 
+@pytest.mark.sweep
 def test_bytes_and_maps_are_warped_in_chunks_too():
     y, x = np.mgrid[: FRAME[0], : FRAME[1]] + 0.5
     places = BackwardMap(x + 9 * np.sin(y / 20), 0.9 * y + 5 * np.cos(x / 30))
@@ -66,6 +68,7 @@ def test_a_chunk_reads_what_it_shows():
     assert enlarged.read < 0.3 * 230 * 310
 
 
+@pytest.mark.sweep
 def test_zarr_and_dask_arrays_are_read_and_zarr_is_written(tmp_path):
     zarr = pytest.importorskip("zarr")
     array = pytest.importorskip("dask.array")
@@ -79,7 +82,7 @@ def test_zarr_and_dask_arrays_are_read_and_zarr_is_written(tmp_path):
     np.testing.assert_array_equal(again, whole)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap"])
 @pytest.mark.parametrize("way", WAYS)
 def test_chunks_of_dask_are_warped_when_they_are_asked_for(way, edge):
@@ -109,6 +112,7 @@ MORE_TEXELS = product(
 )
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("way", "edge", "kind"),
     [
@@ -116,9 +120,7 @@ MORE_TEXELS = product(
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_texels_are_projected_from_parts_of_the_source"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in MORE_TEXELS
             if each not in TEXELS
@@ -151,6 +153,7 @@ class Unclean:
         return np.full(shape, 1e-44 if np.size(shape) == 3 else -1.0, kind)
 
 
+@pytest.mark.sweep
 def test_pixels_that_others_fill_are_empty_before(monkeypatch):
     image = IMAGE.copy()
     image[3, 4] = np.inf
@@ -163,6 +166,7 @@ def test_pixels_that_others_fill_are_empty_before(monkeypatch):
     np.testing.assert_array_equal(made, whole)
 
 
+@pytest.mark.sweep
 def test_a_block_of_many_texels_is_read_strip_by_strip(monkeypatch):
     image = RNG.random((1000, 700, 3)).astype(np.float32)
     matrix = [[0.004, 0, 10], [0, 0.004, 10], [0, 0, 1]]
@@ -175,6 +179,7 @@ def test_a_block_of_many_texels_is_read_strip_by_strip(monkeypatch):
     assert source.largest < 0.1 * 1000 * 700
 
 
+@pytest.mark.sweep
 def test_a_clamped_picture_is_not_clamped_to_what_a_chunk_shows():
     method, made = Hybrid(interpolation="lanczos", clamp=True), np.zeros((*FRAME, 3), np.float32)
     warp_chunks(IMAGE, WAYS["enlarged"], FRAME, method, out=made, side=50)
@@ -198,6 +203,7 @@ def test_gaps_in_gray_leave_the_bits_of_other_parts_alone(way):
     np.testing.assert_array_equal(made, warp(image, WAYS[way], FRAME).image)
 
 
+@pytest.mark.sweep
 def test_a_lazy_chunk_asks_for_the_chunks_that_it_shows():
     array = pytest.importorskip("dask.array")
     asked = []

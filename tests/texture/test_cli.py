@@ -62,6 +62,7 @@ def test_the_identity_keeps_every_level_of_16_bits(words, rng):
     assert np.array_equal(cv2.imread("out.png", cv2.IMREAD_UNCHANGED), levels)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("suffix", ["exr", "tif"])
 @pytest.mark.parametrize("words", [[], ["--no-linear"]])
 def test_floats_go_through_no_curve(suffix, words, rng):
@@ -72,6 +73,7 @@ def test_floats_go_through_no_curve(suffix, words, rng):
     assert np.array_equal(stored, values)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("names", "written"),
     [(("Y",), "YA"), (("R", "G", "B"), "RGBA"), (("R", "G", "B", "A"), "RGBA"), (("Y", "A"), "YA")],
@@ -117,6 +119,7 @@ def test_a_jpeg_is_written_over_a_background(capsys):
     assert read_image("out.jpg")[-1, -1] == pytest.approx([1, 1, 1], abs=0.02)  # JPEG's loss
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("suffix", "bits", "kind"),
     [("png", 8, "uint8"), ("png", 16, "uint16"), ("tif", 16, "uint16"), ("tif", 32, "float")],
@@ -126,6 +129,7 @@ def test_a_picture_has_as_many_bits_as_asked_for(suffix, bits, kind):
     assert str(OpenImageIO.ImageInput.open(f"out.{suffix}").spec().format) == kind
 
 
+@pytest.mark.sweep
 def test_coverage_is_a_picture_of_shares_and_no_light():
     quarter = ["--matrix", "0.5,0,0,0,0.5,0", "--size", "13x9"]
     shifted = ["--matrix", "0.5,0,0.25,0,0.5,0.25", *quarter[2:]]
@@ -136,6 +140,7 @@ def test_coverage_is_a_picture_of_shares_and_no_light():
         assert share[4, 5] == pytest.approx(1, abs=1e-6)
 
 
+@pytest.mark.sweep
 def test_color_does_not_bleed_out_of_what_is_transparent():
     levels = np.zeros((8, 8, 4), np.uint8)
     levels[:, :4] = (0, 0, 255, 255)  # red; the rest is transparent green
@@ -147,6 +152,7 @@ def test_color_does_not_bleed_out_of_what_is_transparent():
         assert not picture[..., 1].any()
 
 
+@pytest.mark.sweep
 def test_not_linear_means_the_mean_of_the_encoded_values():
     cv2.imwrite("lines.png", np.tile(np.uint8([[0], [255]]), (8, 16)))
     for words, level in (([], 188), (["--no-linear"], 128)):
@@ -162,6 +168,7 @@ def test_a_total_keeps_its_sum(rng):
     assert read_channels("out.exr")["Y"].sum() == pytest.approx(values.sum(), rel=1e-5)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", ["palette", "palette with alpha", "bits", "gray and alpha"])
 def test_every_kind_of_png_is_read(kind, rng):
     levels = rng.integers(0, 256, (8, 10, 4), np.uint8)
@@ -188,6 +195,7 @@ def test_cmyk_becomes_rgb(suffix, rng):
     assert read_image("out.png").shape == (8, 10, 3)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("suffix", ["exr", "tif"])
 @pytest.mark.parametrize("edge", ["transparent", "clamp"])
 def test_missing_values_stay_missing(suffix, edge):
@@ -214,6 +222,7 @@ def test_of_formats_without_gaps_alpha_tells_what_is_missing():
     assert alpha[5, 5] == 1
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("shape", [(16, 24), (16, 24, 3)])
 @pytest.mark.parametrize("suffix", ["png", "tif", "jpg"])
 def test_where_coverage_is_whole_no_alpha_is_invented(shape, suffix, rng):
@@ -248,29 +257,34 @@ def test_stats_tell_sizes_and_times():
 # Where pixels go
 
 
+@pytest.mark.sweep
 def test_the_matrix_may_come_from_a_file_and_the_other_way_round():
     Path("m.txt").write_text("# half\n0.5 0 0\n0 0.5 0\n0 0 1\n")
     assert np.array_equal(warped(*HALF), warped("--matrix", "m.txt"))
     assert np.array_equal(warped(*HALF), warped("--matrix", "2,0,0,0,2,0", "--inverse"))
 
 
+@pytest.mark.sweep
 def test_opencvs_convention_counts_from_pixel_centers():
     moved = warped("--matrix", "0.5,0,-0.25,0,0.5,-0.25", "--convention", "opencv")
     assert np.array_equal(warped(*HALF), moved)
 
 
+@pytest.mark.sweep
 def test_corners_say_where_the_pictures_corners_go():
     picture = warped("--corners", "0,0 12,0 12,8 0,8")
     assert picture.shape == (8, 12, 4)
     assert np.allclose(picture, warped(*HALF)[:8, :12], atol=1e-6)  # float32 sums
 
 
+@pytest.mark.sweep
 def test_corners_may_lead_from_points_of_the_source():
     points = "2,2 22,2 22,14 2,14 -> 0,0 20,0 20,12 0,12"
     picture = warped("--corners", points)
     assert np.array_equal(picture, warped("--matrix", "1,0,-2,0,1,-2", "--size", "20x12"))
 
 
+@pytest.mark.sweep
 def test_a_map_says_where_pixels_come_from():
     x, y = np.meshgrid(np.arange(12) * 2 + 1.0, np.arange(8) * 2 + 1.0)
     np.savez("map.npz", x=x, y=y)
@@ -280,6 +294,7 @@ def test_a_map_says_where_pixels_come_from():
     assert np.allclose(picture[inside], warped(*HALF)[:8, :12][inside], atol=1e-4)
 
 
+@pytest.mark.sweep
 def test_a_flow_moves_pixels():
     np.save("flow.npy", np.full((16, 24, 2), (10 / 3, 7 / 3)))
     linear = "--interpolation", "area-spline:limit=none"  # pixels that texels go to have no limits
@@ -288,6 +303,7 @@ def test_a_flow_moves_pixels():
     assert np.allclose(moved[4:, 5:], shifted[4:, 5:], atol=1e-4)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("form", ["numbers", "toml", "json", "yml"])
 def test_a_lens_is_numbers_or_a_file(form):
     matrix, bends = [[20.0, 0, 12], [0, 20, 8], [0, 0, 1]], [0.1, 0.01, 0.0, 0.0]
@@ -302,19 +318,23 @@ def test_a_lens_is_numbers_or_a_file(form):
     assert np.array_equal(warped("--lens", given), warped("--lens", LENS))
 
 
+@pytest.mark.sweep
 def test_a_lens_can_be_put_in_and_taken_out():
     assert not np.array_equal(warped("--lens", LENS), warped("--lens", LENS, "--inverse"))
 
 
+@pytest.mark.sweep
 def test_a_region_is_that_part_of_the_whole():
     part = warped(*HALF, "--roi", "3,2,6,5")
     assert np.allclose(part, warped(*HALF)[2:7, 3:9], atol=1e-6)  # float32 sums
 
 
+@pytest.mark.sweep
 def test_the_number_of_threads_changes_no_pixel():
     assert np.array_equal(warped(*HALF), warped(*HALF, "--threads", 1))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "words",
     [
@@ -339,6 +359,7 @@ def truncated(name: str) -> None:
     Path(name).write_bytes(data[: len(data) // 2])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("command", ["warp", "rectify", "compare", "animate"])
 def test_what_is_no_picture_is_one_line(command, capsys):
     truncated("cut.png")
@@ -359,6 +380,7 @@ def test_what_is_no_picture_is_one_line(command, capsys):
         assert name in refused(capsys, command, name, *words)
 
 
+@pytest.mark.sweep
 def test_a_picture_larger_than_the_memory_is_refused_before_it_is_read(monkeypatch, capsys):
     cv2.imwrite("large.png", np.zeros((4000, 4000), np.uint8))
     monkeypatch.setattr("resample.memory.physical_memory", lambda: 1 << 28)
@@ -394,6 +416,7 @@ def test_a_target_larger_than_the_memory_is_refused(monkeypatch, capsys):
     assert "a picture of 6000 x 6000 pixels needs" in error
 
 
+@pytest.mark.some(14)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -441,6 +464,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, "warp", "photo.png", "-o", "out.png", *words)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -477,6 +501,7 @@ def test_rectify_takes_the_corners_in_any_order(photo):
         assert np.array_equal(cv2.imread("page.png")[..., ::-1], photo[2:14, 4:20])
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -522,6 +547,7 @@ def test_a_mesh_is_shown_with_its_texture():
     assert 0.05 < channels["A"].mean() < 0.95
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "words",
     [
@@ -543,6 +569,7 @@ def test_every_choice_changes_the_meshs_picture(words):
     assert np.abs(pictures[0] - pictures[1]).max() > 1e-3
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize(
     ("model", "words", "complaint"),
     [
@@ -567,6 +594,7 @@ def test_mesh_refuses_in_one_line(model, words, complaint, capsys):
     assert complaint in refused(capsys, "mesh", model, "-o", "mesh.png", *words)
 
 
+@pytest.mark.sweep
 def test_compare_prints_a_row_for_each_zone_and_method(monkeypatch, capsys):
     monkeypatch.setattr("resample_texture.figures.scenes.SMALLEST_SIDE", 96)
     assert ended("compare", "photo.png", "--methods", "bilinear, hybrid") == 0
@@ -603,6 +631,7 @@ def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
     assert complaint in refused(capsys, "compare", "photo.png", *words)
 
 
+@pytest.mark.sweep
 def test_animate_writes_gif_apng_or_a_folder():
     words = ["animate", "photo.png", "--frames", "3", "--size", "40x24", "-o"]
     for output in ("fly.gif", "fly.apng", "frames"):
@@ -616,6 +645,7 @@ def test_animate_writes_gif_apng_or_a_folder():
     }
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -651,7 +681,7 @@ def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):
     assert Path("deep/figures/table.txt").read_text() == capsys.readouterr().out
 
 
-@pytest.mark.sweep(kept_by="test_figures_write_a_sheet_the_pictures_and_the_table")
+@pytest.mark.sweep
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
     small(monkeypatch)
     assert ended("demo", "-o", "demo") == 0

@@ -25,6 +25,7 @@ def scene(rng) -> ComparedView:
     return ComparedView(source, Homography(MIXED), (64, 48))
 
 
+@pytest.mark.sweep
 def test_there_is_a_row_for_each_zone_and_method(scene):
     comparison = Judge().compare("title", scene, ["bilinear", "cubic"])
     pairs = [(row["zone"], row["method"]) for row in comparison.rows]
@@ -33,12 +34,14 @@ def test_there_is_a_row_for_each_zone_and_method(scene):
     assert comparison.methods == ["bilinear", "cubic"]
 
 
+@pytest.mark.sweep
 def test_supersampling_is_nearer_to_the_truth_than_one_sample(scene):
     rows = Judge().compare("t", scene, ["bilinear", "opencv-supersample:n=8"]).rows
     assert rows[1]["psnr"] > rows[0]["psnr"] + 3
     assert rows[1]["flip"] < rows[0]["flip"]
 
 
+@pytest.mark.sweep
 def test_a_gaussian_truth_favors_a_gaussian_method(scene):
     psnr = {
         kind: Judge(kind).compare("t", scene, [LINEAR]).rows[0]["psnr"]
@@ -47,6 +50,7 @@ def test_a_gaussian_truth_favors_a_gaussian_method(scene):
     assert psnr["box"] > psnr["gaussian"] + 3
 
 
+@pytest.mark.sweep
 def test_encoded_values_are_compared_as_they_are(scene):
     comparison = Judge(linear=False).compare("t", scene, ["bilinear"])
     linear = Judge().compare("t", scene, ["bilinear"])
@@ -95,6 +99,7 @@ def test_a_time_is_the_median_of_warm_runs(scene, monkeypatch):
     assert len(runs) == 4
 
 
+@pytest.mark.sweep
 def test_a_sheet_has_a_line_for_each_picture_with_its_details(scene, tmp_path):
     comparison = Judge().compare("t", scene, ["bilinear", "cubic"])
     sheet(comparison, tmp_path / "s.png", zoom=2)

@@ -136,6 +136,7 @@ def test_real_pictures_become_complex_ones_on_demand():
     np.testing.assert_allclose(made, like_ndimage.shift(image, 0.5), rtol=0, atol=1e-6)
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("method", ["hybrid", "points", "supersample"])
 @pytest.mark.parametrize("way", ["matrix", "map", "shift"])
 def test_sums_in_chunks_are_those_of_the_whole(way, method):

@@ -37,6 +37,7 @@ def test_corners_go_to_corners():
     np.testing.assert_allclose(found, SQUARE, atol=1e-10)
 
 
+@pytest.mark.sweep
 @given(st.lists(st.floats(-40, 40), min_size=16, max_size=16))
 @settings(max_examples=60, deadline=None)
 def test_jittered_corners_go_to_jittered_corners(jitter):
@@ -175,6 +176,7 @@ def test_corners_on_a_line_have_no_order():
         order_corners([[0, 0], [100, 0], [50, 0], [0, 100]])
 
 
+@pytest.mark.sweep
 @given(st.integers(0, 10**6))
 @example(665)  # narrow and askew: the likest square puts the page's bottom above its top
 @example(112569)

@@ -62,7 +62,7 @@ def check_adjoint(chosen, places, source_shape=SOURCE):
     assert abs(np.vdot(image, gradient) - np.vdot(source, texels)) <= 1e-12 * size + 1e-300
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("interpolation", LINEAR)
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("matrix", range(len(MATRICES)))
@@ -86,6 +86,7 @@ number = st.floats(-3, 3, allow_subnormal=False)
 tilt = st.floats(-0.05, 0.05, allow_subnormal=False)
 
 
+@pytest.mark.sweep
 @settings(max_examples=25, deadline=None)
 @given(
     numbers=st.tuples(
@@ -219,6 +220,7 @@ def test_a_torn_map_is_seen_as_warp_sees_it():
     assert np.sqrt(np.mean((ours - given) ** 2)) < 6e-3
 
 
+@pytest.mark.sweep
 def test_more_points_come_closer():
     source, places = pictures()[0], matrix_places(MINIFIED)
     best = LinearWarp(edge="clamp", quality=16)(source, places)

@@ -60,6 +60,7 @@ def made(source, target):
     return Path(target).read_bytes()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("is_large", [False, True])
 @pytest.mark.parametrize("write", [image_of, array_of])
 def test_a_picture_at_an_address_is_warped_as_that_on_disk(
@@ -75,6 +76,7 @@ def test_a_picture_at_an_address_is_warped_as_that_on_disk(
     assert len(server.asked) - len(chunks) <= (8 if is_large else 32)  # metadata
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["a.ome.zarr.zip", "a.ozx"])
 @pytest.mark.usefixtures("server")
 def test_a_picture_in_a_zip_file_is_warped_as_that_in_a_folder(name, values):
@@ -83,6 +85,7 @@ def test_a_picture_in_a_zip_file_is_warped_as_that_in_a_folder(name, values):
     assert made(name, "packed.png") == made("a.ome.zarr", "plain.png")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["a.zarr", "b.ozx"])
 def test_only_chunks_that_are_shown_are_fetched(name, values, server, monkeypatch):
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
@@ -99,6 +102,7 @@ def test_only_chunks_that_are_shown_are_fetched(name, values, server, monkeypatc
     assert Path("whole.png").read_bytes() == Path("far.png").read_bytes()
 
 
+@pytest.mark.sweep
 def test_other_commands_and_python_take_addresses_too(values, server):
     array_of("a.zarr", values)
     Image.fromarray(values).save("a.png")
@@ -127,6 +131,7 @@ def test_several_addresses_are_a_batch(values, server):
     assert Path("out/a.png").read_bytes() == Path("out/b.png").read_bytes()
 
 
+@pytest.mark.sweep
 def test_what_is_no_picture_at_an_address_is_said_in_one_line(values, server, capsys):
     array_of("a.zarr", values[..., :2])
     error = refused(capsys, *TURN, f"{server.url}a.zarr", "-o", "b.png")

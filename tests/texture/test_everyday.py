@@ -181,6 +181,7 @@ def test_what_is_no_picture_is_refused(way, shape):
 # Commands.
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "shape"),
     [
@@ -202,6 +203,7 @@ def test_a_size_is_said_in_many_ways(words, shape):
     assert levels_of("out.png").shape == (*shape, 3)
 
 
+@pytest.mark.sweep
 def test_half_the_size_is_the_mean_of_light_or_of_levels(photo):
     light = read_image("photo.png")
     assert ended("resize", "photo.png", "out.exr", "--size", "50%") == 0
@@ -238,12 +240,14 @@ def test_scale_takes_one_factor_or_two(words):
     np.testing.assert_allclose(read_image("out.exr"), expected, atol=ROUNDING)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("degrees", QUARTERS)
 def test_rotate_keeps_every_level_at_quarter_turns(photo, degrees):
     assert ended("rotate", "photo.png", "out.png", "--degrees", degrees) == 0
     np.testing.assert_array_equal(levels_of("out.png"), np.rot90(photo, degrees // 90))
 
 
+@pytest.mark.sweep
 def test_rotate_keeps_the_size_if_asked_for():
     for words, shape in (([], (26, 29)), (["--keep-size"], (16, 24)), (["--expand"], (26, 29))):
         assert ended("rotate", "photo.png", "out.png", "--degrees", "-30", *words) == 0
@@ -274,6 +278,7 @@ def test_a_fisheye_s_picture_is_opencv_s():
     assert apart.max() < 0.02  # means of pixels against values at their centers
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("form", ["toml", "json", "yml"])
 def test_a_lens_file_may_say_all_of_it(form):
     turn = cv2.Rodrigues(np.array([0.1, 0.05, -0.2]))[0]
@@ -302,6 +307,7 @@ def test_a_lens_file_may_say_all_of_it(form):
         np.testing.assert_array_equal(read_image(name), read_image("said.exr"))
 
 
+@pytest.mark.sweep
 def test_without_words_undistort_is_warp_with_a_lens():
     for words in ([], ["--inverse"], ["--size", "9x7"]):
         lens = [*COMMANDS["undistort"], *words]
@@ -310,6 +316,7 @@ def test_without_words_undistort_is_warp_with_a_lens():
         np.testing.assert_array_equal(read_image("here.exr"), read_image("there.exr"))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["resize", "scale"])
 @pytest.mark.parametrize("words", [[], ["--filter", "gaussian:sigma=0.8"], ["--quality", "2"]])
 def test_edges_do_not_fade_whatever_else_is_chosen(name, words):
@@ -326,6 +333,7 @@ def test_a_page_s_edges_do_not_fade_whatever_else_is_chosen():
 # What they share with warp.
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize(
     "words",
@@ -346,6 +354,7 @@ def test_every_choice_changes_the_picture(name, words):
     assert np.abs(plain - other).max() > 1e-3
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_what_is_besides_is_that_of_warp(name):
     words = [*COMMANDS[name], "--threads", "1", "--bits", "16", "--roi", "2,1,5,4"]
@@ -356,6 +365,7 @@ def test_what_is_besides_is_that_of_warp(name):
     assert json.loads(Path("s.json").read_text())["size"] == [5, 4]
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", COMMANDS)
 def test_many_pictures_of_many_sizes_go_to_a_folder(name):
     Path("shots").mkdir()
@@ -378,6 +388,7 @@ def test_a_film_is_resized_frame_by_frame():
     assert [picture.data.shape[:2] for picture in made.read()] == [(12, 16)] * 3
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "x", "y"),
     [
@@ -407,27 +418,26 @@ def test_a_place_on_earth_moves_with_the_picture(words, x, y):
     assert found == pytest.approx([5e5 + 6.0 * 10.0, 4e6 - 4.0 * 20.0], abs=1e-6)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_has_an_example(name, capsys):
     assert ended(name, "--help") == 0
     assert f"resample-texture {name} sample:" in capsys.readouterr().out
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
         "resize",
-        *(
-            pytest.param(name, marks=pytest.mark.sweep(kept_by="test_help_imports_nothing_heavy"))
-            for name in COMMANDS
-            if name != "resize"
-        ),
+        *(pytest.param(name, marks=pytest.mark.sweep) for name in COMMANDS if name != "resize"),
     ],
 )
 def test_help_imports_nothing_heavy(name):
     assert imported("resample_texture.cli", name, "--help") & HEAVY == set()
 
 
+@pytest.mark.some(18)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

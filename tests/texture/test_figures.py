@@ -23,6 +23,7 @@ def test_the_figure_shows_points_the_hybrid_and_backward_mapping():
     assert [title[:3] for title in FIGURE.values()][:3] == ["(a)", "(b)", "(c)"]
 
 
+@pytest.mark.sweep
 def test_points_leave_holes_where_texels_grow(floors):
     comparison = floors["checker"]
     near = comparison.zones["magnified"]
@@ -31,6 +32,7 @@ def test_points_leave_holes_where_texels_grow(floors):
     assert is_hole.sum() > 1.2 * is_black.sum()
 
 
+@pytest.mark.sweep
 def test_every_picture_the_sheet_and_the_table_are_written(floors, tmp_path):
     table = write_figures(tmp_path, floors, FIGURE, "sheet.png")
     assert {path.name for path in tmp_path.iterdir()} == {
@@ -41,6 +43,7 @@ def test_every_picture_the_sheet_and_the_table_are_written(floors, tmp_path):
     assert table.split()[:6] == ["picture", "zone", "method", "psnr", "ssim", "flip"]
 
 
+@pytest.mark.sweep
 def test_single_pictures_are_1_to_1(floors, tmp_path):
     write_figures(tmp_path, floors, FIGURE, "sheet.png")
     assert read_image(tmp_path / "checker-points.png").shape == (96, 96, 3)
@@ -54,13 +57,12 @@ def test_names_of_files_are_plain(monkeypatch, tmp_path):
     assert (tmp_path / "x-opencv-supersample-n-2.png").is_file()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
         "checker",
-        pytest.param(
-            "bricks", marks=pytest.mark.sweep(kept_by="test_what_is_generated_is_known_finer")
-        ),
+        pytest.param("bricks", marks=pytest.mark.sweep),
     ],
 )
 def test_what_is_generated_is_known_finer(name):

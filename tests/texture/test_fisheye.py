@@ -135,6 +135,7 @@ def test_where_no_light_comes_through_there_is_nothing():
     np.testing.assert_array_equal(np.isfinite(found.x), radius < rim)
 
 
+@pytest.mark.some(1)
 def test_texels_go_where_the_backward_map_fetches_them(coefficients, rotation):
     ways = (undistorting_forward, distorting)
     forward, backward = (way(wide(coefficients), SHAPE, rotation=rotation) for way in ways)

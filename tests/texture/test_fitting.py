@@ -39,6 +39,7 @@ def test_a_small_picture_is_enlarged_to_the_size():
     assert resized("wide", "--size", "90").shape[:2] == (45, 90)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [["--size", "16x12"], ["--width", "16", "--height", "12"]])
 def test_two_numbers_stretch_unless_they_are_to_hold_the_picture(words):
     assert resized("wide", *words).shape == (12, 16, 3)
@@ -54,6 +55,7 @@ def test_a_cover_fills_the_size_and_cuts_off_the_rest_on_both_sides():
     )
 
 
+@pytest.mark.sweep
 def test_padding_is_transparent_around_the_fitted_picture():
     whole = resized("wide", "--size", "20x10")
     padded = resized("wide", "--size", "20", "--fit", "pad")
@@ -65,6 +67,7 @@ def test_padding_is_transparent_around_the_fitted_picture():
     assert not padded[15:].any()
 
 
+@pytest.mark.sweep
 def test_padding_takes_a_background_or_an_edge_mode():
     over = resized("wide", "--size", "20", "--fit", "pad", "--background", "#204060")
     np.testing.assert_array_equal(over[:5], np.broadcast_to([0x20, 0x40, 0x60], (5, 20, 3)))

@@ -68,7 +68,7 @@ def check_obvious(source, geometry, edge, cells, tolerance):
     np.testing.assert_allclose(warped.image, image, rtol=0, atol=tolerance * max(1, image.max()))
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("is_sum", [False, True])
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, TINY, UNEVEN, HORIZON, bent()])
 def test_areas_are_those_of_the_obvious_loops(geometry, is_sum):
@@ -76,14 +76,14 @@ def test_areas_are_those_of_the_obvious_loops(geometry, is_sum):
     check_obvious(noise(), geometry, Edge.TRANSPARENT, CellGrid(is_sum=is_sum), 1.5e-5)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("edge", CONTINUED)
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, UNEVEN])
 def test_what_continues_a_source_is_that_of_the_obvious_loops(geometry, edge):
     check_obvious(noise(), geometry, edge, CellGrid(), 1.5e-5)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "interpolation", [Nearest(), Bilinear(), Spline(), InterpolatingGaussian()], ids=str
 )
@@ -93,13 +93,14 @@ def test_interpolations_are_those_of_the_obvious_loops(geometry, interpolation, 
     check_obvious(noise(), geometry, edge, CellGrid(interpolation=interpolation), 1.5e-5)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("pixel_filter", [Tent(), Gaussian(), Mitchell(), Tent(2.7)], ids=str)
 @pytest.mark.parametrize("geometry", [MAGNIFIED, MINIFIED, UNEVEN, bent()])
 def test_filters_are_those_of_the_obvious_loops(geometry, pixel_filter):
     check_obvious(noise(), geometry, Edge.TRANSPARENT, CellGrid(pixel_filter), TABLE)
 
 
+@pytest.mark.sweep
 def test_a_box_is_that_of_the_obvious_loops():
     check_obvious(noise(), MAGNIFIED, Edge.CLAMP, CellGrid(Box()), 1e-6)
 
@@ -192,6 +193,7 @@ def test_half_a_turn_of_everything_turns_the_picture(geometry):
     np.testing.assert_allclose(turned.image[::-1, ::-1], picture.image, atol=1e-5)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("quality", [1.0, 8.0])
 def test_a_magnified_pixel_is_the_mean_of_interpolation_over_its_cells(quality):
     source, factor = noise(8, 9, 1), 5
@@ -220,6 +222,7 @@ def test_magnified_lines_are_those_of_opencv():
     np.testing.assert_allclose(image, expected, atol=1e-6)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("pixel_filter", [Area(), Mitchell()], ids=str)
 @pytest.mark.parametrize("edge", [Edge.TRANSPARENT, Edge.WRAP])
 def test_threads_change_no_bit(pixel_filter, edge):
@@ -234,6 +237,7 @@ matrices = st.tuples(
 ).map(lambda n: np.array([*n, 1.0]).reshape(3, 3))
 
 
+@pytest.mark.sweep
 @settings(max_examples=40, deadline=None)
 @given(
     matrix=matrices,
@@ -253,6 +257,7 @@ def test_a_picture_stays_within_the_range_of_its_source(matrix, edge, pixel_filt
     assert (warped.image <= most + 1e-5).all()
 
 
+@pytest.mark.sweep
 @settings(max_examples=30, deadline=None)
 @given(matrix=matrices, edge=st.sampled_from(Edge), name=st.sampled_from(registry.names("filters")))
 def test_a_picture_is_finite(matrix, edge, name):
@@ -335,13 +340,14 @@ def test_a_constant_source_of_any_shape_stays_constant(shape, edge):
     assert warped.coverage.sum() > 2
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1)])
 @pytest.mark.parametrize("edge", Edge)
 def test_thin_sources_are_those_of_the_obvious_loops(shape, edge):
     check_obvious(noise(*shape), MAGNIFIED, edge, CellGrid(interpolation=Spline()), 1.5e-5)
 
 
+@pytest.mark.sweep
 @settings(max_examples=60, deadline=None)
 @given(
     height=st.integers(1, 300),
@@ -391,6 +397,7 @@ def test_a_texel_magnified_ten_thousand_times_is_interpolated():
     np.testing.assert_allclose(image[..., 0], along_v @ source[..., 0] @ along_u.T, atol=3e-4)
 
 
+@pytest.mark.sweep
 def test_a_large_source_comes_down_to_the_means_of_its_blocks():
     source = np.random.default_rng(7).random((4096, 4096, 1), np.float32)
     image = project(source, scaling(1 / 512, 1 / 512), (8, 8), Edge.TRANSPARENT, CellGrid()).image
@@ -489,6 +496,7 @@ def test_a_map_with_a_place_absurdly_far_away_is_refused():
         )
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("edge", ["clamp", "wrap", "mirror", "transparent"])
 def test_a_matrix_whose_blocks_have_no_end_is_refused(edge):
     matrix = np.array([[98.05, -2.5e-23, 6e-5], [1.6e-42, 1.8e-5, 2e-35], [2e33, 4e-17, 2e-5]])

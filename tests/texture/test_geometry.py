@@ -155,6 +155,7 @@ def test_whole_shifts_are_exact(shift):
     np.testing.assert_array_equal(y, np.broadcast_to(row - shift[1], (4, 6)))
 
 
+@pytest.mark.sweep
 @given(
     st.lists(st.floats(-0.9, 0.9), min_size=6, max_size=6),
     st.lists(st.floats(-0.12, 0.12), min_size=2, max_size=2),
@@ -171,6 +172,7 @@ def test_homographies_agree_with_the_naive_loop(affine, perspective):
     np.testing.assert_allclose(y[is_clear], expected[1][is_clear], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.sweep
 @given(st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
 def test_a_homography_brings_the_source_coordinates_back(seed):

@@ -61,6 +61,7 @@ def ground(stored: tuple[int, ...] = (16, 24), kind: type = np.uint8) -> np.ndar
     return np.random.default_rng(2).integers(1, 200, stored).astype(kind)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("keys", [AREA, POINT])
 @pytest.mark.parametrize(
     ("words", "x", "y"),
@@ -135,6 +136,7 @@ def test_other_formats_have_no_room_and_it_is_said(capsys):
     )
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("kind", [np.uint8, np.int32, np.float32])
 @pytest.mark.parametrize("edge", ["transparent", "clamp"])
 def test_missing_values_weigh_nothing_and_are_written_so(kind, edge):

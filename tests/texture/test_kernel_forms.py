@@ -68,7 +68,7 @@ def test_that_values_are_totals_may_be_said_in_numbers() -> None:
         ("points", split_map),
         pytest.param(
             *("splats", blocks_on_map),
-            marks=pytest.mark.sweep(kept_by="test_maps_may_be_frozen_and_lie_in_columns"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -95,8 +95,6 @@ def test_levels_of_both_types_are_looked_up_by_one_kernel() -> None:
 
 
 # It compiles what nothing else does.
-@pytest.mark.sweep(
-    kept_by="tests/texture/test_forward.py::test_texels_of_a_map_that_go_nowhere_leave_nothing"
-)
+@pytest.mark.sweep
 def test_lines_of_sight_are_found_without_a_kernel_and_are_those_of_the_kernel() -> None:
     np.testing.assert_array_equal(view_bounds_of(GROWN, SIZE, 1.5), view_bounds(GROWN, *SIZE, 1.5))

@@ -130,12 +130,13 @@ def exact_areas(image, inverse, row, column):
     return areas
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("inverse", [
     np.array([[1.75, 0.25, -1.0], [-0.5, 2.25, 1.5], [0, 0, 1]]),
     np.array([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0, 0, 1]]),  # ties
     pytest.param(
         np.array([[1.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0, 0, 1]]),
-        marks=pytest.mark.sweep(kept_by="test_the_majority_is_exact"),
+        marks=pytest.mark.sweep,
     ),
 ])  # fmt: skip
 def test_the_majority_is_exact(inverse):

@@ -90,7 +90,7 @@ def same(first, second, levels=1):
         assert dict(one.getexif()) == dict(other.getexif())
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("source", SOURCES)
 @pytest.mark.parametrize("name", ["perspective", "barrel", "cushion", "quarter", "encoded"])
 def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):
@@ -102,12 +102,13 @@ def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):
     assert len(strips) > 1
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_every_warp_of_a_large_picture_is_as_of_others")
+            marks=pytest.mark.sweep
             if name in ("repeated", "cushion", "bent", "filtered", "flow")  # much like others
             else (),
         )
@@ -125,6 +126,7 @@ def test_every_warp_of_a_large_picture_is_as_of_others(monkeypatch, name):
     same("share.png", "parts-share.png")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("suffix", ["jpg", "tif", "exr"])
 def test_strips_are_written_in_every_format(monkeypatch, suffix):
     choices = [*WARPS["perspective"][1:], "--background", "#20a0ff"]
@@ -136,6 +138,7 @@ def test_strips_are_written_in_every_format(monkeypatch, suffix):
         assert np.abs(values - other[name]).max() < (0.02 if suffix == "jpg" else 1 / 255 + 1e-6)
 
 
+@pytest.mark.sweep
 def test_the_statistics_of_a_large_picture_are_those_of_others(monkeypatch):
     in_strips(monkeypatch)
     assert ended("resize", "rgba.png", "small.png", "--size", "50%", "--stats", "stats.json") == 0
@@ -169,6 +172,7 @@ def rows(count, width=5):
     return Picture(np.zeros((count, width, 3), np.float32), Kind(("R", "G", "B"), 8, True))
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("parts", "complaint"),
     [

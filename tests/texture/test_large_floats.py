@@ -133,7 +133,7 @@ PAIRS = [(source, name) for source in SOURCES for name in ("perspective", "encod
 PAIRS += [(source, name) for source in ("float.exr", "alpha.exr") for name in WARPS]
 
 
-@pytest.mark.each_value
+@pytest.mark.some(3)
 @pytest.mark.parametrize(("source", "name"), dict.fromkeys(PAIRS))
 def test_light_in_strips_has_the_bits_of_the_whole(monkeypatch, source, name):
     SOURCES[source](source)
@@ -145,7 +145,7 @@ def test_light_in_strips_has_the_bits_of_the_whole(monkeypatch, source, name):
     same(f"whole.{suffix}", f"parts.{suffix}")
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("suffix", ["png", "tif", "jpg"])
 @pytest.mark.parametrize("holes", ["none", "nan", "inf"])
 @pytest.mark.parametrize("background", [True, False])
@@ -160,6 +160,7 @@ def test_what_is_missing_is_written_as_of_the_whole(monkeypatch, suffix, holes, 
     same(f"whole.{suffix}", f"parts.{suffix}")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["f4", "u1", "u2"])
 def test_words_for_what_is_missing_come_back(monkeypatch, kind, capsys):
     values = (light(1)[..., 0] * 50).astype(kind)

@@ -146,6 +146,7 @@ def test_area_is_opencv_s_at_any_factor(size):
     np.testing.assert_allclose(ours, theirs, atol=2e-5)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("flag", ["linear", "cubic", "lanczos4"])
 def test_nothing_jumps_where_pixels_begin_to_be_averaged(flag):
     image = noise(shape=(32, 32))

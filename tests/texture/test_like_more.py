@@ -25,6 +25,7 @@ def test_a_polar_picture_is_opencv_s(flag, log):
     assert np.sqrt(np.square(ours - theirs).mean()) < 7e-4  # near the pole texels grow
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("log", [0, LOG])
 @pytest.mark.parametrize("flag", [cv2.INTER_LINEAR, cv2.INTER_CUBIC, cv2.INTER_LANCZOS4])
 def test_a_polar_picture_becomes_what_it_was(flag, log):

@@ -69,6 +69,7 @@ def shares(values, dtype):
     return (values.astype(np.float64) - limits.min) / (float(limits.max) - limits.min)
 
 
+@pytest.mark.sweep
 @settings(deadline=None, max_examples=250, derandomize=True)
 @given(
     st.sampled_from(sorted({*DTYPES} - {"bool"})),

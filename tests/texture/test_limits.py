@@ -133,6 +133,7 @@ def check(source, matrix, edge, limit, interpolation):
     assert np.abs(kept.image[near] - expected).mean() < 1e-5
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("edge", MODES)
 @pytest.mark.parametrize("view", VIEWS)
 def test_pixels_are_kept_within_the_limits(view, edge):
@@ -169,9 +170,7 @@ def test_other_interpolations_are_limited_too(interpolation, limit):
         2,
         4,
         60,
-        pytest.param(
-            20_000, marks=pytest.mark.sweep(kept_by="test_any_number_of_channels_is_limited")
-        ),
+        pytest.param(20_000, marks=pytest.mark.sweep),
     ],
 )
 def test_any_number_of_channels_is_limited(channels):
@@ -218,6 +217,7 @@ def squares(size=8, count=8, levels=(0, 255)):
     return np.array(levels, np.uint8)[(x + y) % 2]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("lean", [0.0, 1e-6])  # by sums along the axes, and pixel by pixel
 @pytest.mark.parametrize("is_across", [False, True])
 def test_a_straight_edge_stays_straight(is_across, lean):
@@ -239,6 +239,7 @@ def test_a_faint_straight_edge_stays_as_straight(levels):
     assert np.ptp(picture[185:201, 201:249], axis=1).max() <= 4
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("lean", [0.0, 1e-6])
 def test_edges_in_some_channels_leave_others_alone(lean):
     matrix = np.array([[5.0, lean, 0.6], [0.0, 5.0, 0.2], [0.0, 0.0, 1.0]])
@@ -311,6 +312,7 @@ def test_what_is_drawn_with_hard_edges_keeps_its_levels():
     assert 0.2 - 1e-6 < image.min() < image.max() < 1 + 1e-6
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("is_across", [False, True])
 def test_long_pixels_are_kept_within_the_mean_of_limits(is_across, channels):
@@ -378,6 +380,7 @@ def test_between_stars_that_are_squeezed_nothing_is_darker_than_black(scale):
     assert image.min() >= 0.0
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("angle", [0.0, 7.0, 45.0])
 @pytest.mark.parametrize("shrink", [1.5, 2.05, 2.1, 2.5, 3.3, 4.0, 6.0, 8.0])
 def test_shrunk_lamps_have_no_halos_below_zero(shrink, angle):

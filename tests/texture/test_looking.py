@@ -129,14 +129,14 @@ VIEWS = {
 }
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize(
     "view",
     [
         pytest.param(
             view,
-            marks=pytest.mark.sweep(kept_by="test_pixels_see_what_rays_see")
+            marks=pytest.mark.sweep
             if view in ("turned", "by 45")  # parts of others
             else (),
         )
@@ -153,6 +153,7 @@ def test_pixels_see_what_rays_see(view, edge):
     assert np.sqrt(np.mean((warped.coverage - coverage) ** 2)) < 5e-3
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", registry.names("interpolations"))
 def test_every_interpolation_is_what_rays_see(name):
     interpolation = LINEAR if name == "area-spline" else registry.build("interpolations", name)
@@ -163,7 +164,7 @@ def test_every_interpolation_is_what_rays_see(name):
     assert decibels(warped.image, image) > (45 if name == "nearest" else 58)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "interpolation",
     [
@@ -233,6 +234,7 @@ def test_far_beyond_an_edge_is_what_stands_there(edge):
         np.testing.assert_allclose(image, near, atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_pixel_sees_the_share_of_it_that_the_source_covers():
     geometry = about(30.0, 0.7)
     white = np.ones((23, 26, 1), np.float32)
@@ -260,6 +262,7 @@ def test_channels_do_not_see_each_other(channels):
 number = st.floats(-3, 3, allow_subnormal=False)
 
 
+@pytest.mark.sweep
 @settings(max_examples=80)
 @given(st.tuples(number, number, number, number), st.tuples(number, number), st.sampled_from(Edge))
 def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
@@ -276,16 +279,12 @@ def test_any_affine_map_stays_near_the_range_of_a_constant(sides, place, edge):
         assert (warped.coverage == 1).all()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "error",
     [
         0.002,
-        *(
-            pytest.param(
-                error, marks=pytest.mark.sweep(kept_by="test_an_error_that_is_asked_for_holds")
-            )
-            for error in (0.02, 0.007, 0.001)
-        ),
+        *(pytest.param(error, marks=pytest.mark.sweep) for error in (0.02, 0.007, 0.001)),
     ],
 )
 def test_an_error_that_is_asked_for_holds(error):
@@ -305,6 +304,7 @@ def test_an_error_that_cannot_be_held_is_refused(error):
         Hybrid(error=error)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", registry.names("interpolations"))
 def test_gray_is_what_each_channel_is(name):
     interpolation = registry.build("interpolations", name)

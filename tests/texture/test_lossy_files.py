@@ -43,6 +43,7 @@ def written(name, *words):
         return np.array(image).astype(int), Path(name).stat().st_size
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("suffix", LOSSY)
 def test_a_lower_quality_makes_a_smaller_and_a_worse_file(suffix, photo):
     errors, sizes = [], []
@@ -121,6 +122,7 @@ def test_avif_is_read_with_its_alpha_its_profile_and_its_exif(photo):
         np.testing.assert_allclose(np.asarray(image), np.rot90(levels, -1), atol=6)
 
 
+@pytest.mark.sweep
 @pytest.mark.skipif("avif" not in features.get_supported(), reason="this Pillow has no AVIF")
 def test_damaged_avif_is_refused_in_a_line(photo, capsys):
     Image.fromarray(photo).save("photo.avif")

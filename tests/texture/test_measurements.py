@@ -152,6 +152,7 @@ def test_pictures_of_few_rows_are_pictures():
     assert warp(np.zeros((40, 50)), TURNED, FRAME).image.shape == FRAME
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("factor", [30, 190, 333, 1000])
 def test_means_are_exact_at_any_factor(factor):
     image = np.zeros((2 * factor, 3 * factor))

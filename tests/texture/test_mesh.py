@@ -25,6 +25,7 @@ from tests.texture.mesh_shapes import (
 )
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("distance", [0.4, 2.0, 8.0])
 def test_a_square_is_what_rays_see(distance):
     # 0.4: 3 px per texel and cut off by the frame; 8: 3 texels per px
@@ -35,6 +36,7 @@ def test_a_square_is_what_rays_see(distance):
     assert decibels(frame.rgba, truth) > 40
 
 
+@pytest.mark.sweep
 def test_inside_a_minified_square_the_texture_is_averaged():
     texture = noise(256)
     camera = from_above(40.0, 48)  # 6 texels per px
@@ -55,6 +57,7 @@ def test_coverage_sums_to_the_area():
     assert frame.coverage.sum() == pytest.approx(37.3**2, rel=2e-3)  # samples on its outline
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("along", "width"),
     [
@@ -62,9 +65,7 @@ def test_coverage_sums_to_the_area():
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_triangle_that_is_a_sliver_of_its_texture_is_what_rays_see"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in [(0.6, 0.0001), (0.6, 0.002), (4.0, 0.002)]
         ),
@@ -172,6 +173,7 @@ def test_a_floor_under_the_eye_ends_at_the_horizon():
     np.testing.assert_array_equal(frame.coverage[17:], 1)
 
 
+@pytest.mark.sweep
 def test_a_texture_that_crosses_the_eye_s_plane_is_where_rays_see_it():
     texture = noise(64)
     pose = look_at((0.5, 0.2, 0.1), (0.5, 0.8, 0.0))

@@ -35,7 +35,7 @@ def see_through(size=64, seed=5):
     return np.concatenate([noise(size), alpha], axis=2).astype(np.float32)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("along_u", ["wrap", "mirror", "clamp"])
 @pytest.mark.parametrize("along_v", ["wrap", "mirror", "clamp"])
 @pytest.mark.parametrize("repeats", [2.3, 12.0])
@@ -57,6 +57,7 @@ def test_a_place_that_is_looked_up_knows_the_edges_too(edge):
     np.testing.assert_allclose(found, truth, atol=1e-3)  # 1/4096 texel
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("distance", [0.4, 2.0, 6.0])
 def test_a_mask_is_what_rays_see(distance):
     mesh = covered(see_through(), Cover(alpha="mask", cutoff=0.5))
@@ -76,6 +77,7 @@ def test_a_mask_s_cutoff_is_the_least_alpha_that_is_seen():
         assert frame.coverage.sum() == pytest.approx(seen)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("distance", [0.4, 2.0, 6.0])
 def test_what_one_can_see_through_is_what_rays_see(distance):
     mesh = covered(see_through(), Cover(alpha="blend"))
@@ -123,6 +125,7 @@ def test_panes_lie_over_each_other_in_the_order_of_their_depth(order):
     np.testing.assert_allclose(found.depth[2:14, 2:14], 4.7, rtol=1e-6)
 
 
+@pytest.mark.sweep
 def test_many_panes_dim_what_is_behind():
     count = 20
     mesh = stack([(0.0, 0.0, 0.0, 0.1)] * count, np.linspace(0, 1, count))
@@ -139,13 +142,12 @@ def glass_cube(texture, alpha):
     return Mesh(CUBE[corner], triangle, uv, (texture, noise(32, 9)), chosen, covers=covers)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "alpha",
     [
         "blend",
-        pytest.param(
-            "mask", marks=pytest.mark.sweep(kept_by="test_a_cube_with_openings_shows_its_inside")
-        ),
+        pytest.param("mask", marks=pytest.mark.sweep),
     ],
 )
 def test_a_cube_with_openings_shows_its_inside(alpha):

@@ -183,12 +183,14 @@ def meshes():
     return real("meshes")
 
 
+@pytest.mark.sweep
 def test_the_cow_comes_whole(meshes):
     mesh = load_mesh(meshes / "spot_cow" / "cow.obj")
     assert len(mesh.triangle) == 5856
     assert mesh.textures[0].shape == (1024, 1024, 3)
 
 
+@pytest.mark.sweep
 def test_the_bunny_has_nothing_to_show(meshes):
     with pytest.raises(ValueError, match=r"bunny\.ply: has no texture coordinates"):
         load_mesh(meshes / "bunny" / "bunny.ply")

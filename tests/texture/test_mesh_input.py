@@ -45,6 +45,7 @@ def test_far_texture_coordinates_show_the_texture_again(shift):
     np.testing.assert_allclose(found, picture(mesh, camera, 32).rgba, atol=1e-3)  # points at rims
 
 
+@pytest.mark.sweep
 def test_a_texture_that_repeats_a_million_times_is_its_mean():
     texture = noise(32)
     mesh = Mesh(SQUARE, FALLING, 1e6 * SQUARE[:, :2], (texture,))
@@ -52,6 +53,7 @@ def test_a_texture_that_repeats_a_million_times_is_its_mean():
     np.testing.assert_allclose(found, texture.mean(axis=(0, 1)), rtol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_texture_drawn_out_to_a_thread_takes_few_points():
     thread = np.array([[0, 0], [1e5, 1e5], [1e5 + 1e-3, 1e5]])
     mesh = Mesh(SQUARE[:3], FALLING[:1], thread, (noise(32),))

@@ -38,6 +38,7 @@ def error(coverage, truth):
     return np.sqrt(np.mean((coverage[at_rim] - truth[at_rim]) ** 2))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("turn", [0.0, 0.02, 0.1, 0.4, np.pi / 4, 1.3])
 def test_a_square_s_outline_is_exact_to_three_thousandths(turn):
     camera = from_above(23.45, SIZE, turn)
@@ -45,6 +46,7 @@ def test_a_square_s_outline_is_exact_to_three_thousandths(turn):
     assert error(frame.coverage, areas(on_screen(SQUARE, camera), SIZE)) < 0.003
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("samples", [2, 4, 8])
 def test_finer_samples_make_finer_outlines(samples):
     camera = oblique(0.9, SIZE)
@@ -63,7 +65,7 @@ def fan(count, height):
     return rim, Mesh(position, triangle, color=np.ones((count + 1, 3)))
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "count",
     [
@@ -71,9 +73,7 @@ def fan(count, height):
         100,
         pytest.param(
             1000,
-            marks=pytest.mark.sweep(
-                kept_by="test_triangles_that_share_an_outline_share_its_pixels"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -85,6 +85,7 @@ def test_triangles_that_share_an_outline_share_its_pixels(count, height):
     assert error(frame.coverage, areas(on_screen(rim, camera), SIZE)) < 0.003
 
 
+@pytest.mark.sweep
 def test_what_is_thinner_than_a_sample_is_seen_as_far_as_it_covers():
     thread = SQUARE * [1, 0.003, 1] + np.array([0, 0.5, 0])  # 0.1 px
     camera = from_above(33.0, SIZE, 0.2)
@@ -102,6 +103,7 @@ def test_the_inside_is_covered_wholly_whoever_covers_it():
     np.testing.assert_array_equal(frame.coverage[inside], 1)
 
 
+@pytest.mark.sweep
 def test_a_cut_at_the_near_plane_is_an_outline_as_well():
     pose = look_at((0.5, 0.5, 1.0), (0.5, 0.5, 0.0), (0, 1, 0))
     tilted = SQUARE + (SQUARE[:, 1:2] - 0.5) * [0, 0, 1]
@@ -131,6 +133,7 @@ def test_outlines_do_not_depend_on_threads_or_the_tile_they_lie_in(chosen):
     np.testing.assert_array_equal(many.rgba, one.rgba)
 
 
+@pytest.mark.sweep
 def test_an_outline_that_runs_along_a_tile_is_no_other():
     # tiles are 32 px: the right edge lies just beyond one, a sixteenth of a pixel in the next
     corners = SQUARE * [20.0625, 20, 1]

@@ -24,6 +24,7 @@ from tests.texture.mesh_shapes import (
 )
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", registry.names("interpolations"))
 def test_every_interpolation_is_what_rays_see(name):
     interpolation = registry.build("interpolations", name)
@@ -33,6 +34,7 @@ def test_every_interpolation_is_what_rays_see(name):
     assert decibels(frame.rgba, truth) > 40
 
 
+@pytest.mark.sweep
 def test_a_wide_interpolation_is_what_rays_see():
     wide = InterpolatingGaussian(0.9)  # over 3 texels
     texture, camera = noise(32), from_above(60.0, 32, 0.3)
@@ -73,6 +75,7 @@ def test_every_pixel_filter_leaves_white_white(name):
     np.testing.assert_allclose(frame.rgba[35:55, 25:65], 1, atol=1e-6)  # float32 sums
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("chosen", [Tent(), Gaussian(0.5), Mitchell(), Lanczos(2)])
 def test_a_pixel_filter_weighs_what_rays_see(chosen):
     rays, size = 12, 40

@@ -34,7 +34,7 @@ def of_methods(names):
     """A test of methods; of those of a graphics card it is a sweep, which the others keep."""
 
     def made(test):
-        mark = pytest.mark.sweep(kept_by=test.__name__)
+        mark = pytest.mark.sweep
         methods = [pytest.param(name, marks=mark) if name in CARDS else name for name in names]
         return pytest.mark.parametrize("method", methods)(test)
 
@@ -75,6 +75,7 @@ def filled(geometry):
     return inside
 
 
+@pytest.mark.some(9)
 @of_methods(VARIANTS)
 def test_a_constant_picture_stays_constant(method):
     color = np.float32([0.8, 0.1, 1.0])
@@ -103,6 +104,7 @@ def test_pictures_have_the_target_s_shape_and_the_source_s_channels(method, chan
     np.testing.assert_array_equal(source, before)
 
 
+@pytest.mark.some(16)
 @of_methods(VARIANTS)
 def test_channels_do_not_see_each_other(method):
     source = noise(4)
@@ -131,7 +133,7 @@ FINEST = {"hybrid": {"quality": 6.0, "interpolation": "area-spline:limit=none"}}
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_a_map_of_a_matrix_gives_what_the_matrix_gives"),
+            marks=pytest.mark.sweep,
         )
         if name in SPLATTED
         else name

@@ -197,6 +197,7 @@ def test_sums_along_the_axes_are_those_of_overlaps(rng, factor):
     np.testing.assert_allclose(made.variance[known], variance, rtol=2e-3)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("interpolation", ["nearest", "bilinear"])
 @pytest.mark.parametrize("scale", [0.45, 1.0, 2.0])
 def test_the_variance_is_that_of_noise(rng, interpolation, scale):
@@ -232,6 +233,7 @@ def test_a_map_is_added_as_its_matrix(rng):
         np.testing.assert_allclose(one[4:-4, 4:-4], other[4:-4, 4:-4], rtol=0, atol=1e-3)
 
 
+@pytest.mark.sweep
 def test_channels_are_added_apart(rng):
     images = rng.random((2, 24, 26, 3))
     made = coadd(images, [TURNED, MOVED], FRAME, variances=[1.0, 4.0])

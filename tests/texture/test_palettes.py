@@ -41,6 +41,7 @@ def read(name):
         return np.array(image), colors, image.info.get("transparency")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("method", ["nearest", "majority"])
 @pytest.mark.parametrize("source", ["in.png", "in.tif", "in.gif"])
 @pytest.mark.parametrize("target", ["out.png", "out.tif"])

@@ -113,6 +113,7 @@ def test_under_a_narrow_filter_every_point_meets_a_pixel(sigma):
     np.testing.assert_allclose(image.sum(), source.sum(), rtol=2e-4)  # 128 phases of a kink
 
 
+@pytest.mark.sweep
 def test_a_wide_filter_leaves_a_mean():
     source, wide = noise(100, 100), Paper(filter_sigma=4.0)
     image = wide(source, scaled(0.5), (50, 50), Edge.CLAMP).image

@@ -61,6 +61,7 @@ def shown(name: str) -> np.ndarray:
         return np.array(ImageOps.exif_transpose(image))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("orientation", range(1, 9))
 def test_a_sideways_photo_is_read_upright_and_written_so(orientation):
     photo("in.png", orientation)
@@ -71,6 +72,7 @@ def test_a_sideways_photo_is_read_upright_and_written_so(orientation):
         assert image.size == shown("in.png").shape[1::-1]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("suffix", ["jpg", "webp", "tif"])
 def test_all_formats_that_tell_are_turned(suffix):
     photo(f"in.{suffix}", 6)
@@ -87,6 +89,7 @@ def test_the_matrix_of_a_turn_leads_where_the_turn_does(orientation):
         assert turned[int(y), int(x)] == data[row, column]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tif"])
 @pytest.mark.parametrize("source", ["jpg", "png", "webp", "tif"])
 def test_camera_and_profile_are_kept(source, suffix):
@@ -105,6 +108,7 @@ def test_camera_and_profile_are_kept(source, suffix):
         assert image.info["icc_profile"] == profile()
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("suffix", ["tif", "png", "jpg", "exr"])
 @pytest.mark.parametrize(
     ("words", "told", "kept"),
@@ -201,6 +205,7 @@ def test_a_damaged_exif_block_does_no_harm():
     assert np.array_equal(cv2.imread("bad.png"), cv2.imread("out.png"))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", ["int16", "int32", "uint32", "int8"])
 def test_numbers_of_other_integers_stay_what_they_are(kind):
     limits = np.iinfo(kind)
@@ -232,6 +237,7 @@ def test_numbers_that_a_format_has_no_room_for_are_refused(capsys):
     assert (read_channels("out.exr")["Y"] == -7).all()
 
 
+@pytest.mark.sweep
 def test_numbers_without_a_word_for_missing_ones_are_0_beyond_the_picture(capsys):
     cv2.imwrite("in.tif", np.full((16, 24), -700, np.int16))
     assert ended("warp", "in.tif", "-o", "out.tif", *HALF[:2]) == 0

@@ -84,6 +84,7 @@ def test_texels_of_pixels_are_those_of_a_loop() -> None:
         scene.sample_ids(ForwardMap(*np.broadcast_arrays(*pixel_centers((20, 30)))))
 
 
+@pytest.mark.sweep
 def test_a_warp_is_cancelled_and_the_next_is_the_same() -> None:
     scene, cancel = PictureScene(photo(400, 500)), Cancel()
     before = scene.render(TILTED, size=(600, 500)).image

@@ -28,12 +28,13 @@ def pictures():
     return [rng.integers(0, 256, (*SIZE, 3), np.uint8), rng.random(SIZE, np.float32)]
 
 
+@pytest.mark.some(9)
 @pytest.mark.parametrize(
     ("name", "edge"),
     [
         pytest.param(
             *pair,
-            marks=pytest.mark.sweep(kept_by="test_a_plan_makes_the_pictures_of_warp")
+            marks=pytest.mark.sweep
             if pair[0] == "floor" and pair[1] != "transparent"  # many mirror images
             else (),
         )

@@ -41,6 +41,7 @@ def test_the_command_shows_what_the_function_does(words, turn, panorama):
     assert np.abs(levels_of("out.png").astype(int) - expected).max() <= 1
 
 
+@pytest.mark.sweep
 def test_what_no_direction_shows_is_transparent_or_the_background():
     assert ended("project", "pano.png", "out.png", *ROUND) == 0
     assert ended("project", "pano.png", "out.jpg", *ROUND, "--background", "white") == 0
@@ -64,6 +65,7 @@ def test_a_folder_of_panoramas_becomes_a_folder():
     np.testing.assert_array_equal(levels_of("made/a.png"), levels_of("made/b.png"))
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

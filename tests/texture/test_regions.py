@@ -26,16 +26,12 @@ QUICK = list(zip(WAYS, ("mirror", "clamp", "wrap", "transparent", "reflect-101")
 MORE = [pair for pair in product(WAYS, EDGES) if pair not in QUICK]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("way", "edge"),
     [
         *QUICK,
-        *(
-            pytest.param(
-                *pair, marks=pytest.mark.sweep(kept_by="test_a_region_has_the_bits_of_the_whole")
-            )
-            for pair in MORE
-        ),
+        *(pytest.param(*pair, marks=pytest.mark.sweep) for pair in MORE),
     ],
 )
 def test_a_region_has_the_bits_of_the_whole(way, edge):
@@ -47,6 +43,7 @@ def test_a_region_has_the_bits_of_the_whole(way, edge):
         np.testing.assert_array_equal(part.coverage, whole.coverage[here])
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "method",
     [
@@ -83,6 +80,7 @@ def test_a_region_of_a_map_has_the_bits_of_the_whole(edge):
         np.testing.assert_array_equal(part.coverage, whole.coverage[here])
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("way", ["turned", "seen aslant", "enlarged"])
 def test_a_picture_drawn_in_parts_has_the_bits_of_one_drawn_at_once(way, monkeypatch):
     whole = warp(IMAGE, WAYS[way], FRAME)
@@ -96,6 +94,7 @@ def test_a_picture_drawn_in_parts_has_the_bits_of_one_drawn_at_once(way, monkeyp
     np.testing.assert_array_equal(part.image, region.image)
 
 
+@pytest.mark.sweep
 def test_far_beyond_a_clamped_edge_is_the_outermost_texel_alone():
     tiny = [[0.02, 0.003, 15], [0.001, 0.015, 12], [0, 0, 1]]
     image = warp(IMAGE, tiny, (45, 50), edge="clamp").image

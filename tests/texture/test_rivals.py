@@ -19,7 +19,7 @@ from resample_texture.types import Edge
 
 POINTWISE = [InterLinear(), Cubic(), Lanczos4(), InterArea()]
 # What reads as a graphics card does has a kernel of its own, which nothing else needs.
-CARD = pytest.mark.sweep(kept_by="test_a_constant_source_is_its_color_times_coverage")
+CARD = pytest.mark.sweep
 CARDS = [pytest.param(Mipmap(), marks=CARD), pytest.param(Anisotropic(4), marks=CARD)]
 GATHERING = [*POINTWISE, Supersampled(3), *CARDS]
 EVERY = [*GATHERING, Warp("mitchell")]
@@ -165,7 +165,7 @@ def test_a_hole_in_a_map_takes_nothing_from_its_neighbours():
     np.testing.assert_array_equal(coverage == 1.0, np.isfinite(x))
 
 
-@pytest.mark.sweep(kept_by="test_bilinear_is_the_naive_loop_through_a_matrix")
+@pytest.mark.sweep
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize("taps", [1, 5])
 def test_anisotropic_reading_is_the_naive_loop(edge, taps):
@@ -176,7 +176,7 @@ def test_anisotropic_reading_is_the_naive_loop(edge, taps):
     np.testing.assert_allclose(together(found), expected, atol=1e-5)  # sums in float32
 
 
-@pytest.mark.sweep(kept_by="test_bilinear_is_the_naive_loop_through_a_matrix")
+@pytest.mark.sweep
 def test_one_tap_is_mip_mapping():
     source, geometry = noise(64, 64, 3), Homography(np.diag([0.1, 0.4, 1.0]))
     one = Anisotropic(1)(source, geometry, (7, 26), Edge.WRAP)
@@ -184,14 +184,14 @@ def test_one_tap_is_mip_mapping():
     np.testing.assert_array_equal(together(one), together(other))
 
 
-@pytest.mark.sweep(kept_by="test_supersampling_is_the_mean_of_a_finer_warp")
+@pytest.mark.sweep
 def test_mip_mapping_at_half_the_size_is_the_mean_of_four():
     source = noise(16, 24, 1)
     found = Mipmap()(source, Homography(np.diag([0.5, 0.5, 1.0])), (8, 12), Edge.CLAMP).image
     np.testing.assert_allclose(found, source.reshape(8, 2, 12, 2, 1).mean(axis=(1, 3)), atol=1e-6)
 
 
-@pytest.mark.sweep(kept_by="test_a_map_of_a_matrix_gives_what_the_matrix_gives")
+@pytest.mark.sweep
 def test_anisotropic_reading_through_a_map_is_that_through_its_matrix():
     source, geometry = noise(64, 64, 1), Homography(np.diag([0.15, 0.6, 1.0]))
     by_map = BackwardMap(*source_coordinates(geometry, (38, 9)))
@@ -199,7 +199,7 @@ def test_anisotropic_reading_through_a_map_is_that_through_its_matrix():
     np.testing.assert_allclose(one, other, atol=1e-6)  # steps differ in the last bits
 
 
-@pytest.mark.sweep(kept_by="test_bilinear_is_the_naive_loop_through_a_map")
+@pytest.mark.sweep
 def test_the_seam_of_a_panorama_is_not_taken_for_a_stretch():
     y, x = np.mgrid[0:32, 0:32] + 0.5
     source = noise(32, 32, 1)

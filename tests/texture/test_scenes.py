@@ -29,6 +29,7 @@ def _spline(channel: np.ndarray, at: np.ndarray) -> float:
     return map_coordinates(coefficient, at, order=4, prefilter=False, mode="reflect")[0]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", ["box", "gaussian"])
 def test_the_truth_is_the_filtered_mean_of_naive_rays(kind, rng):
     scene = plain(rng.random((12, 14, 2)), [[0.9, 0.2, 0], [-0.1, 0.7, 2], [0.01, 0.02, 1]], (8, 9))
@@ -49,6 +50,7 @@ def test_the_truth_of_the_view_at_hand_is_the_picture(rng):
     assert np.allclose(truth(scene), scene.source, atol=2e-3)  # by 16 rays
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("factor", [0.5, 1.0, 1.25, 8.0])
 def test_the_truth_of_a_fine_picture_is_its_means(factor, rng):
     fine = rng.random((64, 64, 2)).astype(np.float32)
@@ -68,6 +70,7 @@ def test_where_rays_would_skip_fine_texels_they_hit_means(rng):
     assert np.allclose(truth(scene), expected, atol=1e-6)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["box", "gaussian"])
 def test_white_stays_white(kind):
     white = plain(np.ones((40, 40, 1)), scaled(1.3, -4, -4), (40, 40))
@@ -169,6 +172,7 @@ def test_what_grows_along_one_axis_is_mixed():
     assert set(zones(scene)) == {"whole", "mixed"}
 
 
+@pytest.mark.sweep
 def test_the_zones_are_the_whole():
     masks = zones(scene_of(np.zeros((1024, 1024, 1), np.float32), "floor"))
     parts = [mask for name, mask in masks.items() if name != "whole"]

@@ -118,6 +118,7 @@ def test_smaller_copies_and_masks_are_no_pages(capsys):
 # Animated pictures and films
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("target", ["gif", "webp", "apng", "png"])
 @pytest.mark.parametrize("source", ["gif", "webp", "png"])
 def test_animations_keep_frames_and_times(source, target):
@@ -131,6 +132,7 @@ def test_animations_keep_frames_and_times(source, target):
         assert np.abs(levels[12, 8, :3].astype(int) - 255).max() <= 6
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("target", ["gif", "webp", "apng"])
 def test_what_lies_beyond_a_frame_is_transparent(target):
     animate("in.gif", duration=100)
@@ -142,6 +144,7 @@ def test_what_lies_beyond_a_frame_is_transparent(target):
     assert len(seen(f"out.{target}")) == 3
 
 
+@pytest.mark.sweep
 def test_a_frame_does_not_shine_through_the_next():
     made = []
     for n in range(3):
@@ -157,6 +160,7 @@ def test_a_frame_does_not_shine_through_the_next():
             assert np.abs(levels[12, 8 * n + 4, :3].astype(int) - COLORS[n]).max() <= 8
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv"])
 def test_films_keep_frames_times_and_colors(suffix):
     film(f"in.{suffix}")
@@ -225,6 +229,7 @@ def test_a_film_of_an_unknown_codec_is_refused(capsys):
     assert "its codec is unknown" in capsys.readouterr().err
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("rotation", [90, 180, 270])
 def test_a_sideways_film_is_turned(rotation):
     film("in.mp4", rotation=rotation)
@@ -235,6 +240,7 @@ def test_a_sideways_film_is_turned(rotation):
     assert np.median(np.abs(levels - expected)) <= 4
 
 
+@pytest.mark.sweep
 def test_films_become_animations_and_the_other_way_round():
     animate("in.gif", duration=[50, 100, 200])
     assert ended("warp", "in.gif", "-o", "out.mp4", *SAME) == 0
@@ -264,6 +270,7 @@ def test_a_film_has_a_background_or_none_is_needed(capsys):
     assert levels[20, 28, 1] < 50
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -316,6 +323,7 @@ def names(folder: str) -> list[str]:
     return sorted(path.name for path in Path(folder).iterdir())
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("given", [["in"], ["in/*.*g"], ["in/a.png", "in/b.jpg", "in/c.png"]])
 def test_many_files_go_to_a_folder_under_their_names(given):
     pictures("in/a.png", "in/b.jpg", "in/c.png")
@@ -364,6 +372,7 @@ def test_stats_tell_of_every_file():
     assert [file["file"] for file in told["files"]] == ["out/a.png", "out/b.png"]
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

@@ -62,6 +62,7 @@ def test_sixteen_bits_that_nothing_is_said_of_are_linear_and_stay_unmarked(form)
     assert not open_file(target).encoding.is_encoded
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", CHUNKS)
 def test_a_png_that_says_so_is_encoded_for_displays(name):
     chunked(name, CHUNKS[name])
@@ -88,6 +89,7 @@ def test_a_tiff_with_a_profile_is_encoded_for_displays():
     assert open_file("out.tif").encoding.is_encoded
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("target", ["out.png", "out.tif"])
 def test_an_option_says_otherwise(target):
     cv2.imwrite("in.png", LEVELS)

@@ -222,12 +222,8 @@ def test_threads_do_not_change_a_bit(splatting):
 
 
 # Of maps, what finds a block's texels is compiled once more.
-OF_MAPS = pytest.mark.sweep(
-    kept_by="tests/texture/test_methods.py::test_a_map_of_a_matrix_gives_what_the_matrix_gives"
-)
-OF_HOLES = pytest.mark.sweep(
-    kept_by="tests/texture/test_forward.py::test_texels_of_a_map_that_go_nowhere_leave_nothing"
-)
+OF_MAPS = pytest.mark.sweep
+OF_HOLES = pytest.mark.sweep
 
 
 @OF_MAPS

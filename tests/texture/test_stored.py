@@ -47,7 +47,7 @@ def pixels(name):
     return found if found.ndim == 3 else found[..., None]
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("is_large", [False, True])
 @pytest.mark.parametrize("channels", [0, 3, 4])
 def test_a_store_is_warped_as_the_file_is_and_into_one(channels, is_large, monkeypatch):
@@ -68,6 +68,7 @@ def test_a_store_is_warped_as_the_file_is_and_into_one(channels, is_large, monke
         assert np.array_equal(made, given.reshape(made.shape))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", [np.uint16, np.float16, np.float32, np.float64])
 def test_other_types_keep_theirs(kind):
     values = texels(3, kind)
@@ -78,6 +79,7 @@ def test_other_types_keep_theirs(kind):
     assert np.array_equal(made, values.astype(made.dtype))
 
 
+@pytest.mark.sweep
 def test_an_image_of_ome_zarr_is_read_whatever_its_axes():
     values = texels(3, np.uint8)
     group = zarr.open_group("a.ome.zarr", mode="w", zarr_format=3)
@@ -104,6 +106,7 @@ def test_chunks_that_are_missing_hold_what_fills_them():
     assert (found[32:] == 9).all()
 
 
+@pytest.mark.sweep
 def test_what_memory_should_not_hold_is_in_a_file_meanwhile(monkeypatch):
     values = texels(3, np.uint8)
     store("a.zarr", values)
@@ -119,6 +122,7 @@ def test_what_memory_should_not_hold_is_in_a_file_meanwhile(monkeypatch):
         assert Path("b.png").read_bytes() == Path(f"{name}.png").read_bytes()
 
 
+@pytest.mark.sweep
 def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
     values = texels(3, np.uint8)
     Image.fromarray(values).save("rows.tif")
@@ -137,6 +141,7 @@ def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
     assert np.array_equal(*made)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("shape", "kind", "complaint"),
     [
@@ -167,6 +172,7 @@ def test_stores_that_are_damaged_are_refused(capsys):
     assert "not a single picture; volumes are for resample-volume" in error
 
 
+@pytest.mark.sweep
 def test_a_store_is_never_replaced(capsys):
     store("a.zarr", texels(3, np.uint8))
     before = pixels("a.zarr")

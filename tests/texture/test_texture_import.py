@@ -14,6 +14,7 @@ def test_importing_the_package_imports_no_heavy_library():
     assert modules_after("import resample_texture") & HEAVY == set()
 
 
+@pytest.mark.sweep
 def test_making_geometries_and_methods_imports_no_heavy_library():
     code = (
         "from resample_texture import *\n"
@@ -23,6 +24,7 @@ def test_making_geometries_and_methods_imports_no_heavy_library():
     assert modules_after(code) & HEAVY == set()
 
 
+@pytest.mark.sweep
 def test_a_shift_by_whole_pixels_imports_no_heavy_library():
     code = (
         "import numpy, resample_texture\n"

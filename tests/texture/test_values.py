@@ -184,9 +184,7 @@ def test_channels_have_masks_of_their_own():
         *(
             pytest.param(
                 name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_what_is_not_a_number_weighs_nothing_in_any_method"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name in ("mipmap", "anisotropic")  # rivals, whose kernel nothing else needs
         ),
@@ -232,6 +230,7 @@ def test_the_mean_of_a_pixel_is_that_of_the_values_that_are_there(rng):
 # Batches
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "float64"])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_batch_is_its_pictures_one_by_one(dtype, channels):
@@ -360,6 +359,7 @@ def test_reflect_101_is_numpy_s_reflection(kind, size):
     np.testing.assert_allclose(warped.coverage, 1.0, atol=1e-6)
 
 
+@pytest.mark.sweep
 @settings(deadline=None, max_examples=60, derandomize=True)
 @given(
     st.sampled_from(DTYPES),

@@ -405,8 +405,8 @@ def test_pixels_do_not_depend_on_the_number_of_threads(kind):
     [
         *("hybrid", "points", "supersample"),
         # Of maps, what finds a block's texels is compiled once more.
-        pytest.param("splats", marks=pytest.mark.sweep(kept_by="test_totals_are_kept")),
-        pytest.param("paper", marks=pytest.mark.sweep(kept_by="test_totals_are_kept")),
+        pytest.param("splats", marks=pytest.mark.sweep),
+        pytest.param("paper", marks=pytest.mark.sweep),
     ],
 )
 def test_totals_are_kept(method, scale):
@@ -489,6 +489,7 @@ def test_a_continued_source_covers_the_frame(edge):
     np.testing.assert_allclose(warped.image, expected, atol=1e-5)  # other sums of other blocks
 
 
+@pytest.mark.sweep
 @settings(deadline=None, max_examples=40)
 @given(
     st.lists(st.floats(-3, 3), min_size=6, max_size=6),

@@ -53,7 +53,7 @@ def is_cut(geometry, edge):
     return len(list(windows_of(seen, SIZE, 60_000))) > 1
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap", "mirror", "reflect-101"])
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_windows_make_the_picture_that_one_go_makes(monkeypatch, source, name, edge):
@@ -65,7 +65,7 @@ def test_windows_make_the_picture_that_one_go_makes(monkeypatch, source, name, e
     np.testing.assert_allclose(parts.coverage, whole.coverage, atol=2e-6)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "dtype", ["bool", "uint8", "uint16", "int16", "int64", "float16", "float64"]
 )
@@ -83,6 +83,7 @@ def test_windows_are_of_the_source_s_type(monkeypatch, dtype, channels):
     assert (difference != 0).mean() < 0.5 if dtype.startswith("float") else 1e-3
 
 
+@pytest.mark.sweep
 def test_values_that_are_missing_stay_missing(monkeypatch, source):
     source[30:40, 50:70, 1] = np.nan
     whole = warp(source, PERSPECTIVE, SHAPE)
@@ -92,6 +93,7 @@ def test_values_that_are_missing_stay_missing(monkeypatch, source):
     np.testing.assert_allclose(parts.image, whole.image, atol=2e-6)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["hybrid:magnified=splats", "paper", "lanczos4"])
 def test_methods_that_tell_nothing_of_what_they_see_draw_in_one_go(monkeypatch, source, name):
     whole = warp(source, PERSPECTIVE, SHAPE, name)
@@ -99,6 +101,7 @@ def test_methods_that_tell_nothing_of_what_they_see_draw_in_one_go(monkeypatch, 
     np.testing.assert_array_equal(warp(source, PERSPECTIVE, SHAPE, name).image, whole.image)
 
 
+@pytest.mark.sweep
 def test_a_floor_up_to_its_horizon_is_drawn_in_one_go(monkeypatch, source):
     floor = np.array([[1.0, 0.8, -90.0], [0.0, 0.3, 90.0], [0.0, 0.005, 1.0]])
     whole = warp(source, floor, SHAPE)
@@ -106,6 +109,7 @@ def test_a_floor_up_to_its_horizon_is_drawn_in_one_go(monkeypatch, source):
     np.testing.assert_array_equal(warp(source, floor, SHAPE).image, whole.image)
 
 
+@pytest.mark.sweep
 def test_threads_make_no_difference_to_windows(monkeypatch, source):
     in_windows(monkeypatch)
     one = warp(source, PERSPECTIVE, SHAPE, threads=1)

@@ -50,6 +50,7 @@ def place(files: tuple[str, str, str]) -> Iterator[Served]:
         yield address
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("wish", WISHES)
 def test_the_exported_command_makes_the_page_s_picture(
     wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -111,6 +112,7 @@ def test_what_is_shown_is_known_by_its_files(files: tuple[str, str, str]) -> Non
         assert not suits(names)
 
 
+@pytest.mark.sweep
 def test_films_and_names_have_no_other_parts(
     files: tuple[str, str, str],
     tmp_path: Path,

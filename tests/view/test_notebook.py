@@ -31,7 +31,7 @@ from tools import notebooks
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 PATIENCE = 120.0  # seconds; kernels may have to be compiled
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
-MORE = pytest.mark.sweep(kept_by="test_cells_of_the_examples_show_what_is_stored_in_them")
+MORE = pytest.mark.sweep
 
 
 class CellPage:
@@ -101,6 +101,7 @@ def test_a_page_shows_what_the_exported_python_makes(
     widget.close()
 
 
+@pytest.mark.sweep
 def test_settings_that_are_not_allowed_leave_those_that_were() -> None:
     widget = resample_volume.view("checker-box:size=16")
     before = dict(widget.settings)
@@ -154,6 +155,7 @@ def test_nonsense_is_answered_and_pages_are_forgotten() -> None:
     assert not widget._sessions
 
 
+@pytest.mark.sweep
 def test_a_notebook_without_a_kernel_has_a_picture() -> None:
     parts, _ = resample_volume.view("checker-box:size=16")._repr_mimebundle_()
     assert Image.open(BytesIO(parts["image/png"])).size == (480, 360)
@@ -231,6 +233,7 @@ def words_of(shown: list[dict[str, Any]]) -> str:
     return "".join("".join(part) for part in parts)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", notebooks.NAMES)
 def test_cells_of_the_examples_show_what_is_stored_in_them(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -259,6 +262,7 @@ def test_each_cell_of_the_examples_is_explained_and_shows_something(name: str) -
     assert sum(len(pictures_of(cell["outputs"])) for cell in cells if "outputs" in cell) >= 2
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name", ["texture", *(pytest.param(n, marks=MORE) for n in ("volume", "warp3d", "points"))]
 )

@@ -37,6 +37,7 @@ def around(cloud: str) -> Iterator[Served]:
         yield address
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("wish", CLOUD_WISHES)
 def test_the_exported_command_makes_the_page_s_cloud(
     wish: str, around: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -69,6 +69,7 @@ def numbers(tab: Any) -> list[int]:
     return [int(tab.input_value(f"#slice-{name}-number")) for name in names]
 
 
+@pytest.mark.sweep
 def test_the_server_sends_slices_and_lines(place: Served) -> None:
     with place.page() as page:
         page.say("slice", {}, plane="axial", voxel=(3, 4, 5), window=(0.0, 255.0))

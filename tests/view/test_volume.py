@@ -50,9 +50,10 @@ def place() -> Iterator[Served]:
 
 
 # Of bytes, for whose looks all of a painter is compiled anew.
-MORE = pytest.mark.sweep(kept_by="test_the_exported_command_makes_the_page_s_picture")
+MORE = pytest.mark.sweep
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "wish",
     [pytest.param(wish, marks=MORE) if wish in ("maximum", "surface") else wish for wish in WISHES],
@@ -118,6 +119,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
     assert "pip install" in volume_view(BOX).about["rivals"]["VTK"]
 
 
+@pytest.mark.sweep
 def test_exported_python_runs(place: Served, tmp_path: Path) -> None:
     with place.page() as page:
         page.say("export", {"camera": "top", "fit": "volume"})
@@ -182,6 +184,7 @@ def test_points_come_close_to_looks_of_any_kind(name: str) -> None:
     assert np.percentile(np.abs(color - made).max(axis=1) * opacity, 98) < 0.04
 
 
+@pytest.mark.sweep
 def test_a_closed_page_frees_its_scene(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[weakref.ref[VolumePainter]] = []
 

@@ -32,7 +32,7 @@ def views(folder: Path) -> list[Warming]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "number",
-    [0, 1, pytest.param(2, marks=pytest.mark.sweep(kept_by="test_all_kinds_can_be_painted"))],
+    [0, 1, pytest.param(2, marks=pytest.mark.sweep)],
     ids=["volume", "picture", "depth"],  # the last has a rival compiled
 )
 def test_all_kinds_can_be_painted(number: int, tmp_path: Path) -> None:

@@ -44,6 +44,7 @@ def store(path: Path, values, *, shards=None, form=3):
     return path, array
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("form", "shards"), [(2, None), (3, None), (3, (16, 16, 16))])
 def test_values_of_an_address_are_those_of_the_disk(form, shards, values, server):
     store(server.folder / "a.zarr", values, shards=shards, form=form)
@@ -53,6 +54,7 @@ def test_values_of_an_address_are_those_of_the_disk(form, shards, values, server
     np.testing.assert_array_equal(volume.spacing, (1, 1, 2))
 
 
+@pytest.mark.sweep
 def test_the_command_makes_the_picture_of_the_disk(values, server, monkeypatch):
     monkeypatch.chdir(server.folder)
     np.save("a.npy", values)
@@ -70,6 +72,7 @@ def test_only_chunks_that_are_needed_are_fetched(values, server):
     assert server.asked == ["/a.zarr/c/0/0/1"]
 
 
+@pytest.mark.sweep
 def test_a_chunk_that_is_not_there_has_the_value_that_fills(values, server):
     path, _ = store(server.folder / "a.zarr", values)
     (path / "c/0/1/2").unlink()
@@ -78,6 +81,7 @@ def test_a_chunk_that_is_not_there_has_the_value_that_fills(values, server):
     np.testing.assert_array_equal(found[8:], values[8:])
 
 
+@pytest.mark.sweep
 def test_a_server_that_is_busy_is_asked_again(values, server):
     store(server.folder / "a.zarr", values)
     held = open_streamed(f"{server.url}a.zarr")
@@ -85,6 +89,7 @@ def test_a_server_that_is_busy_is_asked_again(values, server):
     np.testing.assert_array_equal(held.values[0, 0].whole(), values)
 
 
+@pytest.mark.sweep
 def test_a_server_that_stays_busy_is_left(values, server, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     store(server.folder / "a.zarr", values)
@@ -94,6 +99,7 @@ def test_a_server_that_stays_busy_is_left(values, server, tmp_path, monkeypatch,
     assert len(server.asked) < 100
 
 
+@pytest.mark.sweep
 def test_a_cut_network_is_said(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with socket.socket() as free:
@@ -103,6 +109,7 @@ def test_a_cut_network_is_said(tmp_path, monkeypatch, capsys):
     assert "cannot be fetched" in refused(app, capsys, *words)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("shards", [None, (16, 16, 16)])
 def test_what_arrives_cut_off_is_refused(shards, values, server):
     store(server.folder / "a.zarr", values, shards=shards)
@@ -111,6 +118,7 @@ def test_what_arrives_cut_off_is_refused(shards, values, server):
         open_volume(f"{server.url}a.zarr")
 
 
+@pytest.mark.sweep
 def test_a_wrong_checksum_is_damage(values, server):
     path, _ = store(server.folder / "a.zarr", values, shards=(16, 16, 16))
     shard = path / "c/0/0/0"
@@ -143,7 +151,7 @@ def looks(place, count=2):
     return [one.reads for one in every]
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.usefixtures("keeping")
 @pytest.mark.parametrize(("form", "shards"), [(2, None), (3, None), (3, (16, 16, 16))])
 @pytest.mark.parametrize("tells", ["tag", "time", "tag time"])
@@ -158,6 +166,7 @@ def test_what_was_found_at_an_address_is_kept_if_the_server_tells_of_each_chunk(
     assert second == 0
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("keeping")
 @pytest.mark.parametrize(("tells", "hours"), [("", 2), ("weak", 2), ("time", 0.5), ("time tag", 0)])
 def test_what_a_server_cannot_prove_is_not_kept(tells, hours, values, server, tmp_path):
@@ -169,6 +178,7 @@ def test_what_a_server_cannot_prove_is_not_kept(tells, hours, values, server, tm
     assert not (tmp_path / "cache").exists()
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("keeping")
 def test_a_server_that_tells_no_more_is_not_believed(values, server):
     store(server.folder / "a.zarr", values)
@@ -179,6 +189,7 @@ def test_a_server_that_tells_no_more_is_not_believed(values, server):
     assert looks(f"{server.url}a.zarr", 1) == [first]
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("keeping")
 @pytest.mark.parametrize(
     "change",
@@ -188,9 +199,7 @@ def test_a_server_that_tells_no_more_is_not_believed(values, server):
         *(
             pytest.param(
                 each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_store_at_an_address_that_has_changed_is_looked_at_again"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in ("a chunk less", "a new chunk")
         ),

@@ -83,6 +83,7 @@ def test_a_zoom_starts_at_the_cameras_own_and_ends_sixteen_times_as_far(subject)
     assert away[1:] / away[:-1] == pytest.approx(2)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("fov", [0.0, 30.0])
 @pytest.mark.parametrize("spacing", [0.3, 4.0])
 def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing):
@@ -94,13 +95,14 @@ def test_the_threshold_is_crossed_by_voxels_from_two_px_to_a_tenth(fov, spacing)
     assert ends == pytest.approx([2, 0.03])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "primitive",
     [
         Primitive.HYBRID,
         pytest.param(
             Primitive.PAPER,
-            marks=pytest.mark.sweep(kept_by="test_across_the_threshold_splats_become_points"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -185,6 +187,7 @@ def test_a_camera_that_is_not_around_the_volume_has_no_path(path):
 # Frames
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("light", [Light(), Light((1.0, 0.0, 0.0)), None])
 def test_a_frame_is_the_picture_that_is_rendered(light, tmp_path):
     volume = vessel_tree(16)._replace(origin=np.array([5.0, 6.0, 7.0]))
@@ -213,6 +216,7 @@ def test_the_shots_are_the_frames_of_the_cameras(subject):
     assert np.array_equal(made.frame(2), frame(subject, cameras[2], SKY))
 
 
+@pytest.mark.sweep
 def test_equal_choices_are_the_same_job():
     jobs = []
     for _ in range(2):
@@ -222,6 +226,7 @@ def test_equal_choices_are_the_same_job():
     assert jobs[0] == jobs[1]
 
 
+@pytest.mark.sweep
 def test_whatever_changes_the_frames_changes_the_job():
     volume, look, path, paint = vessel_tree(16), of_voxels(), Flight("orbit", 3), SKY
     others = [

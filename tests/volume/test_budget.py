@@ -11,6 +11,7 @@ pytest.importorskip("zarr")
 PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "allowed"),
@@ -20,9 +21,7 @@ PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
             pytest.param(
                 size,
                 allowed,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_fresh_process_holds_no_more_than_is_allowed"
-                ),
+                marks=pytest.mark.sweep,
             )
             for size, allowed in ((512, 128), (512, 320), (1024, 512), (1024, 1024), (2048, 1024))
         ),

@@ -177,6 +177,7 @@ def test_vectors_are_channels_and_lengths(tmp_path):
     refused(Vts("rain"), path, r"vts:array=NAME \(rain given\): density, wind, number \(cells\)")
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("version", [42, 51])
 @pytest.mark.parametrize("form", [1, 2], ids=["ASCII", "BINARY"])
 @pytest.mark.parametrize("kind", ["StructuredGrid", "UnstructuredGrid"])

@@ -61,6 +61,7 @@ def nrrd(data: bytes, **changes: str) -> None:
 # Pictures
 
 
+@pytest.mark.sweep
 def test_a_png_has_8_or_16_bits_and_no_transparency():
     for bits, kind in ((8, b"\x08\x02"), (16, b"\x10\x02")):  # IHDR: depth, color type RGB
         assert ended("render", BOX, "-o", "box.png", *SMALL, "--bits", bits) == 0
@@ -69,11 +70,13 @@ def test_a_png_has_8_or_16_bits_and_no_transparency():
     assert read_image("box.png").max() > 0.05
 
 
+@pytest.mark.sweep
 def test_width_comes_before_height():
     assert ended("render", BOX, "-o", "box.png", "--size", "40x24") == 0
     assert read_image("box.png").shape == (24, 40, 3)
 
 
+@pytest.mark.sweep
 def test_an_exr_holds_linear_color_depth_and_coverage():
     assert ended("render", BOX, "-o", "box.exr", *SMALL) == 0
     channels = read_channels("box.exr")
@@ -86,6 +89,7 @@ def test_an_exr_holds_linear_color_depth_and_coverage():
     assert channels["coverage"].max() <= 1 + 1e-6
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("words", "corner"),
     [
@@ -100,11 +104,13 @@ def test_the_background_is_behind_the_volume(words, corner):
     assert read_image("box.png")[0, 0].tolist() == corner
 
 
+@pytest.mark.sweep
 def test_suffixes_are_known_in_capitals():
     assert ended("render", BOX, "-o", "BOX.PNG", *SMALL) == 0
     assert read_image("BOX.PNG").shape == (32, 32, 3)
 
 
+@pytest.mark.sweep
 def test_names_may_hold_spaces_and_any_letter():
     Path("Bilder für Ωmega").mkdir()
     assert ended("generate", BOX, "-o", "Bilder für Ωmega/ein Würfel.nrrd") == 0
@@ -113,6 +119,7 @@ def test_names_may_hold_spaces_and_any_letter():
     assert read_image(picture).max() > 0.05
 
 
+@pytest.mark.sweep
 def test_a_picture_is_replaced_whole():
     Path("box.png").write_text("what was there")
     assert ended("render", BOX, "-o", "box.png", *SMALL) == 0
@@ -123,6 +130,7 @@ def test_a_picture_is_replaced_whole():
 # Statistics
 
 
+@pytest.mark.sweep
 def test_stats_count_every_sample_and_time_every_stage():
     words = (*SMALL, "--classify", "pre", "--stats", "s.json")
     assert ended("render", BOX, "-o", "box.png", *words) == 0
@@ -137,6 +145,7 @@ def test_stats_count_every_sample_and_time_every_stage():
     assert all(seconds >= 0 for seconds in stats["seconds"].values())
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("primitive", "fraction"), [("points", 0.0), ("splats", 1.0)])
 def test_stats_tell_points_from_splats(primitive, fraction):
     words = ["-o", "box.png", *SMALL, "--stats", "s.json", "--method", primitive]
@@ -144,6 +153,7 @@ def test_stats_tell_points_from_splats(primitive, fraction):
     assert json.loads(Path("s.json").read_text())["splat_fraction"] == fraction
 
 
+@pytest.mark.sweep
 def test_stats_of_nothing_are_valid_json():
     Path("none.toml").write_text('points = [{ value = 0, color = "red", opacity = 0 }]')
     words = ["-o", "box.png", *SMALL, "--stats", "s.json", "--transfer", "none.toml"]
@@ -154,6 +164,7 @@ def test_stats_of_nothing_are_valid_json():
 # Choices and their effect
 
 
+@pytest.mark.sweep
 def test_splats_are_red_when_colored_by_primitive():
     red = rendered("--color-by", "primitive", "--method", "splats")
     seen = red[red[..., 3] > 0.5]
@@ -162,6 +173,7 @@ def test_splats_are_red_when_colored_by_primitive():
     assert np.array_equal(rendered("--color-by", "primitive", *points), rendered(*points))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "words",
     [
@@ -173,12 +185,12 @@ def test_splats_are_red_when_colored_by_primitive():
         ["--filter", "gaussian:sigma=0.7"],
         pytest.param(
             ["--kernel", "bspline"],
-            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+            marks=pytest.mark.sweep,
         ),
         ["--kernel", "gaussian:sigma=0.9"],
         pytest.param(
             ["--opacity", "linear"],
-            marks=pytest.mark.sweep(kept_by="test_every_choice_changes_the_picture"),
+            marks=pytest.mark.sweep,
         ),
         ["--transfer", "gray:opacity=0.3"],
         ["--opacity-unit", "5"],
@@ -200,34 +212,40 @@ def test_every_choice_changes_the_picture(words):
     assert np.abs(before - after).max() > 1e-3
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("footprint", ["corrected", "small-angle", "affine"])
 def test_footprints_differ_where_perspective_is_strong(footprint):
     near = ["--method", "splats", "--fov", "90", "--camera", "30/20/1.5"]
     assert np.abs(usual(*near) - rendered(*near, "--footprint", footprint)).max() > 1e-4
 
 
+@pytest.mark.sweep
 def test_exact_is_the_footprint_and_every_sample_the_order_if_none_is_chosen():
     chosen = rendered("--footprint", "exact", "--order", "every-sample", "--kernel", "gaussian")
     assert np.array_equal(rendered("--classify", "pre"), chosen)
 
 
+@pytest.mark.sweep
 def test_an_orders_parameter_is_used():
     points = ["--method", "points"]
     thick = rendered(*points, "--order", "every-sample:thickness=8")
     assert np.abs(rendered(*points) - thick).max() > 1e-3
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("count", [1, 2, 99])
 def test_the_number_of_threads_changes_no_pixel(count):
     assert np.array_equal(rendered(), rendered("--threads", count))
 
 
+@pytest.mark.sweep
 def test_a_camera_file_of_angles_is_the_camera_of_these_angles():
     Path("c.toml").write_text("azimuth = 50\nelevation = -10\nzoom = 0.8\nfov = 40\n")
     by_file = rendered("--camera", "c.toml")
     assert np.array_equal(by_file, rendered("--camera", "50/-10/0.8", "--fov", "40"))
 
 
+@pytest.mark.sweep
 def test_the_three_forms_of_a_camera_file_agree():
     # At 64 from the middle of the box, straight from the front; 32 px wide.
     focal = 16 / np.tan(np.radians(15))
@@ -248,6 +266,7 @@ def test_the_three_forms_of_a_camera_file_agree():
 # Defined pictures
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("output", ["out.png", "out.exr"])
 def test_an_invisible_volume_is_an_empty_picture_and_a_line(output, capsys):
     Path("none.toml").write_text('points = [{ value = 0, color = "red", opacity = 0 }]')
@@ -258,6 +277,7 @@ def test_an_invisible_volume_is_an_empty_picture_and_a_line(output, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("primitive", ["hybrid", "points", "splats", "paper"])
 def test_a_camera_inside_the_volume_sees_it_from_within(primitive):
     Path("in.toml").write_text("eye = [7.5, 7.5, 7.5]\ntarget = [7.5, 20, 7.5]\nfov = 60\n")
@@ -266,11 +286,13 @@ def test_a_camera_inside_the_volume_sees_it_from_within(primitive):
     assert picture[..., 3].min() > 0.9
 
 
+@pytest.mark.sweep
 def test_a_camera_that_looks_away_sees_nothing():
     Path("away.toml").write_text("eye = [7.5, -60, 7.5]\ntarget = [7.5, -90, 7.5]\n")
     assert not rendered("--camera", "away.toml").any()
 
 
+@pytest.mark.sweep
 def test_values_that_are_not_finite_are_defined():
     values = np.full((8, 8, 8), np.nan, np.float32)
     np.save("nan.npy", values)
@@ -283,6 +305,7 @@ def test_values_that_are_not_finite_are_defined():
     assert np.isfinite(picture).all()
 
 
+@pytest.mark.sweep
 def test_a_volume_of_one_value_is_seen():
     np.save("even.npy", np.full((8, 8, 8), 3, np.int16))
     assert rendered(volume="even.npy")[..., 3].max() > 0.5
@@ -291,6 +314,7 @@ def test_a_volume_of_one_value_is_seen():
 # Bad input
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -342,6 +366,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("size", "complaint"),
     [
@@ -360,6 +385,7 @@ def test_a_size_that_is_none_is_refused_before_any_work(size, complaint, monkeyp
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", f"--size={size}")
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
@@ -410,6 +436,7 @@ def test_a_camera_file_that_is_no_text_is_one_line(capsys):
 RAW = ["--shape", "4x4x4", "--dtype", "uint8"]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("size", "words", "complaint"),
     [
@@ -432,6 +459,7 @@ def test_a_bad_raw_file_is_one_line(size, words, complaint, capsys):
     assert complaint in refused(capsys, "render", "bad.raw", "-o", "out.png", *SMALL, *words)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("data", "changes"),
     [
@@ -459,6 +487,7 @@ def test_a_damaged_file_is_one_line(data, changes, command, capsys):
     assert "bad" in refused(capsys, *command)
 
 
+@pytest.mark.sweep
 def test_a_missing_unknown_or_empty_source_is_one_line(capsys):
     Path("folder").mkdir()
     Path("notes.txt").write_text("no volume")
@@ -484,6 +513,7 @@ def test_a_picture_larger_than_the_memory_is_refused_before_any_work(monkeypatch
     assert f"needs about {needed} GiB of memory, 1.00 GiB are free; take a smaller size" in error
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -516,6 +546,7 @@ def test_trying_an_output_does_not_touch_what_is_there(capsys):
 # The other commands
 
 
+@pytest.mark.sweep
 def test_compare_prints_a_row_for_each_primitive(capsys):
     words = ["--methods", "points, splats,hybrid", "--size", "24", "--rays", "2"]
     assert ended("compare", BOX, *words) == 0
@@ -534,6 +565,7 @@ def test_compare_gives_json_and_a_sheet(capsys):
     assert read_image("sheet.png").shape[1] > 3 * 192
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -581,6 +613,7 @@ def test_info_shows_structure_and_suggests_thresholds(rng, capsys):
     assert sum("between 2" in line for line in text.splitlines()) == 1
 
 
+@pytest.mark.sweep
 def test_presets_are_named_by_the_help(capsys):
     assert ended("render", "--help") == 0
     text = "".join(word for word in capsys.readouterr().out.split() if word != "│")

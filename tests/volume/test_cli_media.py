@@ -42,6 +42,7 @@ def scene(name, source=None, **added):
     )
 
 
+@pytest.mark.sweep
 def test_also_shows_another_volume_where_its_file_says():
     assert ended("render", "a.nrrd", "-o", "a.png", *SMALL) == 0
     words = ("--also", "b.nrrd:transfer=gray:opacity=0.5,color=blue", "--stats", "s.json")
@@ -53,6 +54,7 @@ def test_also_shows_another_volume_where_its_file_says():
     assert json.loads(Path("s.json").read_text())["samples"] > 0
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -135,6 +137,7 @@ def test_one_of_several_times_is_chosen(capsys):
     assert held(ReadOptions(spacing="1x1x2"), "c.npy").spacing.tolist() == [1, 1, 2]
 
 
+@pytest.mark.sweep
 def test_the_note_of_a_reader_is_said(capsys):
     x = np.arange(8.0)
     values = np.random.default_rng(3).random((8, 8, 8)).astype(np.float32)
@@ -155,6 +158,7 @@ def in_chunks(name, *counts):
     assert ended("convert", f"{name}.npy", f"{name}.zarr", "--chunk", "16") == 0
 
 
+@pytest.mark.sweep
 def test_channels_in_chunks_are_painted_window_by_window(capsys):
     in_chunks("a", 1, 2)
     channels = [*IN_CHUNKS, "--channels", "red,120..190"]
@@ -166,7 +170,7 @@ def test_channels_in_chunks_are_painted_window_by_window(capsys):
     assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
 
 
-@pytest.mark.sweep(kept_by="test_channels_in_chunks_are_painted_window_by_window")
+@pytest.mark.sweep
 def test_others_in_chunks_are_painted_window_by_window_by_workers(capsys):
     in_chunks("b")
     beside = [*IN_CHUNKS, "--transfer", "80..190", "--no-shading", "--also"]

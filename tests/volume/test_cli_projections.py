@@ -51,6 +51,7 @@ def shown(*words: object, volume: str = BOX, size: str = "32") -> np.ndarray:
 # What pictures show
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("projection", ALL)
 def test_every_projection_draws_depth_where_there_is_something(projection):
     iso = ["--iso", 100] if projection == "first-hit" else []
@@ -62,6 +63,7 @@ def test_every_projection_draws_depth_where_there_is_something(projection):
     assert channels["A"].max() <= 1 + 1e-6
 
 
+@pytest.mark.sweep
 def test_an_x_ray_is_zero_and_known_where_nothing_is():
     channels = drawn("--projection", "additive", volume="tree.npy")
     assert channels["A"].min() == 1
@@ -69,6 +71,7 @@ def test_an_x_ray_is_zero_and_known_where_nothing_is():
     assert channels["G"].max() == 1
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("projection", ["maximum", "average", "additive"])
 def test_values_are_gray_levels_unless_a_transfer_function_is_chosen(projection):
     gray = shown("--projection", projection, volume="tree.npy")
@@ -76,6 +79,7 @@ def test_values_are_gray_levels_unless_a_transfer_function_is_chosen(projection)
     assert np.ptp(gray, axis=2).max() < 1e-6
 
 
+@pytest.mark.sweep
 def test_the_largest_value_is_white_and_the_least_black():
     gray = shown("--projection", "maximum", "--fov", 0, "--camera", "0/0/1", volume="box.npy")
     assert np.median(gray[8:24, 8:24]) > 0.8  # of blocks behind each other one is bright
@@ -83,6 +87,7 @@ def test_the_largest_value_is_white_and_the_least_black():
     assert gray[0].max() == 0
 
 
+@pytest.mark.sweep
 def test_a_surface_is_framed_like_the_voxels_that_it_is_of():
     pre, post = (drawn(*words, volume=TREE)["A"] > 0.1 for words in ([], POST))
     for axis in (0, 1):  # surfaces lie a little inside of the voxels' kernels
@@ -90,6 +95,7 @@ def test_a_surface_is_framed_like_the_voxels_that_it_is_of():
         assert np.ptp(inner) >= np.ptp(outer) - 6
 
 
+@pytest.mark.sweep
 def test_a_cut_through_noise_is_lit_as_the_plane_that_it_is(rng):
     values = rng.integers(180, 220, (24, 24, 24), dtype=np.uint8)
     values[:, :, :2] = 0
@@ -107,6 +113,7 @@ def test_a_cut_through_noise_is_lit_as_the_plane_that_it_is(rng):
         assert middle.std() < 0.02  # lit by gradients of the noise it is 0.05 to 0.1
 
 
+@pytest.mark.sweep
 def test_labels_recolor_and_hide():
     values = np.zeros((16, 16, 16), np.uint8)
     values[:, :, 8:] = 1
@@ -120,6 +127,7 @@ def test_labels_recolor_and_hide():
     assert red[16, 22, 0] > 3 * red[16, 22, 2]
 
 
+@pytest.mark.sweep
 def test_what_is_cropped_is_not_drawn():
     channels = drawn("--crop", "0:8,:,:", "--camera", "0/0/1", "--fov", 0)
     seen = channels["A"] > 0.5
@@ -131,6 +139,7 @@ def test_what_is_cropped_is_not_drawn():
 # Color bars
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("words", [[], POST, *(["--projection", name] for name in ALL[:3])])
 def test_a_color_bar_widens_the_picture(words):
     volume = "box.npy" if "--projection" in words else BOX
@@ -139,6 +148,7 @@ def test_a_color_bar_widens_the_picture(words):
     assert bar.shape[1] > 120
 
 
+@pytest.mark.sweep
 def test_an_x_rays_bar_does_not_depend_on_the_transfer_function():
     draw = partial(shown, "--projection", "additive", "--color-bar", volume="box.npy", size="96")
     assert np.array_equal(draw(), draw("--transfer", "viridis"))
@@ -147,6 +157,7 @@ def test_an_x_rays_bar_does_not_depend_on_the_transfer_function():
 # Statistics
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [POST, [*HIT, 128], ["--projection", "average"]])
 def test_stats_of_fields_that_are_painted_add_up(words):
     words = [*words, "--order", "image-sheets", "--stats", "s.json"]
@@ -159,6 +170,7 @@ def test_stats_of_fields_that_are_painted_add_up(words):
 # Volumes that hold little or nothing
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [POST, *(["--projection", name] for name in ALL[:3]), [*HIT, 8]])
 def test_a_volume_of_missing_values_is_an_empty_picture_and_a_line(words, capsys):
     np.save("nan.npy", np.full((6, 6, 6), np.nan, np.float32))
@@ -166,6 +178,7 @@ def test_a_volume_of_missing_values_is_an_empty_picture_and_a_line(words, capsys
     assert capsys.readouterr().err.startswith("resample: nothing to see: all voxels are")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [POST, *(["--projection", name] for name in ALL[:3])])
 @pytest.mark.parametrize("name", ["half", "even"])
 def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, capsys):
@@ -178,6 +191,7 @@ def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, caps
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.sweep
 def test_what_is_wholly_cut_away_is_an_empty_picture_and_a_line(capsys):
     cut = ("--clip", "1/0/0/100")
     for words, said in (
@@ -188,6 +202,7 @@ def test_what_is_wholly_cut_away_is_an_empty_picture_and_a_line(capsys):
         assert said in capsys.readouterr().err
 
 
+@pytest.mark.sweep
 def test_a_normal_may_be_of_any_length(capsys):
     pictures = [shown("--clip", f"{length}/0/0") for length in ("1", "1e300", "1e-300")]
     assert np.array_equal(pictures[0], pictures[1])
@@ -198,6 +213,7 @@ def test_a_normal_may_be_of_any_length(capsys):
 # Bad input
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -239,6 +255,7 @@ def test_what_does_not_go_together_is_refused_before_any_work(
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -259,11 +276,13 @@ def test_what_does_not_fit_the_volume_is_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, "render", BOX, "-o", "out.png", *SMALL, *words)
 
 
+@pytest.mark.sweep
 def test_a_color_bar_is_for_pictures_of_the_screen(capsys):
     error = refused(capsys, "render", BOX, "-o", "out.exr", "--size", "96", "--color-bar")
     assert "out.exr: a color bar has no depth; write a .png, or leave it out" in error
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -287,6 +306,7 @@ def test_orders_of_fields_are_compared_on_the_voxels_that_the_thickest_slab_need
 # Help
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
@@ -294,9 +314,7 @@ def test_orders_of_fields_are_compared_on_the_voxels_that_the_thickest_slab_need
         *(
             pytest.param(
                 name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_help_shows_neither_empty_flags_nor_empty_defaults"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name in ("compare", "animate", "figures")
         ),

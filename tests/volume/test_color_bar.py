@@ -17,6 +17,7 @@ WHITE, GREEN = (1.0, 1.0, 1.0), (0.0, 1.0, 0.0)
 REGIONS = RegionTransfer((Region((0, 128), GREEN, 1.0, (50, float("inf"))),))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("height", [64, 77, 150, 401])
 @pytest.mark.parametrize("name", ["engine", "viridis", "surfaces"])
 def test_a_bar_is_as_high_as_asked_for_and_opaque(name: str, height: int) -> None:
@@ -53,12 +54,14 @@ def test_gradients_grow_to_the_right() -> None:
     assert right.min() > 80  # 50 of 62.5, in a panel of some 140 px
 
 
+@pytest.mark.sweep
 def test_a_step_narrower_than_a_row_is_not_lost() -> None:
     line = [(100, GREEN, 0.0), (100, GREEN, 1.0), (100.2, GREEN, 1.0), (100.2, GREEN, 0.0)]
     plain = color_bar(from_points([(0, GREEN, 0.0)]), BYTE, 150)
     assert np.abs(color_bar(from_points(line), BYTE, 150) - plain).max() > 0.1
 
 
+@pytest.mark.sweep
 def test_text_is_light_on_dark_and_dark_on_light() -> None:
     dark = color_bar(load_transfer("gray"), BYTE, 100)
     light = color_bar(load_transfer("gray"), BYTE, 100, background=WHITE)
@@ -68,6 +71,7 @@ def test_text_is_light_on_dark_and_dark_on_light() -> None:
     assert light[:, -20:].min() < 0.5
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("span", [(0.0, 0.0), (-7.0, -7.0), (1e-9, 3e-9), (-1e20, 1e30)])
 @pytest.mark.parametrize("name", ["gray", "surfaces", "engine"])
 def test_any_range_of_data_has_a_bar(name: str, span: tuple[float, float]) -> None:

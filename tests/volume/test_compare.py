@@ -99,9 +99,7 @@ def test_more_rays_do_not_change_what_is_measured_much():
     assert abs(made[0].rows[0]["psnr"] - made[1].rows[0]["psnr"]) < 2  # dB
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_slabs.py::test_slabs_hold_what_quadrature_finds_between_their_planes"
-)
+@pytest.mark.sweep
 def test_slabs_come_to_what_rays_through_the_field_see():
     thin = replace(SPLATS, subpixels=2, order=ImageSheets(0.25))
     made = contest(2, thin)

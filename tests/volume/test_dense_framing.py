@@ -28,9 +28,7 @@ def with_strays(rng):
     [
         (2, (16, 5, 33)),
         *(
-            pytest.param(
-                *each, marks=pytest.mark.sweep(kept_by="test_a_ball_is_found_brick_by_brick")
-            )
+            pytest.param(*each, marks=pytest.mark.sweep)
             for each in [(None, (8, 8, 8)), (2, (8, 8, 8)), (None, (16, 5, 33))]
         ),
     ],
@@ -39,7 +37,7 @@ def with_strays(rng):
     "has_strays",
     [
         False,
-        pytest.param(True, marks=pytest.mark.sweep(kept_by="test_a_ball_is_found_brick_by_brick")),
+        pytest.param(True, marks=pytest.mark.sweep),
     ],
 )
 def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypatch):
@@ -59,6 +57,7 @@ def test_a_ball_is_found_brick_by_brick(has_strays, workers, side, rng, monkeypa
     assert len(told) == 2
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("has_strays", [False, True])
 def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monkeypatch):
     volume = with_strays(rng) if has_strays else smoke(rng)
@@ -72,15 +71,14 @@ def test_every_voxel_is_asked_in_the_order_of_the_painter(has_strays, rng, monke
     assert found.sphere.radius == Subject.of(volume, Appearance("60..190")).sphere.radius
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "several",
     [
         True,
         pytest.param(
             False,
-            marks=pytest.mark.sweep(
-                kept_by="test_pictures_of_what_is_visible_have_the_bits_of_those_in_memory"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

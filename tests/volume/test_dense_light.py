@@ -22,7 +22,7 @@ def painted(media, fit, spent):
     return paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("finest", [40, 13, 9])  # cells of 1, 3 and 5 voxels a side
 @pytest.mark.parametrize(
     ("look", "fit", "memory"),
@@ -46,9 +46,7 @@ def test_blocked_light_has_the_bits_of_a_volume_in_memory(
     "workers",
     [
         3,
-        pytest.param(
-            1, marks=pytest.mark.sweep(kept_by="test_volumes_shade_each_other_whoever_paints_them")
-        ),
+        pytest.param(1, marks=pytest.mark.sweep),
     ],
 )
 def test_volumes_shade_each_other_whoever_paints_them(workers, rng, tmp_path, monkeypatch):

@@ -51,7 +51,7 @@ def painted(media, sides, memory, executor=None, fit="volume"):
     return paint_streamed(dense, subject, camera, SIZE, Budget(memory, executor=executor))
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "place",
     [
@@ -59,9 +59,7 @@ def painted(media, sides, memory, executor=None, fit="volume"):
         "beyond",
         pytest.param(
             "same",
-            marks=pytest.mark.sweep(
-                kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -74,7 +72,7 @@ def test_volumes_of_one_lattice_have_the_bits_of_those_in_memory(place, memory, 
     assert_same(found, whole_of(media))
 
 
-@pytest.mark.sweep(kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory")
+@pytest.mark.sweep
 def test_any_number_of_workers_paints_volumes_and_their_labels(rng):
     first = Appearance("60..190", labels=LABELS, **CUT)
     media = [
@@ -89,6 +87,7 @@ def test_any_number_of_workers_paints_volumes_and_their_labels(rng):
         assert_same(found, wanted)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("place", ["same", "within", "beyond"])
 def test_volumes_in_bricks_that_fit_have_the_bits_of_those_in_memory(place, rng):
     media = [(smoke(rng), Appearance("60..190", **CUT)), (second(rng, place), Appearance(WALLS))]
@@ -123,7 +122,7 @@ def test_bricks_of_a_part_lie_on_the_grid_of_the_lattice(side, rng):
                 assert least[index] > greatest[index]
 
 
-@pytest.mark.sweep(kept_by="test_volumes_of_one_lattice_have_the_bits_of_those_in_memory")
+@pytest.mark.sweep
 @settings(max_examples=6)
 @given(
     shape=st.tuples(*[st.integers(6, 30)] * 3),
@@ -160,6 +159,7 @@ def other(rng, is_missing=False):
     return Volume(values, np.array([1.5, 1.2, 1.9]), origin, TURNED, "other")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("is_missing", "fit"),
     [
@@ -167,9 +167,7 @@ def other(rng, is_missing=False):
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_volumes_of_other_lattices_are_resampled_in_a_file"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in [(False, "visible"), (False, "volume"), (True, "volume")]
         ),

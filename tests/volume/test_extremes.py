@@ -39,9 +39,7 @@ def test_a_cube_beside_a_bright_voxel_shows_its_own_value():
     [
         pytest.param(
             np.uint8,  # has kernels of its own
-            marks=pytest.mark.sweep(
-                kept_by="test_extremes_of_noise_stay_within_the_columns_that_pixels_see"
-            ),
+            marks=pytest.mark.sweep,
         ),
         np.int16,
         np.float32,

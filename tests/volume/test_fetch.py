@@ -160,6 +160,7 @@ def test_a_body_without_an_end_is_not_listened_to(httpserver, tmp_path):
     assert len(sent) < 1000
 
 
+@pytest.mark.sweep
 def test_a_body_that_grows_when_it_is_unpacked_is_refused(httpserver, tmp_path):
     bomb = gzip.compress(bytes(10_000_000))
     httpserver.expect_request(f"/{FILE}").respond_with_data(

@@ -55,6 +55,7 @@ def test_a_composite_of_the_kept_voxels_is_that_of_all(transfer, thickness):
     np.testing.assert_allclose(some, all_, atol=1e-6)  # sums of float32 in another order
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("iso", [30.0, 60.0])
 def test_a_first_hit_among_the_kept_voxels_is_that_among_all(iso):
     resampler = replace(SLABS, projection=Projection.FIRST_HIT, iso=iso)
@@ -67,6 +68,7 @@ def test_a_first_hit_among_the_kept_voxels_is_that_among_all(iso):
     np.testing.assert_allclose(some.depth, all_.depth, atol=1e-3)  # float32 of about 60
 
 
+@pytest.mark.sweep
 def test_the_largest_of_the_kept_voxels_is_that_of_all():
     resampler = replace(SLABS, projection=Projection.MAXIMUM)
     kept = field_voxels(TREE, LEVELS, resampler, None)

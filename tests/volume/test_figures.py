@@ -88,10 +88,12 @@ def test_a_stand_in_says_what_it_stands_in_for(shelf):
     assert "resample-volume fetch skull" in subject.note
 
 
+@pytest.mark.sweep
 def test_a_generated_stand_in_says_that_it_is_generated(shelf):
     assert f"the generated {SMALL} stands in" in shelf.subject("aneurism").note
 
 
+@pytest.mark.sweep
 def test_the_skull_itself_is_shown_where_it_is(shelf):
     write_volume(shelf.folder / "skull.nrrd", generate(SMALL))
     assert shelf.subject("skull").title == "Skull"
@@ -151,6 +153,7 @@ def test_figures_1_and_2_count_what_they_draw(shelf, tmp_path):
     assert read_image(tmp_path / "figure-1-2.png").shape[1] > 1000
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("nothing_fetched")
 def test_figure_2_says_that_it_shows_another_volume(tmp_path):
     said = schematic.make(tmp_path, VolumeFolder(), quick=True)
@@ -302,6 +305,7 @@ def test_figure_7_writes_views_of_every_order(tmp_path, monkeypatch):
 # Figure 8.
 
 
+@pytest.mark.sweep
 def test_figure_8_shows_what_is_there_and_says_what_is_not(shelf, tmp_path):
     said = gallery.make(tmp_path, shelf, quick=True)
     rows, content = numbers(tmp_path, "figure-8")
@@ -319,7 +323,7 @@ def test_pictures_of_figure_8_are_opaque_squares(shelf, tmp_path):
     assert picture.max() > 0.1
 
 
-@pytest.mark.sweep(kept_by="test_figure_8_shows_what_is_there_and_says_what_is_not")
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_figure_8a_marks_splats_in_red_and_has_points_too(volumes, tmp_path):
     gallery.make(tmp_path, VolumeFolder(volumes))
@@ -391,6 +395,7 @@ def test_figure_9_says_why_there_is_no_time_of_vtk(tmp_path, monkeypatch):
     assert [row["vtk_ms"] for row in rows] == ["", "", ""]
 
 
+@pytest.mark.some(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["engine", "lobster", "aneurism"])
 def test_figure_9_paints_as_many_voxels_as_the_paper(name, volumes):
@@ -398,6 +403,7 @@ def test_figure_9_paints_as_many_voxels_as_the_paper(name, volumes):
     assert len(case.samples.position) == timing.PAPER[name].voxels
 
 
+@pytest.mark.sweep
 def test_all_figures_together(shelf, tmp_path):
     said = paper.make(tmp_path / "out", ["1", "8"], shelf.folder, quick=True)
     assert said.startswith("figures 1 and 2")

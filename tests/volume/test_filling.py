@@ -17,6 +17,7 @@ def known_ones(shape, share, seed):
     return np.where(rng.random(shape) < share, values, rng.choice([np.nan, np.inf], shape))
 
 
+@pytest.mark.sweep
 @given(
     shape=st.tuples(*[st.integers(1, 12)] * 3),
     share=st.sampled_from([0.01, 0.05, 0.2, 0.6, 0.97]),

@@ -34,7 +34,7 @@ def projected(camera, point):
     return np.array([x, y]) * scale + view.principal
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("fov", [0.0, 1.0, 30.0, 120.0])
 @pytest.mark.parametrize(("height", "width"), [(100, 100), (60, 200), (200, 60)])
 def test_the_ball_leaves_a_pixel_at_zoom_one(fov, height, width, rng):
@@ -238,6 +238,7 @@ def test_a_thin_thing_that_is_connected_counts():
     assert expected.center[0] == pytest.approx((10 + 47) / 2)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("transfer", ["auto", "gray:low=0.5"])
 def test_every_mode_sees_the_same_ball(transfer, rng):
     values = blob(np.int16) + rng.integers(0, 20, (48, 48, 48)).astype(np.int16)

@@ -73,6 +73,7 @@ def test_vessels_are_thin_and_connected():
     assert scipy.ndimage.label(values > 0, np.ones((3, 3, 3)))[1] == 1
 
 
+@pytest.mark.sweep
 def test_the_aneurysm_is_the_widest_place():
     inside = vessel_tree(size=96).values > 127
     radius = scipy.ndimage.distance_transform_edt(inside)

@@ -69,7 +69,7 @@ def same(found, given):
         assert getattr(part, "dtype", None) == getattr(other, "dtype", None)
 
 
-@pytest.mark.sweep(kept_by="test_a_command_has_its_workers_look_at_a_store")
+@pytest.mark.sweep
 @given(
     shape=st.tuples(*[st.integers(1, 30)] * 3),
     side=st.tuples(*[st.integers(1, 12)] * 3),
@@ -109,9 +109,7 @@ def test_other_processes_get_the_ends_of_bricks_and_no_more_of_their_statistics(
     np.testing.assert_equal(vars(copy)["ends"], ends)
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_windows.py::test_a_killed_worker_costs_a_picture_its_own_windows_alone"
-)
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_killed_worker_costs_a_look_its_own_part_alone(tmp_path):
     path = stored(tmp_path, noise((40, 24, 16), "float32"))
@@ -160,6 +158,7 @@ def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys
     assert np.array_equal(read_image("c.exr"), read_image("d.exr"))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "is_said"),
     [([], True), (["--order", "rays"], True), (["--method", "hybrid"], False)],

@@ -90,7 +90,7 @@ def truth(volume, voxel, window=(100.0, 900.0)):
 WHERES = ["z=4.3", "x=50%", "y=0", "1/0/-1", "1/2/3/2.5"]
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("where", WHERES)
 @pytest.mark.parametrize("volume", [EVEN_VOLUME, TURNED], ids=["even", "turned"])
 def test_a_plane_shows_the_spline_of_scipy_through_its_window(volume, where):
@@ -103,6 +103,7 @@ def test_a_plane_shows_the_spline_of_scipy_through_its_window(volume, where):
     assert not frame.rgba[~within(volume, voxel, -1.0)].any()
 
 
+@pytest.mark.sweep
 def test_a_perspective_camera_shows_the_same():
     frame, voxel = seen_straight(TURNED, "1/2/3", perspective=True)
     inside = within(TURNED, voxel, 0.3)
@@ -110,6 +111,7 @@ def test_a_perspective_camera_shows_the_same():
     assert np.abs(found - truth(TURNED, voxel)[inside][:, None]).max() < LEVEL
 
 
+@pytest.mark.sweep
 def test_colors_are_those_of_matplotlib():
     import matplotlib
 
@@ -120,7 +122,7 @@ def test_colors_are_those_of_matplotlib():
     assert np.abs(found - wanted).max() < 3 * LEVEL  # of which it holds 256
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "light", [Light((1, -1, 2), shadows=True), Light(ambient=0.1, diffuse=0.2), None]
 )
@@ -137,6 +139,7 @@ def test_no_light_and_no_depth_changes_what_a_plane_shows(light):
     assert np.abs(found - truth(EVEN_VOLUME, voxel)[inside][:, None]).max() < LEVEL
 
 
+@pytest.mark.sweep
 def test_a_window_that_is_not_given_is_the_range_without_padding():
     values = np.tile(np.repeat(np.linspace(50, 250, 24), 24).astype(np.int16), 24)
     values = values.reshape(24, 24, 24)
@@ -163,6 +166,7 @@ def test_windows_and_surfaces_on_a_scale_are_of_values():
     np.testing.assert_allclose(mesh.mesh.corner[:, 0] + mesh.middle[0], 10, atol=1e-3)
 
 
+@pytest.mark.sweep
 def test_missing_voxels_are_holes():
     frame, voxel = seen_straight(HALF_KNOWN, "z=5")
     inside = within(HALF_KNOWN, voxel)
@@ -171,8 +175,8 @@ def test_missing_voxels_are_holes():
     assert not frame.rgba[voxel[..., 0] > 6.8].any()
 
 
+@pytest.mark.sweep
 @COARSE
-@pytest.mark.each_value
 @pytest.mark.parametrize("depth", [3.3, 15.5, 28.9])
 def test_what_is_before_a_plane_dims_it_and_what_is_behind_is_hidden(depth):
     look = Appearance(fog(0.05), None, planes=(ImagePlane(f"z={depth}", (0, 200)),))
@@ -184,6 +188,7 @@ def test_what_is_before_a_plane_dims_it_and_what_is_behind_is_hidden(depth):
     np.testing.assert_allclose(middle[..., 3], 1, atol=1e-3)
 
 
+@pytest.mark.sweep
 @COARSE
 def test_planes_and_meshes_let_through_what_their_opacities_leave():
     planes = (ImagePlane("z=15.5", (0, 200), opacity=0.4), ImagePlane("z=25.5", (0, 100)))
@@ -196,6 +201,7 @@ def test_planes_and_meshes_let_through_what_their_opacities_leave():
     np.testing.assert_allclose(found, wanted, atol=2e-3)
 
 
+@pytest.mark.sweep
 @COARSE
 def test_crossing_planes_hide_each_other_where_they_are_behind():
     planes = (ImagePlane("1/0/1", (0, 100)), ImagePlane("1/0/-1", (100, 1e6)))  # white, black
@@ -204,6 +210,7 @@ def test_crossing_planes_hide_each_other_where_they_are_behind():
     np.testing.assert_allclose(rgba[20:44, 36:56, 0], 1, atol=1e-4)
 
 
+@pytest.mark.sweep
 @COARSE
 def test_cuts_leave_planes_whole():
     plane = ("z=15.5:window=0..200",)
@@ -213,6 +220,7 @@ def test_cuts_leave_planes_whole():
     np.testing.assert_array_equal(one, two)
 
 
+@pytest.mark.sweep
 @COARSE
 def test_a_plane_before_the_first_surface_hides_it():
     values = np.zeros((32, 32, 32), np.float32)
@@ -235,6 +243,7 @@ def test_a_preview_shows_the_plane_where_it_is_in_its_window():
     assert not quick[~within(TURNED, voxel, -3.0)].any()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("perspective", [True, False])
 def test_a_pointer_is_on_the_voxel_that_a_plane_shows(perspective):
     volume = TURNED._replace(values=(TURNED.values / 4).astype(np.uint8))
@@ -284,6 +293,7 @@ def test_words_of_planes(text, plane):
     assert Appearance(planes=(text,)).planes == (plane,)
 
 
+@pytest.mark.some(13)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -313,6 +323,7 @@ def test_what_is_no_plane_is_one_line(text, said, tmp_path, monkeypatch, capsys)
     assert said in refused(app, capsys, "render", *words)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -330,6 +341,7 @@ def test_what_shows_no_planes_is_one_line(words, said, tmp_path, monkeypatch, ca
     assert said in refused(app, capsys, *given)
 
 
+@pytest.mark.sweep
 @COARSE
 def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
     from PIL import Image
@@ -347,6 +359,7 @@ def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
     assert [int(np.percentile(frame, 95)) for frame in levels] == pytest.approx([85, 255], abs=8)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("transfer", [NOTHING, "100..300"])
 @pytest.mark.parametrize("fov", ["0", "30"])
 def test_a_plane_fills_the_picture_that_zooms_in(transfer, fov, tmp_path, monkeypatch):

@@ -34,13 +34,14 @@ class Delayed:
         return PLAIN
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "given",
     [
         PLAIN.astype(">f4"),
         pytest.param(
             np.asfortranarray(PLAIN),
-            marks=pytest.mark.sweep(kept_by="test_the_same_values_are_the_same_picture"),
+            marks=pytest.mark.sweep,
         ),
         np.repeat(PLAIN, 2, axis=2)[:, :, ::2],
         PLAIN[::-1][::-1],
@@ -145,6 +146,7 @@ def test_xarray_itself() -> None:
     np.testing.assert_array_equal(as_volume(turned).values, PLAIN)
 
 
+@pytest.mark.sweep
 def test_dask_itself() -> None:
     array = pytest.importorskip("dask.array")
     delayed = array.from_array(PLAIN, chunks=(2, 4, 3)) * 2
@@ -190,6 +192,7 @@ def test_what_is_no_volume_is_said_in_a_line(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("given", "orbit"),
     [

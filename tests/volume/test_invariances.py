@@ -44,6 +44,7 @@ def test_total_opacity_does_not_depend_on_the_zoom(tree, scale):
     assert totals[1] == pytest.approx(totals[0], rel=1e-3)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "order",
@@ -51,9 +52,7 @@ def test_total_opacity_does_not_depend_on_the_zoom(tree, scale):
         pytest.param(ImageSheets(), id="slabs"),
         pytest.param(
             EverySample(),
-            marks=pytest.mark.sweep(
-                kept_by="test_total_opacity_does_not_depend_on_how_finely_a_smooth_field_is_sampled"
-            ),
+            marks=pytest.mark.sweep,
             id="every-sample",
         ),
     ],
@@ -80,6 +79,7 @@ def test_an_evenly_colored_wall_is_even(kind, oblique):
     assert scenes.unevenness(picture) < 1.0  # levels of 255; not to be seen
 
 
+@pytest.mark.sweep
 def test_slabs_do_not_pop_where_sheets_along_the_lattice_do():
     azimuths = np.arange(44.7, 45.31, 0.1)
     scene = scenes.checker(16, 4, 0.9)
@@ -90,6 +90,7 @@ def test_slabs_do_not_pop_where_sheets_along_the_lattice_do():
     assert image < axis / 100  # measured: a 500th on the larger box of the tables
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_samples_ordered_by_distance_pop_less_than_a_twentieth_of_sheets_along_the_lattice():
     azimuths = np.arange(44.7, 45.31, 0.1)
@@ -101,6 +102,7 @@ def test_samples_ordered_by_distance_pop_less_than_a_twentieth_of_sheets_along_t
     assert every < axis / 20
 
 
+@pytest.mark.sweep
 def test_exact_footprints_are_far_above_affine_ones_at_45_degrees():
     side = 120
     camera = Camera.from_fov(100, height=side, width=side)
@@ -116,9 +118,7 @@ def test_exact_footprints_are_far_above_affine_ones_at_45_degrees():
     assert exact > affine + 60  # dB; the goal is 20, measured 99
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_slabs.py::test_thinner_slabs_come_nearer_to_the_ray_integral_by_the_square"
-)
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_slabs_half_as_thick_err_a_third_as_much_at_most():
     scene = scenes.two_colors(0.5)

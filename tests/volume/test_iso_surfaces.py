@@ -70,7 +70,7 @@ def test_there_is_no_surface_beside_missing_voxels():
     np.testing.assert_allclose(np.linalg.norm(used - MIDDLE, axis=1), 10, atol=0.3)  # gaps filled
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("light", [None, Light((1, -1, 2))])
 def test_a_surface_is_what_rays_hit_first(light):
     color = (0.9, 0.3, 0.1)
@@ -89,6 +89,7 @@ def test_a_surface_is_what_rays_hit_first(light):
     assert found[..., 3].sum() == pytest.approx(np.pi * 20**2, rel=0.01)
 
 
+@pytest.mark.sweep
 def test_what_is_before_and_behind_a_surface_is_seen_as_its_opacity_says():
     volume = as_volume(np.indices((32, 32, 32))[0].astype(np.float32))
     surfaces = (IsoSurface(15.5, RED, 0.4), IsoSurface(25.5, RED))
@@ -100,6 +101,7 @@ def test_what_is_before_and_behind_a_surface_is_seen_as_its_opacity_says():
     np.testing.assert_allclose(found, wanted, atol=2e-3)
 
 
+@pytest.mark.sweep
 def test_a_preview_has_the_surface_too():
     look = Appearance(NOTHING, surfaces=("60",))
     quick = Scene(BALL).render(look, ahead(), size=(64, 64), quality="preview").rgba
@@ -107,6 +109,7 @@ def test_a_preview_has_the_surface_too():
     assert abs(quick[..., 3].sum() / whole[..., 3].sum() - 1) < 0.05
 
 
+@pytest.mark.sweep
 def test_the_command_shows_a_surface_of_what_is_not_shown_else(tmp_path, monkeypatch):
     from PIL import Image
 
@@ -119,6 +122,7 @@ def test_the_command_shows_a_surface_of_what_is_not_shown_else(tmp_path, monkeyp
     np.testing.assert_array_equal(np.asarray(Image.open("out.png"))[16, 16, :3], [255, 99, 71])
 
 
+@pytest.mark.sweep
 def test_a_volume_in_chunks_has_the_surface_of_an_array(tmp_path, monkeypatch):
     from resample_volume.cli import app
 
@@ -132,6 +136,7 @@ def test_a_volume_in_chunks_has_the_surface_of_an_array(tmp_path, monkeypatch):
     assert one == two
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -286,12 +286,13 @@ def by_itk(folder):
     return reader.Execute()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("turn", TURNS)
 def test_places_of_dicom(turn, values, tmp_path):
     agrees(Dicom()(series(tmp_path, values, turn=turn)), by_itk(tmp_path))
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("kind", ["int16", "uint16", "uint8"])
 @pytest.mark.parametrize("scale", [(1, -1024), (2, -7), (0.5, 0.25), (0.3, 0)])
 @pytest.mark.parametrize("form", ["MONOCHROME2", "MONOCHROME1"])
@@ -348,6 +349,7 @@ def test_packing_that_needs_more_says_what_to_install(values, tmp_path, monkeypa
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.sweep
 def test_damaged_dicom_is_refused_in_a_line(values, tmp_path, rng):
     series(tmp_path, values[:3])
     whole = {path: path.read_bytes() for path in tmp_path.iterdir()}
@@ -390,6 +392,7 @@ def test_frames_of_one_file(values, tmp_path):
 # Real data
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "name",
     [

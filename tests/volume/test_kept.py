@@ -58,6 +58,7 @@ def same(found, given):
         assert getattr(part, "dtype", None) == getattr(other, "dtype", None)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["uint8", "int16", "float32"])
 def test_a_second_command_does_not_look_at_all_bricks_again(kind, tmp_path, rng):
     values = rng.normal(90, 30, (20, 40, 33)).clip(0, 255).astype(kind)
@@ -69,6 +70,7 @@ def test_a_second_command_does_not_look_at_all_bricks_again(kind, tmp_path, rng)
     same(second, first)
 
 
+@pytest.mark.sweep
 def test_bricks_of_another_size_and_values_without_padding_are_looked_at_by_themselves(tmp_path):
     path = written(tmp_path, np.arange(32**3, dtype=np.int16).reshape(32, 32, 32))
     looked_at(path)
@@ -116,9 +118,7 @@ def test_beside_a_store_that_must_not_be_written_to_the_cache_keeps_it(tmp_path,
     assert len(list((tmp_path / "cache" / "surveys").iterdir())) == 1
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_streaming.py::test_each_brick_is_read_once_where_its_slopes_matter_and_never_elsewhere"
-)
+@pytest.mark.sweep
 def test_pictures_of_sparse_volumes_decode_few_bricks_twice(tmp_path):
     path = written(tmp_path, Bubbles(128).bricks(16))
     frames, reads = [], []

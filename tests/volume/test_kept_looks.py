@@ -76,13 +76,14 @@ def in_memory(path, look, viewpoint):
     return whole_of([(volume._replace(values=volume.values.whole()), look)], "visible", viewpoint)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("light", "most", "layers", "memory"),
     [
         (None, 0.85, 5, 5_000_000),
         pytest.param(
             *(SOLID.light, 1.0, 8, 7_000_000),
-            marks=pytest.mark.sweep(kept_by="test_a_later_command_asks_for_nothing_hidden"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -99,6 +100,7 @@ def test_a_later_command_asks_for_nothing_hidden(light, most, layers, memory, tm
     assert len(read) < 0.5 * len(before)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "look",
     [
@@ -107,9 +109,7 @@ def test_a_later_command_asks_for_nothing_hidden(light, most, layers, memory, tm
             pytest.param(
                 look,
                 id=name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_looks_that_depend_on_more_have_the_same_bits"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name, look in [
                 ("labels", replace(SOLID, labels=LABELS)),
@@ -124,6 +124,7 @@ def test_looks_that_depend_on_more_have_the_same_bits(look, store):
     assert_same(again, in_memory(store, look, Orbit(200, -30, 1.5)))
 
 
+@pytest.mark.sweep
 def test_other_looks_are_looked_at_themselves(store):
     painted(store, SOLID, Orbit(10, 20, 1.5))
     other = of_voxels("100/white/0,240/white/0.2")
@@ -132,6 +133,7 @@ def test_other_looks_are_looked_at_themselves(store):
     assert len(set(read)) == 2 * 2 * 2
 
 
+@pytest.mark.sweep
 def test_a_store_that_has_changed_is_looked_at_anew(store):
     painted(store, SOLID, Orbit(10, 20, 1.5))
     values = opened(store)[0].values.whole()
@@ -144,16 +146,12 @@ def test_a_store_that_has_changed_is_looked_at_anew(store):
     assert_same(again, in_memory(store, SOLID, Orbit(10, 20, 1.5)))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "damage",
     [
         None,
-        *(
-            pytest.param(
-                each, marks=pytest.mark.sweep(kept_by="test_what_is_damaged_is_found_again")
-            )
-            for each in (b"", b"no archive")
-        ),
+        *(pytest.param(each, marks=pytest.mark.sweep) for each in (b"", b"no archive")),
     ],
 )
 def test_what_is_damaged_is_found_again(damage, store, tmp_path):
@@ -169,12 +167,14 @@ def test_what_is_damaged_is_found_again(damage, store, tmp_path):
     assert cached_visible(volume, "another look") is None
 
 
+@pytest.mark.sweep
 def test_nothing_is_kept_where_nothing_can_be_written(store, tmp_path):
     (tmp_path / "cache").write_text("a file")
     first, _ = painted(store, SOLID, Orbit(10, 20, 1.5))
     assert_same(first, in_memory(store, SOLID, Orbit(10, 20, 1.5)))
 
 
+@pytest.mark.sweep
 def test_no_more_is_kept_than_there_is_room_for(store, tmp_path, monkeypatch):
     painted(store, SOLID, Orbit(10, 20, 1.5))
     looks = tmp_path / "cache" / "looks"
@@ -186,6 +186,7 @@ def test_no_more_is_kept_than_there_is_room_for(store, tmp_path, monkeypatch):
     assert sum(after.values()) <= sum(before.values())
 
 
+@pytest.mark.sweep
 def test_small_volumes_are_looked_at_each_time(store, tmp_path, monkeypatch):
     monkeypatch.setattr(statistics_cache, "LEAST", 1 << 23)
     painted(store, SOLID, Orbit(10, 20, 1.5))

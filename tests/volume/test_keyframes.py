@@ -143,6 +143,7 @@ def test_between_two_calibrated_cameras_the_turn_is_even_and_the_eye_goes_straig
     assert made[2].fx == pytest.approx(np.sqrt(100 * 190))
 
 
+@pytest.mark.sweep
 def test_calibrated_cameras_turn_without_jumps_of_speed():
     time = np.array([0.0, 1.0, 2.0])
     made = Keyframes(time, [turned(0.0), turned(60.0), turned(80.0)]).between(2001)

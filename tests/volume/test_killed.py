@@ -83,6 +83,7 @@ print(deaths, films, calls)
 """
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes that can be forked")
 def test_films_killed_at_random_moments_are_resumed_to_the_same_bits(tmp_path):

@@ -98,6 +98,7 @@ def kill(*words):
     return left
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot tell whether a process lives")
 def test_the_same_command_goes_on_where_a_killed_one_was(painted, capsys):
@@ -114,7 +115,7 @@ def test_the_same_command_goes_on_where_a_killed_one_was(painted, capsys):
     assert np.array_equal(read_image("a.exr"), read_image("whole.exr"))
 
 
-@pytest.mark.sweep(kept_by="test_the_same_command_goes_on_where_a_killed_one_was")
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows cannot tell whether a process lives")
 @pytest.mark.parametrize("change", ["look", "store", "alone"])

@@ -86,7 +86,7 @@ def test_labels_go_with_regions(labeled: tuple[Volume, np.ndarray]) -> None:
     assert len(voxels.position) == (label != 1).sum()
 
 
-@pytest.mark.sweep(kept_by="tests/volume/test_inputs.py::test_the_same_values_are_the_same_picture")
+@pytest.mark.sweep
 def test_labels_need_not_be_contiguous(labeled: tuple[Volume, np.ndarray]) -> None:
     volume, label = labeled
     turned = volume_of(volume.values.T)

@@ -52,7 +52,7 @@ def slow_depths(
     return total
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("toward", WAYS)
 @pytest.mark.parametrize("lattice", [np.eye(3), UNEVEN], ids=["even", "uneven"])
 def test_depths_are_integrals_toward_the_light(
@@ -90,6 +90,7 @@ def test_a_ball_casts_a_shadow_as_thick_as_itself() -> None:
     assert (share[55:] == 1).all()
 
 
+@pytest.mark.sweep
 def test_walls_darken_corners_and_floors_do_not() -> None:
     extinction = np.zeros((40, 60, 60), np.float32)
     extinction[:10] = 3.0
@@ -118,6 +119,7 @@ def table_and_block() -> NDArray[np.float32]:
     return values
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("classification", list(Classification))
 def test_a_block_shades_the_table_below_it(classification: Classification) -> None:
     lit = Light((0, 0, 1), specular=0.0)
@@ -163,6 +165,7 @@ def test_surfaces_take_shadows_and_gaps_cast_none() -> None:
     assert darkness(values) < 0.001
 
 
+@pytest.mark.sweep
 def test_large_volumes_share_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     light = Light((1, -1, 2), shadows=True, occlusion=True)
     for classification in Classification:
@@ -173,6 +176,7 @@ def test_large_volumes_share_cells(monkeypatch: pytest.MonkeyPatch) -> None:
         assert 1e-4 < np.abs(fine - coarse).mean() < 0.02
 
 
+@pytest.mark.sweep
 def test_fading_even_regions_changes_what_takes_light() -> None:
     values = gaussian_filter(table_and_block(), 1.0)
     solid = lamps(Light((0, 0, 1), shadows=True), values, classification=Classification.POST)

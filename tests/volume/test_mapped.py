@@ -57,9 +57,10 @@ def same(volume, look, resampler=ALONG_RAYS, **choices):
 
 
 # Bytes lie in 16 bits, for which all of a painter is compiled anew: composited they are tried.
-BYTES = pytest.mark.sweep(kept_by="test_fields_that_are_composited_have_their_bits")
+BYTES = pytest.mark.sweep
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "kind",
     [pytest.param(np.uint8, marks=BYTES), *(np.int16, np.float32, np.float64, np.int32)],
@@ -69,6 +70,7 @@ def test_any_type_of_value_gives_its_bits(kind, rng):
     same(blobs(kind, rng), Appearance("50..150"), maximum)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("projection", ["minimum", "average", "additive", "first-hit"])
 def test_projections_have_their_bits(projection, rng):
     iso = 100.0 if projection == "first-hit" else None
@@ -76,6 +78,7 @@ def test_projections_have_their_bits(projection, rng):
     same(blobs(np.float32, rng), Appearance("50..150"), resampler)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "look",
     [
@@ -88,6 +91,7 @@ def test_fields_that_are_composited_have_their_bits(look, rng):
     same(blobs(np.uint8, rng), look)
 
 
+@pytest.mark.sweep
 def test_a_scene_of_a_volume_in_a_file_is_that_of_one_in_memory(rng):
     volume = blobs(np.uint8, rng)
     scene = Scene(in_bricks(volume))
@@ -97,7 +101,7 @@ def test_a_scene_of_a_volume_in_a_file_is_that_of_one_in_memory(rng):
         assert np.array_equal(found.rgba, given.rgba)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 @pytest.mark.parametrize("projection", ["composite", "maximum", "average"])
 def test_values_that_are_missing_are_filled_in_the_file(projection, kind, rng):
@@ -127,7 +131,7 @@ def test_a_disk_without_room_is_said_before_anything_is_read(rng, monkeypatch):
     assert bricks.values.reads == 0
 
 
-@pytest.mark.sweep(kept_by="test_any_type_of_value_gives_its_bits")
+@pytest.mark.sweep
 def test_a_store_is_projected_within_little_memory(tmp_path, monkeypatch, capsys, rng):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RESAMPLE_LOG", "info")

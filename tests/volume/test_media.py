@@ -114,6 +114,7 @@ LATTICES = {
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
@@ -122,9 +123,7 @@ LATTICES = {
         "apart",
         pytest.param(
             "coarser",
-            marks=pytest.mark.sweep(
-                kept_by="test_overlapping_balls_are_the_integral_of_both_along_rays"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -166,16 +165,12 @@ def test_media_on_one_lattice_are_their_sum_by_hand():
 LIGHTS = [None, Light(), Light((1, -1, 2), shadows=True, occlusion=True)]
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "light",
     [
         LIGHTS[1],
-        *(
-            pytest.param(
-                light, marks=pytest.mark.sweep(kept_by="test_the_order_of_volumes_does_not_matter")
-            )
-            for light in LIGHTS[::2]
-        ),
+        *(pytest.param(light, marks=pytest.mark.sweep) for light in LIGHTS[::2]),
     ],
 )
 def test_the_order_of_volumes_does_not_matter(light):
@@ -270,6 +265,7 @@ def test_missing_values_stay_missing_and_spread_no_farther():
     np.testing.assert_allclose(found.values[inner], x[inner], atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_look_does_not_depend_on_the_lattice_of_others():
     """Fractions stay those of a volume's own values, opacities those of its own voxels."""
     ball = filled(BALLS[1], lattice((20, 20, 20), 1.0))

@@ -97,12 +97,13 @@ def fills_the_picture(picture):
     return bool(middle > 0.05 and inner > 0.1 * middle and corners.max() < 0.05 * middle)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_a_ball_is_seen_whatever_else_is_in_the_volume")
+            marks=pytest.mark.sweep
             if name in ("outliers", "padding above", "negative", "12 bits")  # much like others
             else (),
         )
@@ -113,12 +114,14 @@ def test_a_ball_is_seen_whatever_else_is_in_the_volume(name):
     assert fills_the_picture(shown(ODD[name]()))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["outlier", "padding ring", "padding above", "padding 1e20"])
 def test_the_library_shows_it_too(name):
     frame = render(as_volume(ODD[name]()), size=(SIDE, SIDE))
     assert fills_the_picture(frame.rgba[..., :3].mean(axis=2))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", SHAPED)
 def test_what_there_is_covers_part_of_the_picture(name):
     values, least = SHAPED[name]
@@ -128,7 +131,7 @@ def test_what_there_is_covers_part_of_the_picture(name):
     assert bright.mean() > least
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["outlier", "padding slice", "padding ring", "padding above"])
 @pytest.mark.parametrize("preset", ["bone", "gray", "viridis", "surfaces"])
 def test_presets_do_not_mind_strays_and_padding(name, preset):
@@ -143,7 +146,7 @@ def test_presets_do_not_mind_strays_and_padding(name, preset):
     assert np.abs(picture - expected)[inner].mean() < 0.1 * expected[inner].mean()
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["outlier", "padding slice", "ct with padding"])
 @pytest.mark.parametrize(
     "words",
@@ -163,7 +166,7 @@ def test_all_modes_do_not_mind_them(name, words):
     assert picture[12:20, 12:20].mean() > 2 * picture[[0, 0, -1, -1], [0, -1, 0, -1]].max()
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("far", [3e4, 1e6])
 @pytest.mark.parametrize(
     "words", [["--classify", "post"], ["--projection", "maximum"], ["--projection", "average"]]
@@ -177,6 +180,7 @@ def test_fields_look_as_they_would_without_a_stray(far, words):
     assert off < 0.05 * expected[away_from_it].max()
 
 
+@pytest.mark.sweep
 def test_what_is_found_is_said(capsys):
     values = changed(flesh().astype(np.int16), ring(), -2000)
     values[18:22, 18:22, 18:32] = 9000
@@ -189,6 +193,7 @@ def test_what_is_found_is_said(capsys):
     ]
 
 
+@pytest.mark.sweep
 def test_a_stray_is_said(capsys):
     shown(ODD["outlier"]())
     line = capsys.readouterr().err
@@ -196,6 +201,7 @@ def test_a_stray_is_said(capsys):
     assert line.endswith(", which looks are spread over\n")
 
 
+@pytest.mark.sweep
 def test_nothing_but_missing_values_is_one_line(capsys):
     assert shown(np.full((5, 5, 5), np.nan, np.float32)).max() == 0
     assert capsys.readouterr().err.startswith("resample: nothing to see")
@@ -206,6 +212,7 @@ def test_a_single_slice_is_one_line(capsys):
     assert "thin is a single slice" in refused(capsys, "render", "thin.npy", "-o", "a.png")
 
 
+@pytest.mark.sweep
 def test_a_mean_is_not_black():
     values = changed(np.zeros((40, 40, 40), np.float32), away() < 6, 255)
     picture = shown(values, "--projection", "average")
@@ -213,6 +220,7 @@ def test_a_mean_is_not_black():
     assert picture[0, 0] < 0.01
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("tissue", ["lung", "skin", "ct"])
 def test_tissues_are_for_hounsfield_units(tissue, capsys):
     np.save("a.npy", ball())
@@ -223,6 +231,7 @@ def test_tissues_are_for_hounsfield_units(tissue, capsys):
     assert ended("render", "a.npy", "-o", "a.png", "--transfer", tissue, *words) == 0
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [(), ("--classify", "post"), ("--projection", "average")])
 def test_a_ball_in_nothing_is_seen_without_a_warning(words):
     values = np.where(away() < 15, 20 - away(), np.nan).astype(np.float32)

@@ -129,7 +129,7 @@ VIEWS = {
 
 
 # Our ray caster is a rival too, whose kernel is compiled for it alone.
-OURS = pytest.mark.sweep(kept_by="test_pictures_agree_with_an_obvious_trilinear_ray_caster")
+OURS = pytest.mark.sweep
 
 
 @OURS
@@ -169,6 +169,7 @@ def test_an_even_block_has_the_opacity_of_its_thickness(unit, opacity):
     np.testing.assert_allclose(seen[:3] / seen[3], linear, atol=1 / 255)
 
 
+@pytest.mark.sweep
 def test_pictures_agree_with_an_obvious_trilinear_ray_caster():
     volume = vessel_tree(32)
     camera = Camera.from_fov(

@@ -97,7 +97,7 @@ def naive_voxel(
     return (-1, -1, -1)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("which", [0, 1], ids=["perspective", "parallel"])
 @pytest.mark.parametrize(
     "volume", [cloud(), cloud((0.7, 1.1, 2.4), 0.5)], ids=["cubes", "bricks, turned"]
@@ -141,7 +141,7 @@ def naive_place(
     return tuple(np.clip(np.floor(place[past[0]] + 0.5).astype(int), 0, size - 1)[::-1])
 
 
-@pytest.mark.sweep(kept_by="test_what_is_picked_is_seen")
+@pytest.mark.sweep
 @pytest.mark.parametrize("projection", ["composite", "maximum", "minimum", "first-hit"])
 @pytest.mark.parametrize("which", [0, 1], ids=["perspective", "parallel"])
 def test_samples_of_a_field_are_those_of_fine_steps(projection: str, which: int) -> None:
@@ -182,7 +182,7 @@ def test_what_is_picked_is_seen() -> None:
     assert scene.pick(0.5, 0.5, look, size=(60, 50)) is None
 
 
-@pytest.mark.sweep(kept_by="test_what_is_picked_is_seen")
+@pytest.mark.sweep
 def test_faint_things_can_be_picked_and_cuts_are_kept() -> None:
     values = np.zeros((24, 24, 24), np.float32)
     values[6:18, 6:18, 6:18] = 1.0

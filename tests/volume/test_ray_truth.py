@@ -43,14 +43,14 @@ CASES = {
 }
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("is_fine", [False, True])
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_light_along_rays_is_that_of_short_steps")
+            marks=pytest.mark.sweep
             if name in ("unlit", "cropped", "clipped", "direction", "headlight")  # parts of others
             else (),
         )

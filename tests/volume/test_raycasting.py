@@ -10,9 +10,7 @@ from resample.types import Classifier, Field, Lamp, Samples
 from resample_volume.baselines.raycasting import Casting, cast_rays
 
 # A rival, whose kernel is compiled for it alone.
-pytestmark = pytest.mark.sweep(
-    kept_by="tests/volume/test_ray_truth.py::test_light_along_rays_is_that_of_short_steps"
-)
+pytestmark = pytest.mark.sweep
 
 SKEW = np.array([[1.1, 0.2, 0.0], [0.0, 0.9, 0.1], [0.3, 0.0, -1.3]])  # left-handed too
 UNLIT = Lamp(np.zeros(3), np.array([0.0, 0.0, -1.0, 0.0]), 1.0, 0.0, 0.0, 1.0, 0.0)

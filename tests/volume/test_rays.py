@@ -84,6 +84,7 @@ def ahead(volume: NDArray[np.generic], per_voxel: float) -> tuple[Orthographic, 
     return Orthographic(per_voxel, per_voxel, shape[1] / 2, shape[0] / 2, pose), shape
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("projection", PROJECTIONS)
 def test_threads_do_not_change_a_bit(projection: Projection) -> None:
     values = for_look(blobs(), projection)
@@ -146,7 +147,7 @@ def test_nothing_at_all_is_a_picture_of_nothing() -> None:
     assert not dark.rgba.any()
 
 
-@pytest.mark.sweep(kept_by="test_sub_pixels_that_are_spared_are_as_rays_would_see_them")
+@pytest.mark.sweep
 def test_automatic_sub_pixels_come_to_what_many_show() -> None:
     for size in ((12, 12), (40, 48), (160, 160)):
         few = seen(blobs(), along_rays(), Orbit(30, 20, 1.4), size)
@@ -154,6 +155,7 @@ def test_automatic_sub_pixels_come_to_what_many_show() -> None:
         assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.004
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("projection", [Projection.COMPOSITE, Projection.AVERAGE])
 @pytest.mark.parametrize("per_voxel", [3.0, 9.0])  # every second ray is cast, or every fourth
 def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
@@ -168,6 +170,7 @@ def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
     assert np.sqrt(np.mean(error**2)) < 1e-3, np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("quality", "side", "rays", "least"),  # px, per side of a pixel, dB
     [
@@ -188,6 +191,7 @@ def test_fewer_rays_come_close_to_many(quality: str, side: int, rays: int, least
     assert -20 * np.log10(error) > least
 
 
+@pytest.mark.sweep
 def test_one_ray_is_filtered_to_the_mean_of_a_pixel() -> None:
     camera, size = ahead(blobs((8, 14, 14)), 1.5)
     middle, mean, many = (
@@ -214,6 +218,7 @@ def test_rays_have_a_quality_that_is_known() -> None:
         Rays(quality="good")
 
 
+@pytest.mark.sweep
 def test_thick_slices_are_antialiased_as_thin_ones_are() -> None:
     for step in (1, 5):
         values = blobs((40, 40, 40))[::step]
@@ -223,6 +228,7 @@ def test_thick_slices_are_antialiased_as_thin_ones_are() -> None:
         assert np.sqrt(np.mean((few.rgba - many.rgba) ** 2)) < 0.002
 
 
+@pytest.mark.sweep
 def test_steps_and_sub_pixels_come_closer_to_each_other() -> None:
     exact = seen(blobs(), along_rays(order=Rays(0.05), subpixels=1))
     coarse = [seen(blobs(), along_rays(order=Rays(step), subpixels=1)) for step in (2.0, 1.0, 0.5)]
@@ -239,6 +245,7 @@ def ringed_ball(count: int = 40) -> NDArray[np.float32]:
     return np.asarray(255 * within * (0.8 + 0.2 * np.cos(2 * np.pi * z / 2.5)), np.float32)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("values", [ringed_ball(), blobs()], ids=["rings", "blobs"])
 def test_what_is_spared_is_what_rays_see(values: NDArray[np.generic]) -> None:
     usual = Rays(quality="usual")
@@ -292,6 +299,7 @@ def test_maxima_of_a_ball_are_those_of_its_formula(ball: NDArray[np.float32]) ->
     assert np.abs(frame.value[inside] - expected).max() < 2.5  # type: ignore[index]
 
 
+@pytest.mark.sweep
 def test_sums_of_a_ball_are_those_of_its_formula(ball: NDArray[np.float32]) -> None:
     camera, size = ahead(ball, 2.0)
     away = offsets(size, 2.0)
@@ -348,6 +356,7 @@ def test_extremes_are_not_taken_from_gaps(projection: Projection, is_behind: boo
     assert np.abs(frame.value[4:-4, 4:-4] - end).max() <= 1.5 + 0.1
 
 
+@pytest.mark.sweep
 def test_peaks_lie_between_samples_only_where_that_is_asked_for() -> None:
     values = np.zeros((24, 24, 24), np.float32)
     values[:, 11:13, 11:13] = 100.0

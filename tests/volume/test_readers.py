@@ -320,6 +320,7 @@ def test_dicom_slices_are_sorted_by_position(values, tmp_path):
     assert np.array_equal(volume.direction, ROTATED)
 
 
+@pytest.mark.sweep
 def test_a_series_of_many_is_chosen_by_its_id(values, tmp_path):
     for uid in ("1.2.3", "1.2.4"):
         write_dicom(tmp_path, values % 2000 + int(uid[-1]), uid=uid)
@@ -380,6 +381,7 @@ def test_types_that_fit_into_a_known_one_are_widened(given, kept, values, tmp_pa
     assert np.array_equal(volume.values, array)
 
 
+@pytest.mark.sweep
 def test_importing_the_readers_imports_no_heavy_library():
     code = """import sys, resample_volume.files.readers
 print({"SimpleITK", "OpenImageIO", "vtkmodules", "numba"} & set(sys.modules))"""
@@ -511,6 +513,7 @@ def test_a_damaged_slice_is_refused(suffix, values, tmp_path):
     refused(TiffStack(), tmp_path, "damaged|cannot be read")
 
 
+@pytest.mark.sweep
 def test_a_missing_dicom_slice_is_interpolated_and_said(values, tmp_path):
     smooth = (2000 + 10 * np.arange(10)[:, None, None] ** 2 + values % 7).astype(np.int16)
     volume = Dicom()(write_dicom(tmp_path, smooth, skip=(4,)))
@@ -767,6 +770,7 @@ def test_a_head_in_nifti_is_read(volumes):
     assert volume.name == "chris_t1"
 
 
+@pytest.mark.sweep
 def test_one_aneurysm_in_two_containers_is_one(volumes):
     pytest.importorskip("vtkmodules")
     first, second = Vti()(volumes / "original/aneurism.vti"), Nrrd()(volumes / "aneurism.nhdr")

@@ -240,6 +240,7 @@ def test_opacities_of_colors_are_those_of_voxels():
     np.testing.assert_allclose(voxels.extinction, -np.log(1 - 128 / 255), rtol=1e-5)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 def test_opacities_of_colors_without_one_do_not_depend_on_hue(dtype):
     most = 1.0 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max
@@ -315,6 +316,7 @@ OME = (
 )
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("order", "axes"), [("XYZCT", (0, 1, 2)), ("XYCZT", (0, 2, 1)), ("XYTZC", (1, 2, 0))]
 )

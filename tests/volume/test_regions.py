@@ -283,6 +283,7 @@ def interpolated(table: Floats, row: np.ndarray, column: np.ndarray) -> np.ndarr
     return map_coordinates(table[..., 3].astype(float), [row, column], order=1, mode="nearest")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "transfer",
     [

@@ -75,6 +75,7 @@ def test_importing_a_package_is_quick(package):
     assert {"numpy", "numba", "cv2", "pydantic", "cyclopts"} & set(imported) == set()
 
 
+@pytest.mark.sweep
 def test_rendering_loads_no_forms_of_files_that_are_not_read():
     code = "import sys, resample_volume.rendering; print(*sys.modules)"
     imported = subprocess.run(
@@ -259,6 +260,7 @@ def test_a_ball_is_round_whatever_the_spacing(spacing, primitive, direction):
 # From where
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("primitive", PRIMITIVES)
 def test_a_camera_within_or_beside_the_volume_sees_something_finite(primitive):
     box = as_volume(np.full((8, 8, 8), 1, np.uint8))

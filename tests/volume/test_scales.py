@@ -93,6 +93,7 @@ def test_what_is_linear_stays_as_it_is():
     assert scaled(volume, "linear") is volume
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("look", ["auto", "viridis", "1e-26/red/0,1e-24/gold/0.5", "1e-24.."])
 @pytest.mark.parametrize("post", [False, True])
 def test_a_field_of_decades_is_the_field_of_its_logarithms(look, post):
@@ -188,6 +189,7 @@ def test_a_narrow_range_has_ticks_too():
     assert len(LogScale().ticks((low, high), 7)) >= 2
 
 
+@pytest.mark.sweep
 def test_a_picture_on_a_scale_has_its_bar(file):
     words = ("--scale", "log", "--transfer", "viridis", "--color-bar", "--size", 64)
     assert ended("render", file, "-o", "a.png", *words) == 0
@@ -199,6 +201,7 @@ def test_what_is_converted_keeps_its_values(file, capsys):
     )
 
 
+@pytest.mark.sweep
 def test_a_page_speaks_of_values(file):
     view = volume_view(file, ReadOptions(scale="log"))
     assert view.about["histogram"]["scale"] == "log"

@@ -34,6 +34,7 @@ def blob(side: int = 48) -> NDArray[np.uint8]:
     return np.clip(230 - 520 * away + ripple, 0, 255).astype(np.uint8)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("look", [PRE, POST], ids=["pre", "post"])
 def test_final_pictures_have_the_bits_of_a_call(look: Appearance) -> None:
     scene = Scene(blob())
@@ -109,6 +110,7 @@ def test_merged_voxels_are_means_at_their_place() -> None:
     assert (whole.values == 7).all()
 
 
+@pytest.mark.sweep
 def test_a_picture_is_cancelled_and_the_next_is_the_same() -> None:
     scene, cancel = Scene(blob()), Cancel()
     before = scene.render(POST, size=(300, 300)).rgba
@@ -132,6 +134,7 @@ def test_choices_that_are_none_are_refused() -> None:
     assert Scene(blob(8)).render(camera=Orbit(10, 10, 2.0), size=(8, 8)).rgba.any()
 
 
+@pytest.mark.sweep
 def test_new_looks_find_nothing_of_the_values_again(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene(blob())
     before = scene.render(POST, size=(40, 30)).rgba
@@ -148,6 +151,7 @@ def test_new_looks_find_nothing_of_the_values_again(monkeypatch: pytest.MonkeyPa
         Scene(blob()).render(POST, size=(40, 30))
 
 
+@pytest.mark.sweep
 def test_previews_have_the_size_and_view_of_final_pictures() -> None:
     scene, eye = Scene(blob(64)), Camera.from_fov(30, 41, 57, look_at((-150, 20, 60), (31, 31, 31)))
     for camera in (eye, (30, 20, 1.5, 0.2, -0.1)):
@@ -180,6 +184,7 @@ def test_choices_may_be_given_by_name() -> None:
         Appearance(classification="sideways")  # type: ignore[arg-type]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("side", [48, 45])
 def test_previews_are_cut_where_pictures_are(side: int) -> None:
     scene = Scene(blob(side))

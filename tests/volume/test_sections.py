@@ -137,6 +137,7 @@ def folder(tmp_path, monkeypatch):
     np.save("layers.npy", layers().values)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("slab", ["50/4", "-50/4/0/1/0"])
 @pytest.mark.parametrize("projection", ["maximum", "composite"])
 def test_a_slab_that_holds_nothing_is_said_once(capsys, slab, projection):
@@ -148,6 +149,7 @@ def test_a_slab_that_holds_nothing_is_said_once(capsys, slab, projection):
     assert read_channels("out.exr")["A"].max() == 0
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("slab", ["50/4", "-50/4/0/1/0"])
 def test_a_film_of_a_slab_that_holds_nothing_says_so(capsys, slab):
     words = ("--slab", slab, "--path", "still", "--frames", 1, "-o", "film", *SMALL)
@@ -155,6 +157,7 @@ def test_a_film_of_a_slab_that_holds_nothing_says_so(capsys, slab):
     assert f"the slab {slab} holds nothing of layers" in capsys.readouterr().err
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("slab", ["50/4", "-50/4/0/1/0"])
 def test_a_film_of_times_says_it_too(capsys, slab):
     np.broadcast_to(layers().values, (2, 8, 8, 8)).tofile("beat.raw")
@@ -165,6 +168,7 @@ def test_a_film_of_times_says_it_too(capsys, slab):
     assert said.count(f"the slab {slab} holds nothing of beat") == 1
 
 
+@pytest.mark.sweep
 def test_a_picture_that_no_ray_meets_says_so(capsys, tmp_path):
     camera = tmp_path / "aside.toml"
     camera.write_text("eye = [0, -50, 0]\ntarget = [90, -40, 0]\nfov = 20\n")

@@ -125,6 +125,7 @@ def test_times_without_anything_to_see_do_not_frame():
     assert course.sphere.radius == pytest.approx(Subject.of(series[0], look).sphere.radius)
 
 
+@pytest.mark.sweep
 def test_a_film_has_a_frame_for_each_time(capsys):
     words = ("--path", "still", "--transfer", "auto", "--classify", "pre", *SMALL)
     assert ended("animate", "beats.npy", "-o", "f", *words) == 0
@@ -142,6 +143,7 @@ def test_a_film_has_a_frame_for_each_time(capsys):
     assert before == json.loads(Path("f/animation.json").read_text())
 
 
+@pytest.mark.sweep
 def test_times_are_spread_over_frames_of_a_turn():
     words = ("--frames", "8", *SMALL)
     assert ended("animate", "beats.npy", "-o", "f", *words) == 0
@@ -150,6 +152,7 @@ def test_times_are_spread_over_frames_of_a_turn():
     assert len(list(Path("g").glob("*.png"))) == 2
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [("--projection", "maximum"), ("--classify", "post")])
 def test_fields_are_filmed_over_time(words):
     assert ended("animate", "beats.npy", "--path", "still", "-o", "f", *words, *SMALL) == 0
@@ -159,6 +162,7 @@ def test_fields_are_filmed_over_time(words):
     assert max(change) < 0.03, change  # splines reach beyond the values of a time
 
 
+@pytest.mark.sweep
 def test_other_volumes_stay_while_times_go_on():
     words = ("--also", "vessel-tree:size=16:transfer=gray", "--path", "still", *SMALL)
     assert ended("animate", "beats.npy", "-o", "f", *words) == 0

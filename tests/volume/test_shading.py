@@ -266,6 +266,7 @@ def test_an_impossible_depth_cue_is_refused(share: float) -> None:
         DepthCue(share)
 
 
+@pytest.mark.sweep
 def test_the_modules_load_without_numba_and_matplotlib() -> None:
     code = (
         "import sys, resample_volume.voxels.shading, resample_volume.classification.transfer;"

@@ -59,6 +59,7 @@ def frames(folder):
     return found
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
@@ -74,7 +75,7 @@ def frames(folder):
                 kind,
                 words,
                 id=name,
-                marks=pytest.mark.sweep(kept_by="test_a_film_of_a_store_is_that_of_a_file"),
+                marks=pytest.mark.sweep,
             )
             for name, kind, words in [
                 ("regions", "uint8", ["--transfer", "surfaces"]),
@@ -95,6 +96,7 @@ def test_a_film_of_a_store_is_that_of_a_file(kind, words, capsys):
     assert (told in capsys.readouterr().err) == is_streamed
 
 
+@pytest.mark.sweep
 def test_padding_is_that_of_all_times_of_a_store():
     beats("int16", padding=-3000)
     series = Series.of(open_streamed("a.zarr"))
@@ -109,6 +111,7 @@ def test_padding_is_that_of_all_times_of_a_store():
     assert frames("npy") == frames("zarr")
 
 
+@pytest.mark.sweep
 def test_a_channel_of_a_store_is_filmed(capsys):
     beats("uint8", channels=2)
     for name in ("a.npy", "a.zarr"):
@@ -139,7 +142,7 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
     ]
 
 
-@pytest.mark.sweep(kept_by="test_a_film_of_a_store_is_that_of_a_file")
+@pytest.mark.sweep
 def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     beats("uint8", shape=LONG)
     words = [*LARGE, "--method", "hybrid", "--transfer"]
@@ -156,7 +159,7 @@ def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
     assert "holds frames of another animation" in capsys.readouterr().err
 
 
-@pytest.mark.sweep(kept_by="test_frames_of_times_are_shared_out")
+@pytest.mark.sweep
 @pytest.mark.usefixtures("pickled")
 def test_windows_of_times_are_painted_by_others_too():
     beats("uint8", shape=LONG)
@@ -189,6 +192,7 @@ def pickled(monkeypatch):
     monkeypatch.setattr(workers, "worker_pools", hiring)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("name", "words", "is_kept"),
     [
@@ -199,7 +203,7 @@ def pickled(monkeypatch):
                 "a.zarr",
                 words,
                 False,
-                marks=pytest.mark.sweep(kept_by="test_frames_of_times_are_shared_out"),
+                marks=pytest.mark.sweep,
             )
             for words in ([], ["--projection", "maximum", "--memory", "100MB"])
         ),
@@ -241,13 +245,14 @@ def test_times_that_memory_does_not_hold_as_fields_are_said_to_be_voxels(capsys)
     assert capsys.readouterr().err.count(told) == 1
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "is_kept",
     [
         False,
         pytest.param(
             True,
-            marks=pytest.mark.sweep(kept_by="test_padding_of_all_times_is_known_elsewhere_too"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -260,7 +265,7 @@ def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
     assert frames("a") == frames("b")
 
 
-@pytest.mark.sweep(kept_by="test_frames_of_times_are_shared_out")
+@pytest.mark.sweep
 def test_a_killed_worker_costs_a_film_of_times_its_own_frames_alone(monkeypatch):
     beats("uint8")
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0

@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,6 +29,7 @@ def counted(values):
     return Bricks(at, values.shape, values.dtype, SIDE), read
 
 
+@pytest.mark.sweep
 @given(st.integers(0, 1200), st.lists(st.integers(0, 26), max_size=60), st.integers(0, 2**32 - 1))
 def test_any_shelf_gives_the_values_of_the_file(most, asked, seed):
     values = np.random.default_rng(seed).integers(0, 3, (10, 9, 12)).astype(np.int16)
@@ -92,6 +94,7 @@ def test_other_processes_have_shelves_of_their_own(monkeypatch):
     assert list(caches._CACHES) == [("another command", "1")]
 
 
+@pytest.mark.sweep
 def test_a_shelf_gives_way_to_visible_voxels(rng):
     values = rng.integers(1, 100, (32, 32, 32)).astype(np.uint8)
     bricks, read = counted(values)

@@ -43,6 +43,7 @@ def seen(volume, look, orbit):
     return per * np.array([across, down, 2 * np.sqrt(opacity.sum() / np.pi)])
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("fov", [0, 30])
 @pytest.mark.parametrize("thickness", [1, 2, 3])
 @pytest.mark.parametrize("turn", [(0, 0), (0, 90), (30, 40)])
@@ -54,6 +55,7 @@ def test_a_sphere_in_slices_is_as_wide_as_it_is_high(thickness, turn, fov):
     assert abs(size[1] / size[0] - 1) < 0.02
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("thickness", [5, 7])
 def test_a_sphere_in_thick_slices_is_as_wide_as_in_thin_ones(thickness):
     look = Appearance(SOLID, light=None)
@@ -65,6 +67,7 @@ def test_a_sphere_in_thick_slices_is_as_wide_as_in_thin_ones(thickness):
     assert abs(top[2] - WIDE) < 0.011 * WIDE
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("mask", "wide", "area"),
     [(BALL, 30, BALL.any(axis=1).sum()), (BLOCK, 24, 24**2), (WALL, 1, 48)],
@@ -76,6 +79,7 @@ def test_what_has_a_label_is_as_large_as_its_voxels(mask, wide, area):
     assert_wide(seen(volume, look, Orbit(0, 0, fov=0)), wide, area)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("mask", "wide", "area"),
     [(BALL, 30, BALL.any(axis=1).sum()), (BLOCK, 24, 24**2), (WALL, 1, 48)],

@@ -192,12 +192,14 @@ def test_a_constant_volume_has_one_full_bin():
     assert sorted(facts["histogram"])[-2:] == [0, 8]
 
 
+@pytest.mark.sweep
 def test_compressed_raw_and_its_header_agree(volumes):
     raw = open_volume(volumes / "engine_256x256x128_uint8.raw.gz")
     assert np.array_equal(raw.values, open_volume(volumes / "engine.nhdr").values)
     assert raw.name == "engine"
 
 
+@pytest.mark.sweep
 def test_built_in_data_are_opened_by_name(tmp_path, monkeypatch):
     monkeypatch.setenv("HYBRID_RESAMPLE_DATA", str(tmp_path))
     given = open_volume("sample:vessel-tree:size=8")

@@ -141,6 +141,7 @@ def blob():
     return as_volume((255 * np.exp(-4 * (x**2 + y**2 + z**2))).astype(np.uint8))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("fov", [30.0, 0.0])
 def test_an_orbit_and_its_camera_draw_the_same(fov):
     volume, orbit = blob()._replace(origin=np.array([100.0, -30.0, 5.0])), Orbit(30, 20, 0.6, fov)
@@ -162,6 +163,7 @@ def test_an_orbit_and_its_camera_draw_the_same(fov):
     assert np.isfinite(one.rgba).all()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["axes", "box", "cube", "scale_bar"])
 def test_each_is_drawn_by_itself_and_keeps_what_it_was_given(name):
     volume = blob()
@@ -193,6 +195,7 @@ def test_the_box_is_behind_what_is_opaque():
     assert changed.any()
 
 
+@pytest.mark.sweep
 def test_the_command_draws_on_any_background_and_in_films(tmp_path):
     words = ["checker-box:size=16,block=4", "--size", "64", "--camera", "30/20/0.6"]
     drawn = ["--axes", "--box", "--cube", "--scale-bar"]

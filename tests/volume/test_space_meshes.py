@@ -64,6 +64,7 @@ def seen(meshes, volume=EVEN, look=None, camera=None, size=64, light=None, **cho
     return render(volume, appearance, eye, size=(size, size), resampler=made)
 
 
+@pytest.mark.sweep
 def test_a_sphere_in_fog_is_dimmed_by_the_way_to_it():
     frame = seen([sphere()])
     x, y = np.meshgrid(*[(np.arange(64) + 0.5 - 32) / 2] * 2)
@@ -81,6 +82,7 @@ def test_a_sphere_in_fog_is_dimmed_by_the_way_to_it():
     )
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("depth", [-9.0, 3.3, 15.5, 28.9, 60.0])
 def test_a_wall_in_front_within_or_behind_is_dimmed_by_what_is_before_it(depth):
     frame = seen([wall(depth)])
@@ -95,6 +97,7 @@ def test_a_wall_in_front_within_or_behind_is_dimmed_by_what_is_before_it(depth):
         np.testing.assert_allclose(frame.depth[8:-8, 8:-8], 40 + depth - 15.5, atol=1e-3)
 
 
+@pytest.mark.sweep
 def test_a_wall_that_lets_light_through_is_one_layer_of_it():
     frame = seen([wall(15.5, opacity=0.4), wall(25.5)])
     half, back = np.exp(-0.05 * 16), np.exp(-0.05 * 26)
@@ -105,11 +108,13 @@ def test_a_wall_that_lets_light_through_is_one_layer_of_it():
     np.testing.assert_allclose(frame.rgba[32, 32, :3], truth, atol=2e-3)
 
 
+@pytest.mark.sweep
 def test_a_wall_that_is_wholly_clear_changes_nothing():
     with_wall, without = seen([wall(15.5, opacity=0.0)]), seen([])
     np.testing.assert_allclose(with_wall.rgba[8:-8, 8:-8], without.rgba[8:-8, 8:-8], atol=1e-4)
 
 
+@pytest.mark.sweep
 def test_the_camera_may_be_inside_of_field_and_mesh():
     shell = sphere(radius=10.0)
     eye = Orbit(40, 10, 3000, 60)
@@ -145,7 +150,7 @@ def hits(mesh, camera, size):
     return depth, normal, start, way
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("light", [None, Light(), Light((1, -1, 2))])
 @pytest.mark.parametrize("fov", [30.0, 0.0])
 def test_what_is_before_a_box_is_that_of_short_steps(light, fov):
@@ -177,6 +182,7 @@ def test_what_is_before_a_box_is_that_of_short_steps(light, fov):
     assert decibel > 44, f"{decibel:.1f} dB"
 
 
+@pytest.mark.sweep
 def test_threads_do_not_change_a_bit_of_meshes():
     look = Appearance(
         LOOK, classification=Classification.POST, meshes=(sphere(4.0, (5, 5, 5), RED, 0.5),)
@@ -190,6 +196,7 @@ def test_threads_do_not_change_a_bit_of_meshes():
     np.testing.assert_array_equal(one.depth, two.depth)
 
 
+@pytest.mark.sweep
 def test_order_of_triangles_does_not_matter():
     ball = sphere(4.0, (5, 5, 5))
     turned = scene_mesh(ball.corner, ball.face[::-1], ball.color, smooth=0.0)
@@ -200,6 +207,7 @@ def test_order_of_triangles_does_not_matter():
     np.testing.assert_allclose(one, two, atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_mesh_thinner_than_a_pixel_is_not_skipped():
     corner = np.array([[0.0, -20, 5], [0.3, -20, 5], [0.3, 50, 5], [0.0, 50, 5]])
     thin = scene_mesh(
@@ -235,6 +243,7 @@ def test_a_mesh_beside_the_volume_is_in_the_picture():
     assert inside.sphere.radius == alone.sphere.radius
 
 
+@pytest.mark.sweep
 def test_a_mesh_before_the_first_surface_hides_it():
     values = np.zeros((32, 32, 32), np.float32)
     values[16:] = 100.0
@@ -258,6 +267,7 @@ def test_splats_refuse_meshes_and_say_what_to_take():
         render(EVEN, Appearance(fog(0.1), classification="pre", meshes=(wall(1.0),)))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("gradient", ["central", "sobel"])  # of which the latter is of voxels
 def test_rays_that_are_the_default_meet_meshes(gradient):
     look = Appearance(fog(0.05), None, gradient, meshes=(wall(15.5),))
@@ -293,6 +303,7 @@ def test_colors_of_corners_are_kept(tmp_path):
     np.testing.assert_allclose(read_mesh(str(tmp_path / "red.ply")).color[0], [1, 0, 0], atol=1e-6)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -51,7 +51,7 @@ WALL = scene_mesh(
 )
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("fov", [30.0, 0.0])
 @pytest.mark.parametrize(
     ("choices", "order"),
@@ -62,7 +62,7 @@ WALL = scene_mesh(
             pytest.param(
                 *each,
                 id=name,
-                marks=pytest.mark.sweep(kept_by="test_slabs_over_each_other_are_the_flat_picture"),
+                marks=pytest.mark.sweep,
             )
             for name, *each in [
                 ("unlit splats", {"light": None}, None),
@@ -86,6 +86,7 @@ def test_slabs_over_each_other_are_the_flat_picture(choices, order, fov):
     assert sum(slab.rgba[..., 3].max() > 0.01 for slab in layers) > 5
 
 
+@pytest.mark.sweep
 def test_a_camera_inside_sees_slabs_from_its_near_plane_on():
     flat, layers = pieces(
         Appearance(LOOK, **POST), Resampler(order=Rays(), subpixels=4), Orbit(30, 20, 8), 12
@@ -128,6 +129,7 @@ def test_the_command_writes_a_deep_picture_of_its_flat_one(tmp_path):
     assert 2 < most <= 8
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -153,6 +155,7 @@ def test_slabs_are_of_a_sane_number():
         check_slabs(4, Resampler(order=Rays(), projection=Projection.MAXIMUM))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("name", "bits", "slack"), [
     ("a.jpg", 8, 0.06), ("a.tif", 8, 0.01), ("a.tif", 16, 1e-4), ("a.tiff", 32, 1e-6),
 ])  # fmt: skip

@@ -29,6 +29,7 @@ def noise(shape, dtype=np.uint8):
     return (np.random.default_rng(0).random(shape) * 255).astype(dtype)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("mode", MODES)
 def test_a_slice_has_the_bits_of_any_other_unit(mode):
     values = noise((1, 7, 8))
@@ -38,6 +39,7 @@ def test_a_slice_has_the_bits_of_any_other_unit(mode):
         assert np.array_equal(picture(values, 2.0**power, mode), wanted)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 1, 5), (1, 5, 1), (5, 1, 1)])
 def test_a_voxel_and_a_row_are_seen_at_both_ends_of_spacings(shape, mode):

@@ -74,7 +74,7 @@ def refused(capsys, place, name="render"):
     return lines[-1]
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("shards", [None, (16, 16, 16)])
 def test_what_arrives_cut_off_is_refused(name, shards, values, server, capsys):
@@ -85,6 +85,7 @@ def test_what_arrives_cut_off_is_refused(name, shards, values, server, capsys):
     )
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_shard_that_is_cut_off_where_it_lies_is_damaged(name, values, server, capsys):
     path = store(server, values, shards=(16, 16, 16))
@@ -93,7 +94,7 @@ def test_a_shard_that_is_cut_off_where_it_lies_is_damaged(name, values, server, 
     assert "damaged" in refused(capsys, f"{server.place}/a.zarr", name)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("part", ["index", "chunk"])
 def test_a_wrong_checksum_is_damage(name, part, values, server, capsys):
@@ -122,6 +123,7 @@ def test_a_chunk_of_a_server_that_is_far_too_large_is_refused(values, server):
         held.values[0, 0].read((slice(0, 8),) * 3)
 
 
+@pytest.mark.sweep
 def test_a_chunk_that_is_not_there_has_the_value_that_fills(values, server):
     path = store(server, values)
     (path / "c/0/1/2").unlink()
@@ -130,6 +132,7 @@ def test_a_chunk_that_is_not_there_has_the_value_that_fills(values, server):
     np.testing.assert_array_equal(found[8:], values[8:])
 
 
+@pytest.mark.sweep
 def test_a_server_that_is_busy_now_and_then_is_asked_again(values, server):
     store(server, values)
     held = open_streamed(f"{server.place}/a.zarr")
@@ -137,6 +140,7 @@ def test_a_server_that_is_busy_now_and_then_is_asked_again(values, server):
     np.testing.assert_array_equal(held.values[0, 0].whole(), values)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("change", [{"shape": [20, 18]}, {"shape": [20, -1, 24]}, {"shape": "all"}])
 def test_a_wrong_shape_is_refused(change, values, server, capsys):
     path = store(server, values)
@@ -145,6 +149,7 @@ def test_a_wrong_shape_is_refused(change, values, server, capsys):
     assert "is not zarr, or damaged" in refused(capsys, f"{server.place}/a.zarr")
 
 
+@pytest.mark.sweep
 def test_without_a_list_of_chunks_each_is_asked_about(values, server):
     store(server, values)
     server.tells = "tag"
@@ -180,6 +185,7 @@ class DyingHandler(SimpleHTTPRequestHandler):
         """Say nothing."""
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_network_that_is_cut_while_chunks_are_fetched_ends_a_command(
     name, values, tmp_path, capsys, monkeypatch
@@ -203,6 +209,7 @@ class Terminal(io.StringIO):
         return True
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "form",
     [
@@ -210,9 +217,7 @@ class Terminal(io.StringIO):
         *(
             pytest.param(
                 each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_bars_count_bricks_and_say_how_much_time_is_left"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in ({"shard": 16}, {"is_layered": False})
         ),
@@ -247,6 +252,7 @@ main()
 """
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
 @pytest.mark.parametrize(
@@ -255,7 +261,7 @@ main()
         [],
         pytest.param(
             ["--shard", "32"],
-            marks=pytest.mark.sweep(kept_by="test_a_disk_that_takes_no_more_leaves_no_store"),
+            marks=pytest.mark.sweep,
         ),
     ],
 )

@@ -84,6 +84,7 @@ def zipped(path, chunk=CHUNK, metadata="", by=zipfile.ZIP_DEFLATED):
     return path
 
 
+@pytest.mark.some(6)
 @pytest.mark.parametrize("codec", [*CODECS, "zstd without size"])
 def test_a_chunk_that_unpacks_to_far_more_than_its_values_is_refused(codec, tmp_path):
     bomb = zstd(4 << 20, tells=False) if " " in codec else packed(codec, BOMB)
@@ -100,6 +101,7 @@ def test_a_codec_among_the_filters_is_bounded_too(tmp_path):
         open_volume(path)
 
 
+@pytest.mark.sweep
 def test_a_bomb_within_packed_data_is_refused(tmp_path):
     twice = packed("zlib", packed("zlib", bytes(20 << 20)))
     path = store(tmp_path / "a.zarr", twice, codec="zlib")
@@ -119,6 +121,7 @@ def of_zarr_3(path, codecs, chunk):
     return path
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("codec", [*OF_ZARR_3, "numcodecs.bz2", "numcodecs.lzma"])
 def test_codecs_of_zarr_3_are_bounded(codec, tmp_path):
     chosen = {"name": codec, "configuration": OF_ZARR_3.get(codec, {})}
@@ -260,6 +263,7 @@ def test_chunks_of_a_picture_that_are_missing_are_told_once(tmp_path, caplog):
     assert len(np.unique(kept[0])) == 2
 
 
+@pytest.mark.sweep
 def test_a_sparse_array_is_read_as_its_chunks_are(tmp_path, rng):
     values = np.zeros((20, 40, 20), np.uint16)
     values[9:13, 20:30, 3:5] = rng.integers(1, 1000, (4, 10, 2))
@@ -270,6 +274,7 @@ def test_a_sparse_array_is_read_as_its_chunks_are(tmp_path, rng):
     np.testing.assert_array_equal(open_volume(tmp_path / "a.zarr").values, values)
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("form", ["folder", "zip"])
 @pytest.mark.parametrize("side", [1, 5])
 def test_millions_of_chunks_that_are_not_there_cost_nothing(side, form, tmp_path, monkeypatch):
@@ -320,6 +325,7 @@ def test_very_many_levels_are_refused(tmp_path):
         open_volume(tmp_path / "a.zarr")
 
 
+@pytest.mark.sweep
 def test_damaged_chunks_end_a_process_in_one_line(tmp_path):
     path = tmp_path / "a.zarr"
     zarr.create_array(path, data=np.tile(SMALL, (2, 2, 2)), chunks=(2, 2, 2))

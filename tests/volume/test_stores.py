@@ -134,6 +134,7 @@ def test_a_level_without_a_place_is_taken_for_means(values, tmp_path):
     assert "whose place the file does not tell" in found.note
 
 
+@pytest.mark.sweep
 def test_a_coarser_level_keeps_the_thickness_that_opacities_hold_for(values, tmp_path):
     sets = [placed(0, 1), placed(1, 2)]
     path = written(tmp_path / "a.zarr", np.full_like(values, 7), datasets=sets)
@@ -155,6 +156,7 @@ def test_transformations_of_the_image_come_after_those_of_a_level(values, tmp_pa
     assert found.origin.tolist() == [51.0, -58.0, 73.0]
 
 
+@pytest.mark.sweep
 def test_times_and_channels_are_chosen_as_of_other_files(rng, tmp_path):
     values = rng.integers(0, 255, (3, 2, 5, 6, 7)).astype(np.uint8)
     path = written(tmp_path / "a.zarr", values, chunks=(4, 4, 4))
@@ -214,6 +216,7 @@ def test_a_chunk_that_is_missing_is_the_fill_value(tmp_path):
     assert (found[4:] == 9).all()
 
 
+@pytest.mark.sweep
 def test_shards_are_read(values, tmp_path):
     path = tmp_path / "a.zarr"
     held = zarr.create_array(
@@ -223,7 +226,7 @@ def test_shards_are_read(values, tmp_path):
     assert np.array_equal(open_volume(path).values, values)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("brick", [None, (5, 7, 11), (64, 64, 64)])
 @pytest.mark.parametrize("kind", ["uint8", "int16", "int32", "float32"])
 def test_what_is_known_of_bricks_is_what_is_known_of_the_array(kind, brick, rng, tmp_path):
@@ -238,6 +241,7 @@ def test_what_is_known_of_bricks_is_what_is_known_of_the_array(kind, brick, rng,
     assert np.array_equal(as_array(streamed).values, values, equal_nan=True)
 
 
+@pytest.mark.sweep
 def test_all_commands_take_a_store(values, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     written(tmp_path / "a.ome.zarr", values, "0.4")
@@ -338,6 +342,7 @@ def packed_store(path, shape, chunks, data):
     return path
 
 
+@pytest.mark.sweep
 def test_a_chunk_that_holds_far_more_than_its_values_is_not_unpacked(tmp_path):
     found = open_volume(packed_store(tmp_path / "a.zarr", [8] * 3, [8] * 3, bytes(512)))
     assert found.values.shape == (8, 8, 8)
@@ -366,6 +371,7 @@ def test_a_wrong_shape_in_the_metadata_is_refused_in_a_line(values, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.sweep
 def test_a_damaged_chunk_is_named_in_a_line(values, tmp_path):
     path = written(tmp_path / "a.zarr", values)
     chunk = path / "0" / "c" / "0" / "0" / "0"
@@ -407,6 +413,7 @@ def test_a_missing_extra_is_named_with_its_remedy(values, tmp_path, monkeypatch)
         open_volume(path)
 
 
+@pytest.mark.sweep
 def test_zarr_is_not_imported_before_a_store_is_read():
     assert "zarr" not in imported("resample_volume.cli", "fetch")
 
@@ -433,6 +440,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "kind", ["uint8", "int8", "uint16", "int16", "int32", "float32", "float64"]
 )
@@ -447,6 +455,7 @@ def test_a_converted_volume_comes_back_bit_by_bit(kind, rng):
     same(converted("a.nrrd"), open_recording("a.nrrd"))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "words",
     [
@@ -473,11 +482,13 @@ def test_times_channels_and_colors_come_back(rng):
     assert open_volume("b.ome.zarr").colors.shape == (5, 6, 7, 3)
 
 
+@pytest.mark.sweep
 def test_a_store_is_converted_to_a_store(values, here):
     written(here / "a.ome.zarr", values, "0.4")
     same(converted("a.ome.zarr", "--chunk", "8"), open_recording("a.ome.zarr"))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("kind", "shape"),
     [
@@ -486,7 +497,7 @@ def test_a_store_is_converted_to_a_store(values, here):
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(kept_by="test_levels_are_means_of_two_along_each_axis"),
+                marks=pytest.mark.sweep,
             )
             for each in [
                 ("uint8", (70, 130, 65)),
@@ -512,6 +523,7 @@ def test_levels_are_means_of_two_along_each_axis(shape, kind, rng):
     assert np.array_equal(coarser.origin, finest.origin + finest.spacing / 2)
 
 
+@pytest.mark.sweep
 @given(shape=st.tuples(*[st.integers(2, 7)] * 3), kind=st.sampled_from(["uint8", "int16"]))
 def test_means_are_those_of_blocks(shape, kind):
     values = np.random.default_rng(sum(shape)).integers(0, 250, shape).astype(kind)
@@ -530,6 +542,7 @@ def test_means_leave_out_what_is_missing():
     assert np.isnan(found).sum() == 7
 
 
+@pytest.mark.sweep
 def test_a_volume_that_cannot_be_read_to_its_end_leaves_no_store(values, here, capsys):
     path = written(here / "a.ome.zarr", values)
     chunk = path / "0" / "c" / "1" / "0" / "0"
@@ -567,6 +580,7 @@ def test_what_cannot_be_converted_is_refused_in_a_line(words, message, values, h
 # Beyond memory
 
 
+@pytest.mark.sweep
 def test_a_store_renders_the_same_bits_as_the_file_that_it_was_made_of(capsys):
     assert ended(app, "generate", "vessel-tree:size=72", "-o", "a.npy") == 0
     assert ended(app, "convert", "a.npy", "b.ome.zarr", "--chunk", "16") == 0
@@ -579,9 +593,7 @@ def test_a_store_renders_the_same_bits_as_the_file_that_it_was_made_of(capsys):
     assert "b: 72 x 72 x 72 voxels are read brick by brick (8), within" in told
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_cli_media.py::test_channels_in_chunks_are_painted_window_by_window"
-)
+@pytest.mark.sweep
 def test_a_dense_store_is_painted_window_by_window_with_the_same_bits(capsys):
     smoke = np.random.default_rng(5).integers(0, 200, (320, 60, 64)).astype(np.uint8)
     np.save("a.npy", smoke)
@@ -624,9 +636,7 @@ def frames(folder):
     return [path.read_bytes() for path in sorted(Path(folder).glob("*.png"))]
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_shared_times.py::test_a_film_of_a_store_is_that_of_a_file"
-)
+@pytest.mark.sweep
 def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
@@ -649,9 +659,7 @@ def test_films_of_dense_stores_are_painted_window_by_window_too(capsys):
         assert "holds frames of another animation" in capsys.readouterr().err
 
 
-@pytest.mark.sweep(
-    kept_by="tests/volume/test_glances.py::test_a_command_has_its_workers_look_at_a_store"
-)
+@pytest.mark.sweep
 def test_commands_that_share_their_work_write_the_same_pixels():
     np.save("a.npy", np.random.default_rng(5).integers(0, 200, (60, 60, 320)).astype(np.uint8))
     assert ended(app, "convert", "a.npy", "b.zarr", "--chunk", "16") == 0
@@ -684,6 +692,7 @@ def test_work_that_cannot_be_shared_is_refused_in_a_line(values, capsys):
         assert not Path("a.png").exists()
 
 
+@pytest.mark.sweep
 def test_memory_that_does_not_do_is_refused_in_a_line(values, capsys):
     written(Path("a.zarr"), values)
     np.save("a.npy", values)

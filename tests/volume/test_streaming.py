@@ -67,12 +67,14 @@ def same_voxels(found, given):
         assert np.array_equal(part, whole)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("side", SIDES)
 def test_pictures_are_the_same_for_any_size_of_bricks(side, volume):
     look = of_voxels()
     same_frames(render(in_bricks(volume, side), look, size=SIZE), render(volume, look, size=SIZE))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "look",
     [
@@ -91,6 +93,7 @@ def test_every_look_is_the_same_in_bricks(look, volume):
     )
 
 
+@pytest.mark.sweep
 def test_labels_hold_in_bricks(volume, tmp_path):
     np.save(tmp_path / "a.npy", (volume.values > 130).astype(np.uint8))
     labels = read_labels(str(tmp_path / "a.npy"), ("1:color=tomato",), volume)
@@ -100,7 +103,7 @@ def test_labels_hold_in_bricks(volume, tmp_path):
     )
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "kind",
     [
@@ -108,9 +111,7 @@ def test_labels_hold_in_bricks(volume, tmp_path):
         *(
             pytest.param(
                 kind,
-                marks=pytest.mark.sweep(
-                    kept_by="test_voxels_of_every_type_are_those_of_an_array_in_its_order"
-                ),
+                marks=pytest.mark.sweep,
             )
             for kind in ("int8", "int16", "int32", "uint16", "float64")
         ),
@@ -130,6 +131,7 @@ def test_voxels_of_every_type_are_those_of_an_array_in_its_order(kind, side, vol
         same_voxels(classify(in_bricks(whole, side), transfer, gradient=gradient), given)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["int16", "float32"])
 def test_padding_is_left_out_of_bricks_too(kind, volume):
     values = volume.values.astype(kind) - 20
@@ -147,6 +149,7 @@ def test_padding_is_left_out_of_bricks_too(kind, volume):
     same_frames(render(streamed, look, size=SIZE), render(whole, look, size=SIZE))
 
 
+@pytest.mark.sweep
 @settings(max_examples=15)
 @given(
     shape=st.tuples(*[st.integers(2, 30)] * 3),
@@ -184,6 +187,7 @@ def test_each_brick_is_read_once_where_its_slopes_matter_and_never_elsewhere():
     assert len(read) == len(set(read)) == 27 + 8
 
 
+@pytest.mark.sweep
 def test_bricks_of_a_single_value_are_not_read_again():
     volume = sparse(is_even=True)
     assert volume.values.statistics.greatest.max() == 200
@@ -207,6 +211,7 @@ def test_a_picture_reads_all_bricks_once_and_those_that_are_seen_once_more():
     assert len(volume.values.read.boxes) == 8**3 + 27 + 8
 
 
+@pytest.mark.sweep
 def test_bricks_that_are_held_together_are_two_layers_at_most(volume):
     streamed = in_bricks(volume._replace(values=np.full((64, 40, 40), 150, np.uint8)), (8, 8, 8))
     classify(streamed, SOLID)
@@ -246,6 +251,7 @@ def test_what_needs_the_whole_volume_is_refused_where_that_does_not_fit(volume):
             need()
 
 
+@pytest.mark.sweep
 def test_fields_of_bricks_are_those_of_arrays(volume):
     look = Appearance("80..160", classification="post")
     same_frames(

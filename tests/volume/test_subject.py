@@ -73,7 +73,7 @@ def test_what_a_projection_does_not_show_is_refused():
             Subject.of(TREE, look, resampler)
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("look", [PLAIN, POST])
 @pytest.mark.parametrize(
     "change",
@@ -129,6 +129,7 @@ def test_cameras_of_the_users_own_are_in_the_volumes_scene():
     assert np.allclose(own, own[::-1], atol=1e-2)  # in the middle of the picture
 
 
+@pytest.mark.sweep
 def test_a_dimmed_surface_is_darker_the_farther_it_is():
     for look, resampler in ((PLAIN, SLABS), (POST, SLABS), (PLAIN, PROJECTIONS[3])):
         bright, dim = (
@@ -145,6 +146,7 @@ def test_a_dimmed_surface_is_darker_the_farther_it_is():
 # The library's one call
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("resampler", PROJECTIONS)
 def test_arrays_can_be_projected(resampler):
     frame = render(TREE.values, "gray", resampler=resampler, size=SQUARE)
@@ -154,6 +156,7 @@ def test_arrays_can_be_projected(resampler):
     assert (frame.value is not None) == measured
 
 
+@pytest.mark.sweep
 def test_what_is_measured_is_in_data_units():
     values = np.full((12, 12, 12), 7.0, np.float32)
     values[6, 6, 6] = 8.0

@@ -96,6 +96,7 @@ def test_ranges_are_exact_for_all_types(dtype, rng):
     assert np.array_equal(known.levels.value, np.unique(values))
 
 
+@pytest.mark.sweep
 def test_a_range_of_many_floats_is_exact_beyond_the_sample(rng):
     values = rng.normal(size=(140, 140, 140)).astype(np.float32)
     values[1, 1, 1], values[3, 3, 3] = 5.9, -5.8  # in no sample of every other voxel

@@ -38,6 +38,7 @@ def test_a_wall_that_moves_from_slice_to_slice_stays_whole_between_them():
     assert off < 10  # the spline across slices is off by 150
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_any_axis_may_be_the_thick_one(axis):
     values = tilted(6, 4.0)
@@ -54,6 +55,7 @@ def test_slices_are_made_thin_where_they_are_thick():
     assert thin_of(wide._replace(values=wide.values[:, :8])) == SAME
 
 
+@pytest.mark.sweep
 def test_threads_do_not_change_thin_slices():
     values = slices(5).values
     with threads(1):
@@ -62,6 +64,7 @@ def test_threads_do_not_change_thin_slices():
     assert (one == two).all()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", [np.uint8, np.int16, np.float64])
 def test_thin_slices_pass_no_voxel_where_that_is_asked_for(kind):
     values = (slices(5).values / 2 + 3).astype(kind)
@@ -84,6 +87,7 @@ def test_samples_are_those_of_their_voxels():
     assert (np.unravel_index(found[1:], (3, 4, 5))[0] == np.repeat(range(3), 80)).all()
 
 
+@pytest.mark.sweep
 def test_slices_with_labels_and_means_are_splines():
     volume, look = slices(5), Appearance(light=None)
     labels = Labels(np.zeros(volume.values.shape, np.uint8), {})
@@ -120,6 +124,7 @@ def test_gaps_in_thick_slices_stay_as_large():
     assert abs(2 * seen.sum() - (full > 0.5).any(axis=0).sum()) <= 64
 
 
+@pytest.mark.sweep
 def test_a_picture_of_thick_slices_is_nearer_to_that_of_thin_ones():
     look = Appearance(light=None)
     thin, thick = (slices(n, "rings 1.2") for n in (1, 4))

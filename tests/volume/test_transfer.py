@@ -139,6 +139,7 @@ def test_every_preset_loads_by_its_name_and_shows_something(name: str) -> None:
     assert transfer.opacities(np.arange(256), BYTE).max() > 0.25
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("data", "preset", "count"),
     [
@@ -219,6 +220,7 @@ def test_a_wrong_name_or_parameter_is_explained(name: str, match: str) -> None:
         load_transfer(name)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("suffix", [".toml", ".json"])
 @pytest.mark.parametrize("name", [*PRESETS, "viridis:low=0.3"])
 def test_files_give_back_what_was_saved(tmp_path: Path, name: str, suffix: str) -> None:
@@ -355,6 +357,7 @@ class Former:
         return getattr(self.own, name)
 
 
+@pytest.mark.sweep
 def test_transfer_functions_of_users_may_have_the_former_name_of_classify():
     ramp, volume = (
         from_points([(0, (1, 1, 1), 0.0), (255, (1, 0, 0), 0.9)]),

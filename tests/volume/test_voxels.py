@@ -29,7 +29,7 @@ UPPER = from_points([(40, WHITE, 0.0), (40, WHITE, 0.2), (100, (1.0, 0.5, 0.0), 
 # Of doubles, what finds slopes is compiled once more; central differences show it.
 SLOPES = {
     test: [
-        pytest.param("sobel", marks=pytest.mark.sweep(kept_by=test)) if name == "sobel" else name
+        pytest.param("sobel", marks=pytest.mark.sweep) if name == "sobel" else name
         for name in GRADIENTS
     ]
     for test in (
@@ -130,12 +130,7 @@ def test_the_lattice_is_made_of_the_steps_between_voxels() -> None:
     "kind",
     [
         *FEW_KINDS,
-        *(
-            pytest.param(
-                kind, marks=pytest.mark.sweep(kept_by="test_all_types_give_the_same_voxels")
-            )
-            for kind in FURTHER_KINDS
-        ),
+        *(pytest.param(kind, marks=pytest.mark.sweep) for kind in FURTHER_KINDS),
     ],
 )
 def test_all_types_give_the_same_voxels(kind: str, rng: np.random.Generator) -> None:
@@ -148,9 +143,7 @@ def test_all_types_give_the_same_voxels(kind: str, rng: np.random.Generator) -> 
     "kind",
     [
         "i2",
-        pytest.param(
-            "i1", marks=pytest.mark.sweep(kept_by="test_negative_codes_are_looked_up_right")
-        ),
+        pytest.param("i1", marks=pytest.mark.sweep),
     ],
 )
 def test_negative_codes_are_looked_up_right(kind: str) -> None:
@@ -176,7 +169,7 @@ def test_a_mapped_file_gives_the_same_voxels(tmp_path: Path, rng: np.random.Gene
     assert_same(classify(unit_volume(mapped), UPPER), classify(unit_volume(values), UPPER))
 
 
-@pytest.mark.sweep(kept_by="tests/volume/test_inputs.py::test_the_same_values_are_the_same_picture")
+@pytest.mark.sweep
 def test_values_need_not_be_contiguous(rng: np.random.Generator) -> None:
     values = rng.normal(50, 30, (6, 5, 8))
     strided = values.T[::2]
@@ -276,7 +269,7 @@ def test_a_voxel_among_missing_values_is_flat(gradient: str) -> None:
     [
         pytest.param(
             *(gradient, reach, kind),
-            marks=pytest.mark.sweep(kept_by="test_gradients_agree_with_the_obvious_loop")
+            marks=pytest.mark.sweep
             if kind in FURTHER_KINDS or (gradient, kind) == ("sobel", "f8")
             else (),
         )
@@ -403,7 +396,7 @@ def reconstructed(
     return density * np.interp(value, column, looks.table[0, :, 3])
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("kind", ["u1", "f4"])
 @pytest.mark.parametrize("name", SHOWN)
 def test_voxels_out_of_reach_change_nothing(name: str, kind: str, rng: np.random.Generator) -> None:

@@ -65,9 +65,10 @@ LOOKS = [
     of_voxels("20..190", labels=TISSUE),
     of_voxels(WALLS, labels=TISSUE, **CUT),
 ]
-BITS_ARE_KEPT = pytest.mark.sweep(kept_by="test_windows_have_the_bits_of_a_volume_in_memory")
+BITS_ARE_KEPT = pytest.mark.sweep
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("memory", "number"),
     [
@@ -90,14 +91,13 @@ def test_windows_have_the_bits_of_a_volume_in_memory(number, memory, rng):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("kind", "side"),
     [
         (np.uint8, (8, 8, 8)),
         *(
-            pytest.param(
-                *each, marks=pytest.mark.sweep(kept_by="test_labels_may_be_in_bricks_of_their_own")
-            )
+            pytest.param(*each, marks=pytest.mark.sweep)
             for each in [(np.uint8, (37, 3, 31)), (np.int32, (8, 8, 8)), (np.int32, (37, 3, 31))]
         ),
     ],
@@ -125,6 +125,7 @@ def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
     assert not read
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("workers", [None, 2])
 @pytest.mark.parametrize("kind", [np.uint8, np.float32])
 def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng):
@@ -193,13 +194,12 @@ def stored(volume, path):
     return found._replace(values=replace(found.values, side=(8, 8, 8)))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "workers",
     [
         3,
-        pytest.param(
-            1, marks=pytest.mark.sweep(kept_by="test_any_number_of_workers_paints_the_same_bits")
-        ),
+        pytest.param(1, marks=pytest.mark.sweep),
     ],
 )
 def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
@@ -213,6 +213,7 @@ def test_any_number_of_workers_paints_the_same_bits(workers, rng, tmp_path):
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 @settings(max_examples=8)
 @given(
     shape=st.tuples(*[st.integers(6, 34)] * 3),
@@ -238,6 +239,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "at",
@@ -245,9 +247,7 @@ def test_any_partition_gives_the_same_bits(shape, side, memory, workers, gradien
         (1,),
         pytest.param(
             (0, 1),
-            marks=pytest.mark.sweep(
-                kept_by="test_a_killed_worker_costs_a_picture_its_own_windows_alone"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -275,13 +275,12 @@ def in_small_steps(monkeypatch):
     monkeypatch.setattr(blocks, "SIDE", 4)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "workers",
     [
         None,
-        pytest.param(
-            2, marks=pytest.mark.sweep(kept_by="test_bricks_that_are_on_a_shelf_are_read_once")
-        ),
+        pytest.param(2, marks=pytest.mark.sweep),
     ],
 )
 def test_bricks_that_are_on_a_shelf_are_read_once(workers, rng, monkeypatch):
@@ -323,6 +322,7 @@ def counted(volume, side):
     return volume._replace(values=bricks), read
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("workers", "eye"),
     [
@@ -330,9 +330,7 @@ def counted(volume, side):
         *(
             pytest.param(
                 *each,
-                marks=pytest.mark.sweep(
-                    kept_by="test_windows_are_painted_step_by_step_with_the_same_bits"
-                ),
+                marks=pytest.mark.sweep,
             )
             for each in [
                 (None, Orbit(30, 20, 0.45)),
@@ -360,6 +358,7 @@ def test_windows_are_painted_step_by_step_with_the_same_bits(eye, workers, rng, 
         assert getattr(found, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
+@pytest.mark.sweep
 def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     in_small_steps(monkeypatch)
     monkeypatch.setattr(windows, "SHARE", 1 << 40)  # nothing is on a shelf
@@ -384,6 +383,7 @@ def test_bricks_that_others_hide_are_not_read(rng, monkeypatch):
     assert len(painting) < 1.2 * len(set(painting))
 
 
+@pytest.mark.sweep
 def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     in_small_steps(monkeypatch)
     values = rng.integers(200, 255, (48, 48, 48)).astype(np.uint8)
@@ -400,7 +400,7 @@ def test_further_pictures_ask_for_what_they_show_alone(rng, monkeypatch):
     assert len(set(read)) < 0.9 * 6**3
 
 
-STEPS_ARE_KEPT = pytest.mark.sweep(kept_by="test_whoever_paints_has_the_same_bits_step_by_step")
+STEPS_ARE_KEPT = pytest.mark.sweep
 PAINTERS = [
     (Resampler(order=AxisSheets()), Orbit(4, 3, 1.3)),
     (Resampler(order=ImageSheets()), Orbit(4, -3, 0.45)),
@@ -409,6 +409,7 @@ PAINTERS = [
 ]
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "number",

@@ -87,6 +87,7 @@ def chord(away: np.ndarray) -> np.ndarray:
     return 2 * np.sqrt(np.maximum(RADIUS**2 - away**2, 0))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("spacing", [EVEN, FLAT])
 def test_a_ball_of_water_attenuates_by_its_chords(spacing):
     value = taken(ball(spacing), parallel()).value
@@ -102,11 +103,13 @@ def test_a_point_source_sees_a_ball_by_its_chords():
     np.testing.assert_allclose(value[near], MU * chord(away[near]), rtol=0.01)
 
 
+@pytest.mark.sweep
 def test_bone_attenuates_twice_as_much_as_water():
     water, bone = (taken(ball(inside=hu), parallel()).value[16, 16] for hu in (WATER, BONE))
     assert bone == pytest.approx(2 * water, rel=1e-4)
 
 
+@pytest.mark.sweep
 def test_attenuation_goes_with_that_of_water():
     one, two = (taken(ball(), parallel(), XRay(mu)).value for mu in (0.02, 0.04))
     np.testing.assert_allclose(two, 2 * one, rtol=1e-6)
@@ -138,6 +141,7 @@ def test_gray_levels_are_even_in_the_line_integral_over_the_window():
     assert (frame.rgba[..., 3] == 1).all()
 
 
+@pytest.mark.sweep
 def test_bones_are_white_and_inverted_black():
     look = Appearance(xray=XRay(MU, (0.0, 0.5)))
     white, black = (
@@ -279,6 +283,7 @@ def drawn(*words: object) -> np.ndarray:
     return read_channels("out.exr")["G"]
 
 
+@pytest.mark.sweep
 def test_a_command_makes_an_x_ray():
     by = ["--fov", 0, "--camera", "front", "--window", "0.24/0.48"]
     white = drawn(*BY_XRAY, *by)
@@ -316,6 +321,7 @@ def test_sums_below_0_are_said(capsys):
     assert "all sums are below 0; for Hounsfield units take the projection xray" in said
 
 
+@pytest.mark.sweep
 def test_air_alone_is_said(capsys):
     np.save("water.npy", np.full((8, 8, 8), AIR, np.float32))
     assert ended("render", "water.npy", "-o", "out.png", *SMALL, *BY_XRAY) == 0

@@ -54,6 +54,7 @@ def test_the_layer_has_the_reach_that_is_asked_for():
         assert middle.sum() == pytest.approx(reach * WIDTH, abs=1.5)
 
 
+@pytest.mark.sweep
 def test_what_is_made_lies_behind_what_is_seen():
     rng = np.random.default_rng(7)
     given = prepare(
@@ -123,6 +124,7 @@ def test_other_holes_stay_empty(reason):
     assert np.isinf(both.depth[hole]).all()
 
 
+@pytest.mark.sweep
 def test_frames_of_a_film_show_one_layer():
     """What is made up moves with the wall: a texture in the layer stays where it is on the wall."""
     rng = np.random.default_rng(3)

@@ -66,45 +66,53 @@ def pose(path: str, x: float = 0.0) -> str:
 # Pictures in and out
 
 
+@pytest.mark.sweep
 def test_a_picture_that_stays_where_it_is_keeps_every_level():
     assert ended(*render("-o", "out.png", *STAY)) == 0
     written = cv2.imread("out.png", cv2.IMREAD_UNCHANGED)
     assert np.array_equal(written[..., :3], cv2.imread("color.png"))
 
 
+@pytest.mark.sweep
 def test_a_wall_moves_by_its_disparity():
     picture, source = moved(*RIGHT, *FAST), read_image("color.png")
     assert np.allclose(picture[:8, :30, :3], source[:8, 2:], atol=1e-6)  # float32 of levels
 
 
+@pytest.mark.sweep
 def test_what_no_view_shows_is_transparent():
     picture = moved(*RIGHT, *FAST)
     assert picture.shape == (24, 32, 4)
     assert not picture[:, 30:].any()
 
 
+@pytest.mark.sweep
 def test_the_default_method_moves_things_too():
     picture, source = moved(*RIGHT), read_image("color.png")
     assert np.abs(picture[2:6, 2:28, :3] - source[2:6, 4:30]).mean() < 0.05  # noise is hard
 
 
+@pytest.mark.sweep
 def test_transparency_is_added_once(rng):
     store("in.exr", rng.random((24, 32, 4)), ("R", "G", "B", "A"))
     moved(*RIGHT, *FAST, color="in.exr")
     assert sorted(read_channels("out.exr")) == sorted("RGBA")
 
 
+@pytest.mark.sweep
 def test_any_number_of_channels_stays_that_number(rng):
     store("in.exr", rng.random((24, 32, 6)), tuple("uvwxyz"))
     moved(*STAY, *FAST, "--fill", color="in.exr")
     assert sorted(read_channels("out.exr")) == sorted("uvwxyz")
 
 
+@pytest.mark.sweep
 def test_filled_pictures_are_opaque():
     assert moved(*RIGHT, *FAST, "--fill").shape == (24, 32, 3)
     assert ended(*render(*RIGHT, *FAST, "--fill", "-o", "out.jpg")) == 0
 
 
+@pytest.mark.sweep
 def test_holes_are_filled_by_a_layer_behind_what_hides():
     words = [*RIGHT, "--fill"]
     picture, layer = moved(*words), moved(*words, "--fill-by", "layer")
@@ -123,17 +131,20 @@ def test_a_layer_belongs_to_filling(capsys):
     assert "--fill-by layer belongs to --fill; give both" in refused(capsys, *words)
 
 
+@pytest.mark.sweep
 def test_a_jpeg_needs_a_background(capsys):
     assert "JPEG has no transparency" in refused(capsys, *render(*RIGHT, "-o", "out.jpg"))
     assert ended(*render(*RIGHT, *FAST, "-o", "out.jpg", "--background", "white")) == 0
     assert read_image("out.jpg")[:, -1].mean() > 0.9  # JPEG's loss beside noise
 
 
+@pytest.mark.sweep
 def test_a_picture_has_as_many_bits_as_asked_for():
     assert ended(*render(*RIGHT, *FAST, "-o", "out.png", "--bits", 16)) == 0
     assert cv2.imread("out.png", cv2.IMREAD_UNCHANGED).dtype == np.uint16
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("method", ["hybrid", "mcmillan-zbuffer"])
 def test_labels_are_not_mixed(method, rng):
     labels = rng.integers(1, 7, (24, 32), np.uint16) * 1000 + 7
@@ -166,6 +177,7 @@ def test_holes_are_named_by_their_colors():
     assert colors[2, 10, 3] == 0
 
 
+@pytest.mark.sweep
 def test_holes_are_told(capsys):
     assert ended(*render(*RIGHT, *FAST, "-o", "out.png")) == 0
     error = capsys.readouterr().err
@@ -174,6 +186,7 @@ def test_holes_are_told(capsys):
     assert "--holes shows them, --fill fills them" in error
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("suffix", ["exr", "npy", "png"])
 def test_depth_is_written_in_three_forms(suffix):
     name = f"d.{suffix}"
@@ -192,6 +205,7 @@ def test_coverage_is_a_picture_of_shares():
     assert (share[0, 5], share[0, 31]) == (255, 0)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("name", "kind"), [("m.ply", "mesh"), ("m.glb", "points")])
 def test_the_source_is_exported(name, kind):
     words = [*STAY, *FAST, "-o", "o.png", "--export", name, "--export-as", kind]
@@ -229,6 +243,7 @@ def test_every_encoding_of_the_same_depth_gives_the_same_picture():
         assert np.array_equal(moved(*words, depth="d.npy"), expected), kind
 
 
+@pytest.mark.sweep
 def test_a_pose_file_and_a_move_say_the_same():
     expected = moved(*RIGHT, *FAST)
     assert np.array_equal(moved("--pose", pose("t.txt", 0.2), *FAST), expected)
@@ -236,12 +251,14 @@ def test_a_pose_file_and_a_move_say_the_same():
     assert np.allclose(moved(*there, *FAST), expected, atol=1e-5)  # sums of larger numbers
 
 
+@pytest.mark.sweep
 def test_a_field_of_view_stands_for_intrinsics():
     focal = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
     assert ended(*focal, "--fov", 2 * np.degrees(np.arctan(12 / 20)), "-o", "out.exr") == 0
     assert np.array_equal(read_image("out.exr"), moved(*RIGHT, *FAST))
 
 
+@pytest.mark.sweep
 def test_opencvs_convention_counts_from_pixel_centers():
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
     opencv = ["--intrinsics", "20,20,15.5,11.5", "--convention", "opencv", "-o", "out.exr"]
@@ -249,12 +266,14 @@ def test_opencvs_convention_counts_from_pixel_centers():
     assert np.array_equal(read_image("out.exr"), moved(*RIGHT, *FAST))
 
 
+@pytest.mark.sweep
 def test_another_size_shows_the_same_view():
     assert moved(*FAST, "--size", "16x12").shape[:2] == (12, 16)
     half = moved(*FAST, "--size", "16x12", "--target-intrinsics", "10,10,8,6")
     assert np.array_equal(half, moved(*FAST, "--size", "16x12"))
 
 
+@pytest.mark.sweep
 def test_a_lens_bends_the_picture():
     words = [
         "render",
@@ -282,6 +301,7 @@ def test_coefficients_of_a_lens_go_with_intrinsics_from_elsewhere():
     assert np.array_equal(moved(*FAST, *STAY, "--lens", "k=0,0,0,0"), plain)
 
 
+@pytest.mark.sweep
 def test_further_views_cover_more():
     words = ["--move", "0.4,0,0", *FAST]
     one = moved(*words)
@@ -290,6 +310,7 @@ def test_further_views_cover_more():
     assert both[..., 3].mean() == pytest.approx(1)
 
 
+@pytest.mark.sweep
 def test_statistics_say_how_views_were_matched():
     bright = np.minimum(cv2.imread("color.png") // 2 + 60, 255)
     cv2.imwrite("bright.png", bright)
@@ -316,6 +337,7 @@ def test_several_views_of_labels_are_not_mixed(rng):
     assert set(np.unique(cv2.imread("out.png", -1))) <= known
 
 
+@pytest.mark.sweep
 def test_the_number_of_threads_changes_no_pixel():
     assert np.array_equal(moved(*RIGHT), moved(*RIGHT, "--threads", 1))
 
@@ -352,6 +374,7 @@ def test_pictures_of_one_pixel_are_rendered():
 # Bad input
 
 
+@pytest.mark.some(12)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -385,6 +408,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, *render("-o", "out.png", *words))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["out.gif", "out", "none/out.png", "folder.png"])
 def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeypatch, capsys):
     Path("folder.png").mkdir()
@@ -392,6 +416,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeyp
     assert name in refused(capsys, *render(*RIGHT, "-o", name))
 
 
+@pytest.mark.sweep
 def test_intrinsics_are_asked_for(capsys):
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, "-o", "out.png"]
     assert "give --intrinsics fx,fy,cx,cy or a --lens, or --fov 60 if they are unknown" in refused(
@@ -400,6 +425,7 @@ def test_intrinsics_are_asked_for(capsys):
     assert "singular" in refused(capsys, *words, "--intrinsics", "0,20,16,12")
 
 
+@pytest.mark.sweep
 def test_whole_numbers_need_their_scale(capsys):
     words = ["render", "color.png", "depth.png", *EYE, *RIGHT, "-o", "out.png"]
     assert "needs its scale" in refused(capsys, *words)
@@ -417,6 +443,7 @@ def test_a_file_without_any_depth_is_one_line(capsys):
     assert "none.png has no depth at all" in error
 
 
+@pytest.mark.sweep
 def test_poses_that_are_none_say_how_far_they_are_off(capsys):
     np.savetxt("scaled.txt", np.diag([2.0, 2, 2, 1]))
     error = refused(capsys, *render("--pose", "scaled.txt", "-o", "out.png"))
@@ -424,6 +451,7 @@ def test_poses_that_are_none_say_how_far_they_are_off(capsys):
     assert "not orthonormal: R Rᵀ is off by up to 3" in error
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("which", ["color", "depth"])
 def test_damaged_files_are_one_line(which, capsys):
     data = Path(f"{which}.png").read_bytes()
@@ -464,6 +492,7 @@ def test_things_are_further_left_in_the_right_picture():
     assert np.allclose(right[8:16, 6:14, :3], source[8:16, 12:20], atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_the_right_picture_leads_to_the_left_one():
     rectified()
     source, left = read_image("color.png"), shifted("--from", "right")
@@ -477,6 +506,7 @@ def test_half_of_the_way_is_half_of_the_disparity():
     assert np.allclose(shifted("--fraction", 0.5)[:8, :31, :3], source[:8, 1:], atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_stereo_writes_holes_and_fills_them():
     rectified()
     shifted("--holes", "holes.png", "--coverage", "c.png")
@@ -487,6 +517,7 @@ def test_stereo_writes_holes_and_fills_them():
     assert not np.array_equal(shifted("--fill", "--fill-by", "layer"), filled)
 
 
+@pytest.mark.sweep
 def test_stereo_refuses_in_one_line(capsys):
     cv2.imwrite("disparity.png", np.full((24, 32), 8, np.uint8))
     words = ["stereo", "color.png", "disparity.png", "-o", "out.png"]
@@ -494,6 +525,7 @@ def test_stereo_refuses_in_one_line(capsys):
     assert "none.png" in refused(capsys, "stereo", "color.png", "none.png", "-o", "out.png")
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_readmes_stereo_command_runs():
     cones = real("depth/middlebury2003_cones")
@@ -512,6 +544,7 @@ def film(*words: object, frames: int = 3) -> list[object]:
     return ["animate", "color.png", *depth, *EYE, *FAST, "--frames", frames, *words]
 
 
+@pytest.mark.sweep
 def test_a_film_is_filled_by_a_layer():
     for name, words in (("picture", ["--fill"]), ("layer", ["--fill", "--fill-by", "layer"])):
         assert ended(*film("-o", name, *words)) == 0
@@ -521,6 +554,7 @@ def test_a_film_is_filled_by_a_layer():
     assert not all(np.array_equal(*pair) for pair in pairs)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["a.mp4", "a.webp", "a.gif", "a.apng", "frames"])
 def test_animate_writes_every_form(name):
     assert ended(*film("-o", name)) == 0
@@ -529,6 +563,7 @@ def test_animate_writes_every_form(name):
         assert len(list(Path(name).glob("frame-*.png"))) == 3
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("path", ["orbit", "dolly"])
 def test_paths_differ(path):
     for name, words in (("a", []), ("b", ["--path", path])):
@@ -545,6 +580,7 @@ def test_a_file_of_poses_is_followed():
     assert np.array_equal(still, cv2.imread("color.png"))
 
 
+@pytest.mark.sweep
 def test_a_run_goes_on_where_it_ended():
     assert ended(*film("-o", "frames")) == 0
     kept = Path("frames/frame-0000.png").stat().st_mtime_ns
@@ -555,6 +591,7 @@ def test_a_run_goes_on_where_it_ended():
     assert Path("frames/frame-0002.png").read_bytes() == whole
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "words", [["--amount", 0.2], ["--size", 16], ["--fill"], ["--background", "red"]]
 )
@@ -564,6 +601,7 @@ def test_another_job_is_not_gone_on_with(words, capsys):
     assert "frames of another animation" in error
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -602,6 +640,7 @@ main()
 """
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_killed_run_is_gone_on_with():
     words = [str(word) for word in film("-o", "a.gif")]
@@ -620,6 +659,7 @@ def test_a_killed_run_is_gone_on_with():
 METHODS = ["--methods", "mcmillan-zbuffer,mcmillan"]
 
 
+@pytest.mark.sweep
 def test_methods_are_compared_in_the_generated_scene(capsys):
     words = ["--size", "48", "--views", "side, in3", "-o", "sheet.png"]
     assert ended("compare", "--scene", "generated", *METHODS, *words) == 0
@@ -640,6 +680,7 @@ def test_methods_are_compared_with_a_true_picture(capsys):
     assert first["psnr"] is None or first["psnr"] > 40  # 8 bits of its own picture
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -659,6 +700,7 @@ def test_compare_refuses_in_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, "compare", *words)
 
 
+@pytest.mark.sweep
 def test_figures_write_a_sheet_the_pictures_and_the_numbers(capsys):
     assert ended("figures", "-o", "deep/figures", "--size", "48", *METHODS) == 0
     written = {path.name for path in Path("deep/figures").iterdir()}
@@ -674,6 +716,7 @@ def test_figures_take_ones_own_pictures(capsys):
     assert "give COLOR and DEPTH" in refused(capsys, "figures", "color.png", "-o", "figures")
 
 
+@pytest.mark.sweep
 def test_figures_refine_depth_as_they_are_told():
     pictures = []
     for refine in ("none", "sharpen"):
@@ -683,6 +726,7 @@ def test_figures_refine_depth_as_they_are_told():
     assert pictures[0] != pictures[1]
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
     monkeypatch.setattr("resample_warp3d.command.compare.DEMO_SIZE", 48)
@@ -695,6 +739,7 @@ def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
 # Pixel filters
 
 
+@pytest.mark.sweep
 def test_a_filter_blurs_or_sharpens_what_is_rendered():
     usual = moved(*RIGHT)
     given = moved(*RIGHT, "--filter", "gaussian:sigma=0.6")
@@ -718,6 +763,7 @@ def test_filters_that_cannot_be_are_refused(words, message, capsys):
 # Depth that does not fit
 
 
+@pytest.mark.sweep
 def test_what_was_done_about_depth_stands_in_the_statistics():
     moved(*RIGHT, *FAST, "--stats", "stats.json")
     (refined,) = json.loads(Path("stats.json").read_text())["refine"]
@@ -759,6 +805,7 @@ def test_a_depth_camera_beside_the_pictures_is_brought_to_it():
     assert np.isinf(found[:, :1]).all()
 
 
+@pytest.mark.sweep
 def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(capsys):
     depth = np.full((24, 32), 2000, np.uint16)
     depth[8:16, 12:20] = 1000
@@ -771,6 +818,7 @@ def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(capsys):
     np.testing.assert_allclose(found, depth[:, 2:] / 1000, rtol=1e-3)
 
 
+@pytest.mark.sweep
 def test_depth_of_every_fourth_row_is_interpolated_and_the_command_says_so(capsys):
     depth = np.full((24, 32), 2000, np.uint16)
     depth[:, 12:20] = 1000
@@ -811,6 +859,7 @@ def colmap() -> None:
     Path("color.png.geometric.bin").write_bytes(b"32&24&1&" + depth.tobytes())
 
 
+@pytest.mark.sweep
 def test_a_model_of_colmap_brings_cameras_and_depth():
     colmap()
     words = ["--source-pose", "images.bin:color.png", "--pose", "images.bin:right.png", *FAST]
@@ -819,6 +868,7 @@ def test_a_model_of_colmap_brings_cameras_and_depth():
     assert np.array_equal(read_image("model.exr"), moved(*RIGHT, *FAST))
 
 
+@pytest.mark.sweep
 def test_a_camera_of_an_unknown_model_needs_intrinsics(capsys):
     colmap()
     words = [
@@ -842,6 +892,7 @@ def test_a_film_along_a_file_says_which_poses_it_leaves_out(capsys):
 # Intrinsics of files
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["open3d.json", "ros.yaml", "opencv.yml"])
 def test_intrinsics_of_a_file_are_their_numbers(name):
     write_intrinsics()
@@ -856,6 +907,7 @@ def test_intrinsics_of_a_file_are_their_numbers(name):
     assert np.array_equal(read_image("depth.exr"), read_image("numbers.exr"))
 
 
+@pytest.mark.sweep
 def test_intrinsics_of_a_file_are_fitted_to_the_picture(capsys):
     write_intrinsics(64, 48)
     words = ["render", "color.png", "depth.png", "--depth-scale", 1000, *RIGHT, *FAST]
@@ -884,6 +936,7 @@ def test_a_lens_of_a_file_bends_as_its_numbers_do(capsys):
     assert "ros.yaml has a lens; give it as --target-lens" in line
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("option", ["--intrinsics", "--lens", "--target-intrinsics"])
 def test_files_that_hold_no_intrinsics_are_one_line(option, capsys):
     Path("bad.yaml").write_text("K: [1, 2")

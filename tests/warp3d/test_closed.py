@@ -80,6 +80,7 @@ def seen_inside(camera):
     return inner(is_hit, RIM) & (cosine > GRAZING)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("wall", ["level", "slanted"])
 @pytest.mark.parametrize(("degrees", "distance"), [(20, 4.0), (30, 4.0), (36, 4.0), (30, 1.9)])
 def test_no_wall_shows_through_a_ball(degrees, distance, wall):
@@ -93,6 +94,7 @@ def test_no_wall_shows_through_a_ball(degrees, distance, wall):
     assert warped.coverage[inside].min() > 0.98  # 1 but in 4 of 115,584 pixels of the nearest view
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("roll", [8, 15, 30])
 @pytest.mark.parametrize("distance", [1.0, 3.0, 3.6])
 def test_no_wall_shows_through_a_card_that_is_rolled_and_large(roll, distance):
@@ -107,6 +109,7 @@ def test_no_wall_shows_through_a_card_that_is_rolled_and_large(roll, distance):
     assert warped.coverage[inside].min() == 1
 
 
+@pytest.mark.sweep
 def test_a_thin_gap_between_cards_stays_open_to_what_is_behind():
     """A gap of 0.4 px before a green wall: not closed as if the cards were one surface."""
     wide = 0.02  # of the scene; seen from the source, several px

@@ -215,6 +215,7 @@ def test_a_figure_is_written_with_all_its_parts(figure, tmp_path):
     assert [row["hole %"] for row in numbers["methods"]] == [0.0, 100.0]
 
 
+@pytest.mark.sweep
 def test_pictures_of_a_figure_are_1_to_1(figure, tmp_path):
     paper.write_figures(tmp_path, figure)
     assert read_image(tmp_path / "copy.png").shape == (*SHAPE, 3)

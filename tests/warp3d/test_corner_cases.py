@@ -115,6 +115,7 @@ def test_noise_and_step_out_of_range_are_refused(given):
         warp(np.ones(SHAPE), WALL, SOURCE, SOURCE, **given)
 
 
+@pytest.mark.sweep
 def test_shifts_by_parts_of_a_pixel_are_as_exact_as_a_little_magnification():
     wall = [plane((0, 0, 1), 4.0, pattern(14.0))]
     source = prepare(depth_image(wall, SOURCE, SHAPE))
@@ -126,6 +127,7 @@ def test_shifts_by_parts_of_a_pixel_are_as_exact_as_a_little_magnification():
     assert found[0] > found[1] - 3
 
 
+@pytest.mark.sweep
 def test_silhouettes_are_not_biased():
     def inside(p):
         return 64 / 2.5 * p[..., 0] < 12.3125

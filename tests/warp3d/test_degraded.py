@@ -17,9 +17,7 @@ def source(rng, depth):
     return prepare(DepthImage(color, (1 / depth).astype(np.float32), EMPTY), refine="none")
 
 
-@pytest.mark.sweep(
-    kept_by="tests/warp3d/test_paper.py::test_a_warp_that_stays_is_close_to_the_source"
-)
+@pytest.mark.sweep
 @pytest.mark.parametrize("method", [by_rvs, by_softmax])
 def test_rivals_leave_a_picture_that_stays_as_it_is(method, rng):
     given = source(rng, np.full(SHAPE, 4.0))
@@ -29,7 +27,7 @@ def test_rivals_leave_a_picture_that_stays_as_it_is(method, rng):
     assert (shown.coverage[inner, inner] == 1).all()
 
 
-@pytest.mark.sweep(kept_by="tests/warp3d/test_paper.py::test_a_hidden_wall_does_not_shine_through")
+@pytest.mark.sweep
 @pytest.mark.parametrize("method", [by_rvs, by_softmax])
 def test_rivals_show_what_is_in_front(method, rng):
     given = source(rng, ROOM)
@@ -41,7 +39,7 @@ def test_rivals_show_what_is_in_front(method, rng):
     np.testing.assert_allclose(shown.image[24:40, 14:30], 0.5, rtol=1e-2 + leaked)
 
 
-@pytest.mark.sweep(kept_by="tests/warp3d/test_paper.py::test_a_hidden_wall_does_not_shine_through")
+@pytest.mark.sweep
 def test_a_stretched_triangle_gives_way_to_one_that_is_not(rng):
     given = source(rng, ROOM)
     given.color[:] = (1 / ROOM)[..., None]

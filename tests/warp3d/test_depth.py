@@ -455,6 +455,7 @@ def middlebury():
     return real("depth")
 
 
+@pytest.mark.sweep
 def test_disparities_of_a_real_pair_meet_each_other(middlebury):
     left, right = (
         BareDisparity(scale=4).nearness(read_depth(middlebury / "middlebury2003_cones" / name))

@@ -41,6 +41,7 @@ SIGHTS = {
 }
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("method", ["hybrid", "mcmillan-zbuffer", "preview"])
 def test_final_pictures_have_the_bits_of_a_call(method: str) -> None:
     scene = DepthScene(*room(), CAMERA)
@@ -68,6 +69,7 @@ def test_a_source_is_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert counts[0] == 1
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("name", SIGHTS)
 def test_previews_are_alike_and_say_so(name: str) -> None:
     scene = DepthScene(*room(240, 320), CAMERA.resized(SHAPE, (240, 320)))
@@ -106,6 +108,7 @@ def test_samples_of_pixels_are_those_in_front() -> None:
     np.testing.assert_array_equal(scene.sample_ids(np.eye(4)), index)
 
 
+@pytest.mark.sweep
 def test_a_warp_is_cancelled_and_the_next_is_the_same() -> None:
     scene, cancel = DepthScene(*room(240, 320), CAMERA.resized(SHAPE, (240, 320))), Cancel()
     before = scene.render(moved()).image
@@ -139,6 +142,7 @@ def mapped(array: NDArray[Any]) -> NDArray[Any]:
     return np.load(f"{array.dtype}.npy", mmap_mode="r")
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("form", [swapped, read_only, apart, mapped, np.asfortranarray, list])
 def test_arrays_of_any_layout_are_what_they_hold(
     form: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

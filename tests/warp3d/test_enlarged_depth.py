@@ -34,6 +34,7 @@ def wrong(nearness):
     return np.mean(np.abs(nearness / TRUTH - 1) > 0.1)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("side", [4, 8, 16])
 def test_blocks_of_any_size_end_where_colors_do(side, rng):
     given = in_blocks(TRUTH, side)

@@ -33,7 +33,7 @@ def of_methods(*methods):
     """A test of methods and of rivals; of these it is a sweep, which the methods keep."""
 
     def made(test):
-        mark = pytest.mark.sweep(kept_by=test.__name__)
+        mark = pytest.mark.sweep
         rivals = [pytest.param(name, marks=mark) for name in RIVALS]
         return pytest.mark.parametrize("method", [*methods, *rivals])(test)
 
@@ -82,7 +82,7 @@ def truth(view, name):
 LEAST = {"side": 61.0, "back": 63.0, "in": 69.0}
 
 
-@pytest.mark.each_value
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("view", VIEWS)
 def test_the_hybrid_under_every_filter_is_the_truth_filtered(view, name):
@@ -93,6 +93,7 @@ def test_the_hybrid_under_every_filter_is_the_truth_filtered(view, name):
     assert psnr(given.image, image.astype(np.float32), mask=whole) > LEAST[view]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", FILTERS)
 def test_a_rim_is_covered_as_the_truth_is(name):
     coverage = np.clip(truth("side", name)[1], 0.0, 1.0)
@@ -103,6 +104,7 @@ def test_a_rim_is_covered_as_the_truth_is(name):
     assert np.quantile(apart, 0.9) < 2e-3
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", FILTERS)
 @of_methods(*METHODS)
 def test_what_has_one_color_keeps_it_wherever_it_is(method, name):
@@ -144,9 +146,7 @@ def test_the_mean_over_a_pixel_is_what_a_method_does_anyway(method, name):
         "hybrid",
         pytest.param(
             "mesh:samples=4",
-            marks=pytest.mark.sweep(
-                kept_by="test_depth_and_magnification_are_those_of_a_pixel_s_own_square"
-            ),
+            marks=pytest.mark.sweep,
         ),
     ],
 )
@@ -192,7 +192,7 @@ def test_the_count_of_threads_does_not_change_a_bit(method):
     "method",
     [
         "hybrid",
-        pytest.param("mesh", marks=pytest.mark.sweep(kept_by="test_strips_leave_no_seam")),
+        pytest.param("mesh", marks=pytest.mark.sweep),
     ],
 )
 def test_strips_leave_no_seam(method, monkeypatch):

@@ -102,6 +102,7 @@ TRUTH = {
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("scene", "view"), TRUTH)
 def test_it_shows_what_rays_show(scene, view):
     truth = truth_of(scene, view)
@@ -168,6 +169,7 @@ def test_a_picture_hardly_changes_when_the_camera_hardly_moves():
     assert np.abs(given.image - source.color)[is_inside].max() < 2e-3
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("pixels", [1, 3, 7])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_moves_by_whole_pixels_move_samples(pixels, axis):
@@ -223,6 +225,7 @@ CLOSER = {
 }
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("view", CLOSER)
 def test_a_constant_color_stays_constant(view):
     wall = [plane((0.2, 0.1, 1.0), 4.0, flat(*LEVEL))]
@@ -234,6 +237,7 @@ def test_a_constant_color_stays_constant(view):
     np.testing.assert_allclose(color, np.broadcast_to(LEVEL, color.shape), atol=BRIDGED)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("view", CLOSER)
 def test_there_is_no_gap_inside_a_surface(view):
     wall = [plane((0.2, 0.1, 1.0), 4.0, flat(*LEVEL))]
@@ -263,6 +267,7 @@ ALONE = plane((0.0, 0.0, 1.0), 2.5, flat(1.0), is_on_white)
 BEHIND = plane((0.0, 0.0, 1.0), 5.0, flat(0.0))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("eye", [(1e-5, 0, 0), (0.1, 0.03, 0), (0, 0, 1.0), (0, 0, 1.8)])
 def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(eye):
     things, target = [ALONE, BEHIND], camera_at(eye)
@@ -281,6 +286,7 @@ def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(eye):
     assert error.max() < 0.2
 
 
+@pytest.mark.sweep
 def test_silhouettes_of_a_turned_picture_cover_their_share():
     things, target = [ALONE, BEHIND], camera_at((0, 0, 0), 0, 0.3)
     given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image[..., 0]
@@ -290,6 +296,7 @@ def test_silhouettes_of_a_turned_picture_cover_their_share():
     assert np.mean(error > 0.07) < 1e-3
 
 
+@pytest.mark.sweep
 def test_without_anything_behind_it_a_surface_covers_its_area():
     source = prepare(depth_image([ALONE], SOURCE, SHAPE))
     target = camera_at((0.0, 0.0, -3.0))
@@ -314,7 +321,7 @@ def test_back_faces_are_not_seen():
     assert np.isinf(given.depth).all()
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "target",
     [camera_at((0.3, 0.03, 0)), camera_at((0.3, 0, -3.0)), camera_at((1.2, 0, 0), -0.4)],
@@ -333,6 +340,7 @@ def test_what_is_hidden_does_not_bleed(target, gap):
         assert given[is_whole][:, other].max() < 5e-3
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("view", ["side", "in"])
 def test_there_and_back_gives_the_picture_again(view):
     target = {"side": camera_at((0.2, 0.1, 0.1), 0.03, 0.1), "in": camera_at((0, 0, 1.0))}[view]
@@ -357,6 +365,7 @@ def test_one_and_two_threads_give_the_same_bits(equation):
         np.testing.assert_array_equal(given, expected)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("labels", [False, True])
 def test_what_a_method_warped_before_makes_no_difference(labels):
     method = Hybrid(labels=labels)
@@ -382,6 +391,7 @@ def test_a_mirrored_target_shows_the_picture_mirrored(view, axis):
     assert differing.sum() <= 8
 
 
+@pytest.mark.sweep
 def test_a_mirrored_source_shows_the_same():
     mirrored = Camera.from_intrinsics(64, -64, 32, 32)
     image = depth_image(SCENES["card"], SOURCE, SHAPE)
@@ -471,6 +481,7 @@ def test_the_target_has_any_shape(shape):
         np.testing.assert_allclose(given.image[part], whole.image[part], atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_channels_do_not_depend_on_those_beside_them_in_smooth_places():
     wall = plane((0.2, 0.1, 1), 4.0, pattern(4.0, channels=7))
     image = depth_image([wall], SOURCE, SHAPE, rays=1)

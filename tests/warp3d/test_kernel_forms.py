@@ -1,6 +1,7 @@
 """The same in another guise compiles nothing anew; see `tests.core.test_kernel_forms`."""
 
 import numpy as np
+import pytest
 
 from resample_warp3d import Camera, prepare, warp
 from resample_warp3d.figures.scenes import generated
@@ -11,6 +12,7 @@ from tests.kernels import compiled_only, specialisations
 pytestmark = compiled_only
 
 
+@pytest.mark.sweep
 def test_ends_of_any_number_of_surfaces_lie_row_by_row() -> None:
     image = generated(64).depth_image(4)
     ends = sheet_of(prepare(image)).ends

@@ -10,9 +10,7 @@ from tests.bits import assert_threads_change_nothing
 from tests.warp3d.naive_warp import EMPTY, EQUATIONS, IDENTITY, blocks, moved, random_source
 
 # A rival, whose kernels are compiled for it alone.
-pytestmark = pytest.mark.sweep(
-    kept_by="tests/warp3d/test_warp3d_warp.py::test_every_method_shows_about_the_same"
-)
+pytestmark = pytest.mark.sweep
 
 SHAPE = 96, 96
 

@@ -41,6 +41,7 @@ def horizon(place):
     return FOCAL * (np.arcsin(RADIUS / np.linalg.norm(CENTER)) - angle), (ray @ CENTER) / square
 
 
+@pytest.mark.sweep
 def test_ends_lie_on_the_horizon(source):
     sheet = sheet_of(source)
     end = sheet.corner[sheet.ends[:, 0], sheet.ends[:, 1]]
@@ -68,6 +69,7 @@ def border(picture, rows):
     return np.array([np.flatnonzero(picture[row] > 0.5)[0] for row in rows])
 
 
+@pytest.mark.sweep
 def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source):
     alone = source._replace(nearness=np.where(source.nearness > 0.2, source.nearness, 0.05))
     equation = between(camera_at(focal=FOCAL, shape=(SIZE, SIZE)), ASIDE)
@@ -82,6 +84,7 @@ def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source):
     assert np.mean(bend > 1) < 0.15
 
 
+@pytest.mark.sweep
 def test_what_turns_away_from_the_target_ends_where_the_target_sees_it_turn(source):
     # Toward the right the target sees less of the ball than the source: its own outline.
     eye = (-0.5, 0.0, 0.0)
@@ -106,6 +109,7 @@ def test_an_end_is_inset_by_no_more_than_half_a_pixel():
     assert screen[0, 0, 0] - 70.0 == pytest.approx(INSET_PX, abs=0.01)
 
 
+@pytest.mark.sweep
 def test_no_gap_opens_beside_a_ball_that_is_seen_from_where_the_source_stands(source):
     camera = camera_at(focal=FOCAL, shape=(SIZE, SIZE))
     target = camera_at(yaw=0.2, focal=FOCAL, shape=(SIZE, SIZE))

@@ -32,6 +32,7 @@ EYES = {
 }
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize("is_placed", [False, True])
 @pytest.mark.parametrize("name", EQUATIONS)
 def test_z_buffer_is_that_of_the_obvious_loop(name, is_placed):

@@ -49,6 +49,7 @@ def warped(source_eye, target):
     return warp(image.color, 1 / image.nearness, source, target)
 
 
+@pytest.mark.sweep
 def test_the_order_of_views_changes_no_bit():
     target = camera_at(focal=48.0, shape=SHAPE)
     views = [warped(eye, target) for eye in ((-0.4, 0, 0), (0.4, 0.05, 0), (0, -0.3, 0.5))]
@@ -57,6 +58,7 @@ def test_the_order_of_views_changes_no_bit():
         assert_same_bits(merge(order), expected)
 
 
+@pytest.mark.sweep
 def test_holes_of_one_view_are_filled_by_the_other():
     target = camera_at(focal=48.0, shape=SHAPE)
     left, right = (warped((x, 0, 0), target) for x in (-0.5, 0.5))
@@ -79,6 +81,7 @@ def test_one_view_merged_is_that_view(coverage):
         np.testing.assert_allclose(one, other, rtol=ROUND)
 
 
+@pytest.mark.sweep
 def test_a_view_of_a_scene_merged_is_that_view():
     given = warped((0.3, 0, 0), camera_at(focal=48.0, shape=SHAPE))
     merged = merge([given])

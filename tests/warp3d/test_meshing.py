@@ -11,9 +11,7 @@ from tests.warp3d import naive_warp
 from tests.warp3d.naive_warp import EMPTY, EQUATIONS, IDENTITY, random_source
 
 # A rival, whose kernels are compiled for it alone.
-pytestmark = pytest.mark.sweep(
-    kept_by="tests/warp3d/test_warp3d_warp.py::test_every_method_shows_about_the_same"
-)
+pytestmark = pytest.mark.sweep
 
 SHAPE = 22, 26
 CUTS = {"links": None, "0.3": 0.3, "none": math.inf}

@@ -67,6 +67,7 @@ def alone(n, *words):
 # Folders, patterns, stacks
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("color", ["pictures", "pictures/*.png", "film.gif"])
 @pytest.mark.parametrize(
     "depth", [["depth", *DEPTH], ["depth/*.png", *DEPTH], ["stack.npy"], ["stack.npz:z"]], ids=str
@@ -78,6 +79,7 @@ def test_films_are_files_folders_patterns_and_stacks(color, depth):
     np.testing.assert_array_equal(made[1], alone(1, "render", *MOVED, "--fill"))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("output", ["out", "out/*.tif", "out/seen-*.exr"])
 def test_a_film_is_written_to_numbered_files(output):
     assert ended("render", "pictures", "depth", *DEPTH, *FAST, *MOVED, "-o", output) == 0
@@ -88,6 +90,7 @@ def test_a_film_is_written_to_numbered_files(output):
     np.testing.assert_allclose(read_image(files[2]), read_image("one.png"), atol=1 / 255)
 
 
+@pytest.mark.sweep
 def test_a_film_that_breaks_off_leaves_nothing():
     Path("depth/10.png").write_bytes(b"damaged")
     Path("out").mkdir()
@@ -97,6 +100,7 @@ def test_a_film_that_breaks_off_leaves_nothing():
     assert Path("out/frame-0000.png").read_bytes() == b"earlier"
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -160,6 +164,7 @@ def test_a_folder_has_the_frames_per_second_it_is_given():
 # Two eyes
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("layout", ["one", "side-by-side", "half-top-bottom", "anaglyph", "vr180"])
 def test_films_are_made_for_two_eyes(layout):
     fast = FAST if layout != "vr180" else [*FAST[:2], *FAST[-2:]]
@@ -184,6 +189,7 @@ def test_films_of_rectified_pairs_take_their_disparity():
     )
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("layout", ["half-side-by-side", "half-top-bottom"])
 def test_halves_are_means_of_two_pixels_and_together_as_large_as_one(layout):
     words = ["stereo", "pictures/8.png", "depth/8.png", "--depth-kind", "z", *DEPTH, *FAST]
@@ -205,6 +211,7 @@ def test_halves_are_means_of_two_pixels_and_together_as_large_as_one(layout):
 FLIGHT = ["animate", "pictures", "depth", *DEPTH, *FAST, "--amount", "0.3"]
 
 
+@pytest.mark.sweep
 def test_a_film_has_one_pose_for_each_of_its_pictures():
     assert ended(*FLIGHT, "-o", "out") == 0
     made = levels("out")
@@ -215,6 +222,7 @@ def test_a_film_has_one_pose_for_each_of_its_pictures():
     np.testing.assert_array_equal(made[0][covered], still[covered])  # a sway begins at the source
 
 
+@pytest.mark.sweep
 def test_poses_of_a_file_are_those_of_a_films_pictures():
     poses = np.tile(np.eye(4), (COUNT, 1, 1))
     poses[:, 0, 3] = [0.0, -0.2, 0.1]
@@ -229,6 +237,7 @@ def test_poses_of_a_file_are_those_of_a_films_pictures():
     np.testing.assert_array_equal(made[1][covered], moved[covered])
 
 
+@pytest.mark.sweep
 def test_a_longer_flight_shows_the_film_again():
     words = [*FLIGHT, "--frames", "5", "--path", "still.txt"]
     words.remove("--amount"), words.remove("0.3")
@@ -257,6 +266,7 @@ def test_a_flight_through_a_film_is_the_same_elsewhere(monkeypatch):
     assert_same_film(cli.app, [*FLIGHT, "--size", "20x15"])
 
 
+@pytest.mark.sweep
 def test_a_flight_lasts_as_long_as_its_film():
     assert ended("animate", "film.gif", "depth", *DEPTH, *FAST, "-o", "out.webp") == 0
     with Image.open("out.webp") as file:
@@ -299,6 +309,7 @@ def flicker(path):
     return np.abs(np.diff(made, axis=0)).max()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("bits", [None, 16, 8])
 def test_a_still_film_does_not_flicker_where_its_depths_scale_varies(bits, capsys):
     words = [*still_film(bits), "--fill"]
@@ -326,6 +337,7 @@ def test_cuts_are_told(capsys):
     assert "each shot has its own range; cuts before picture 2;" in capsys.readouterr().err
 
 
+@pytest.mark.sweep
 def test_frames_of_aligned_depth_are_the_same_in_any_order():
     words = ["animate", *still_film(8)[1:5], "--path", "sway"]
     assert ended(*words, "-o", "out") == 0
@@ -336,6 +348,7 @@ def test_frames_of_aligned_depth_are_the_same_in_any_order():
     assert frames("out") == whole
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("command", ["render", "stereo"])
 def test_films_of_panoramas_are_made_as_pictures_are(command, rng):
     Path("pano").mkdir()

@@ -21,6 +21,7 @@ def test_identity_is_exact_in_any_number_of_channels():
     np.testing.assert_array_equal(picture.coverage, is_known)
 
 
+@pytest.mark.some(1)
 @needs_warp_frame
 @pytest.mark.parametrize("shape", [(20, 24), (30, 33), (9, 40)])
 @pytest.mark.parametrize("name", EQUATIONS)

@@ -151,12 +151,14 @@ def test_facts_of_another_kind_are_refused(tmp_path):
         load_pairs(tmp_path)
 
 
+@pytest.mark.sweep
 def test_masks_of_real_pairs_hold_a_good_part_of_the_picture(pairs):
     shares = {pair.name: float(pair.mask.mean()) for pair in pairs}
     assert min(shares.values()) > 0.2, shares
     assert max(shares.values()) < 0.95, shares
 
 
+@pytest.mark.sweep
 def test_real_pictures_agree_in_their_masks(pairs):
     for pair in pairs:
         warped = nearest_warped(pair)

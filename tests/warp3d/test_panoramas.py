@@ -82,12 +82,13 @@ VIEWS = {  # yaw to the right and pitch upwards, rad
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_all_around_there_are_no_seams")
+            marks=pytest.mark.sweep
             if name in ("between", "below", "corner")  # parts of others
             else (),
         )
@@ -102,12 +103,13 @@ def test_all_around_there_are_no_seams(name):
     assert (np.abs(np.log(made.depth / truth.depth)) < 0.02).mean() > 0.99  # the rest is rims
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
         pytest.param(
             name,
-            marks=pytest.mark.sweep(kept_by="test_an_eye_that_moves_sees_what_rays_see")
+            marks=pytest.mark.sweep
             if name in ("ahead", "behind", "below")  # parts of others
             else (),
         )

@@ -81,6 +81,7 @@ def test_the_weighted_median_is_where_half_of_the_weight_is_reached(count, level
         assert median_of(value, weight) == naive_refining.weighted_median(value, weight)
 
 
+@pytest.mark.sweep
 def test_votes_are_counted_as_one_by_one(rng):
     shape = 21, 24
     color = rng.standard_normal((*shape, 3)).astype(np.float32)
@@ -114,6 +115,7 @@ def test_who_has_no_one_to_ask_stays_unknown():
     assert not refine(image, "complete").image.nearness[:, 60:].any()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["snap", "sharpen", "complete"])
 def test_threads_make_no_difference_to_a_single_bit(name, scene):
     image = spoiled(scene, lambda nearness: np.where(nearness > 0.3, 0, blurred(1.0)(nearness)))
@@ -128,6 +130,7 @@ def test_threads_make_no_difference_to_a_single_bit(name, scene):
 # What is found
 
 
+@pytest.mark.sweep
 def test_exact_depth_stays_as_it_is_to_the_last_bit(scene):
     refined = refine(scene)
     assert refined.chosen == "none"
@@ -147,12 +150,14 @@ SPOILS = {
 }
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", SPOILS)
 def test_what_is_wrong_is_found(name, scene):
     change, remedy = SPOILS[name]
     assert refine(spoiled(scene, change)).chosen == remedy
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("sigma", [1.0, 1.5])
 def test_the_softness_of_edges_is_measured(sigma, scene):
     findings = refine(spoiled(scene, blurred(sigma))).findings
@@ -160,6 +165,7 @@ def test_the_softness_of_edges_is_measured(sigma, scene):
     assert findings.sigma == pytest.approx(sigma, rel=0.15)  # the ends of edges are not seen
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("sigma", [2.0, 3.0, 4.0, 6.0])
 def test_softness_does_not_fall_as_edges_get_wider(sigma, scene):
     findings = refine(spoiled(scene, blurred(sigma)), "complete").findings
@@ -167,6 +173,7 @@ def test_softness_does_not_fall_as_edges_get_wider(sigma, scene):
     assert findings.sigma == pytest.approx(sigma, rel=0.25)  # surfaces end before their edges do
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("right", "down"), [(1, 0), (-4, 0), (6, 0), (0, 3), (2, -1)])
 def test_a_map_that_is_shifted_goes_back(right, down, scene):
     moved = spoiled(scene, lambda nearness: np.roll(nearness, (down, right), (0, 1)))
@@ -177,6 +184,7 @@ def test_a_map_that_is_shifted_goes_back(right, down, scene):
     np.testing.assert_array_equal(refined.image.nearness[inner], scene.nearness[inner])
 
 
+@pytest.mark.sweep
 def test_overshoot_is_found_in_sharpened_maps_only(scene):
     def sharpened(nearness):
         soft = cv2.GaussianBlur(nearness, (0, 0), 2.0)
@@ -186,6 +194,7 @@ def test_overshoot_is_found_in_sharpened_maps_only(scene):
     assert refine(spoiled(scene, blurred(2.0))).findings.overshoot < OVERSHOOT / 2
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("sigma", [3.0, 4.0])
 def test_wide_edges_become_hard_at_a_smaller_scale(sigma, rng):
     row, column = np.mgrid[:256, :320]
@@ -198,16 +207,19 @@ def test_wide_edges_become_hard_at_a_smaller_scale(sigma, rng):
     assert wrong[1] < wrong[0] / 8
 
 
+@pytest.mark.sweep
 def test_whether_depth_or_nearness_was_blurred_is_found(scene):
     depth = spoiled(scene, lambda nearness: 1 / cv2.GaussianBlur(1 / nearness, (0, 0), 1.0))
     assert refine(depth).findings.is_depth
 
 
+@pytest.mark.sweep
 def test_noise_on_exact_edges_changes_nothing(scene, rng):
     noisy = spoiled(scene, lambda d: d * (1 + 0.005 * rng.standard_normal(d.shape)))
     assert refine(noisy).chosen == "none"
 
 
+@pytest.mark.sweep
 def test_what_was_computed_may_have_nothing_and_what_was_measured_has_lost_it(scene, rng):
     is_lost = np.zeros(scene.nearness.shape, np.bool_)
     is_lost[40:48, 60:80] = True
@@ -294,6 +306,7 @@ def test_a_smaller_map_is_interpolated_on_planes_and_not_across_edges():
     )
 
 
+@pytest.mark.sweep
 def test_depth_of_another_size_is_refined_to_the_picture(scene):
     small = scene._replace(nearness=np.ascontiguousarray(scene.nearness[2::4, 2::4]))
     refined = refine(small)
@@ -333,6 +346,7 @@ def test_unknown_names_list_the_known_ones(scene):
         warp(scene.color, np.ones((SIZE, SIZE)), camera, camera, refine="blur")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(("sigma", "remedy"), [(0.0, "snap"), (1.5, "sharpen")])
 def test_a_small_map_is_sharpened_if_it_is_soft_itself(sigma, remedy, scene):
     soft = blurred(sigma)(scene.nearness) if sigma else scene.nearness

@@ -98,6 +98,7 @@ def test_what_tells_nothing_is_refused(make, complaint):
 # Commands
 
 
+@pytest.mark.sweep
 def test_relative_depth_shows_a_picture_and_says_what_it_takes_for_granted(capsys):
     words = ["render", "color.png", "rel.npy", "--depth-kind", "relative", "--move", ".1,0,0"]
     assert ended(*words, "-o", "out.png") == 0
@@ -108,6 +109,7 @@ def test_relative_depth_shows_a_picture_and_says_what_it_takes_for_granted(capsy
     assert read_image("out.png")[..., 3].mean() > 0.8
 
 
+@pytest.mark.sweep
 def test_relative_depth_of_a_known_range_is_depth():
     words = ["color.png", "rel.npy", "--depth-kind", "relative", "--near", "4", "--far", "8", *SEEN]
     assert ended("render", *words, "--move", ".3,0,0", "-o", "rel.exr") == 0
@@ -115,6 +117,7 @@ def test_relative_depth_of_a_known_range_is_depth():
     np.testing.assert_allclose(read_image("rel.exr"), read_image("z.exr"), atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_film_of_a_photo_and_relative_depth_is_one_command():
     words = ["color.png", "rel.npy", "--depth-kind", "relative", "--frames", "2"]
     assert ended("animate", *words, "-o", "film.gif") == 0
@@ -127,6 +130,7 @@ def two_eyes(*words):
     return read_image("out.exr")
 
 
+@pytest.mark.sweep
 def test_what_is_in_the_screen_stays_and_nearer_things_go_left():
     # parallax of the box: 40 px · 0.8 · (1/4 − 1/8) = 4 px
     source, right = read_image("color.png"), two_eyes(*FAST, "--eyes", "0.8", "--zero-plane", "8")
@@ -145,6 +149,7 @@ def test_parallax_is_comfortable_by_default(capsys):
     assert "the screen is 8 away: parallax from 0.0 to 0.5 px" in capsys.readouterr().err
 
 
+@pytest.mark.sweep
 def test_depth_and_disparity_agree():
     np.save("disparity.npy", 40 * 0.8 / np.load("z.npy"))
     assert ended("stereo", "color.png", "disparity.npy", "-o", "pair.exr") == 0
@@ -152,6 +157,7 @@ def test_depth_and_disparity_agree():
     np.testing.assert_allclose(by_depth, read_image("pair.exr"), atol=1e-5)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("given", ["left", "right"])
 def test_both_pictures_stand_in_one(given):
     words = ["--eyes", "0.8", "--from", given, "--fill"]
@@ -192,6 +198,7 @@ def test_the_picture_of_a_lens_is_straightened_beside_its_partner():
     np.testing.assert_allclose(both[:, :32], both[:, 32:], atol=1e-3)
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

@@ -52,6 +52,7 @@ def frames(path):
         return made, file.info.get("duration")
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("depth", ["depth", "depth/*.png"])
 def test_every_picture_moves_by_its_own_depth(depth):
     words = ["render", "film.gif", depth, "--depth-scale", "1000", *SEEN, "--fill"]
@@ -88,6 +89,7 @@ def test_a_doubtful_scale_is_said_once(capsys):
     assert capsys.readouterr().err.count("check the depth's scale") == 1
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -119,6 +121,7 @@ STILL = ["--intrinsics", "20,20,16,12", "--refine", "none", "--noise", "0"]
 STILL += ["--move", "0,0,0"]
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("pattern", "scale", "atol"),
     [("z", ["--depth-scale", "1000"], 6e-4), ("z/d-*.exr", [], 1e-6), ("z/*.npy", [], 0)],
@@ -170,6 +173,7 @@ def test_a_film_that_breaks_off_leaves_no_depth_and_goes_on_from_there(monkeypat
     assert Path("film.apng").read_bytes() == film
 
 
+@pytest.mark.sweep
 def test_a_film_that_is_rendered_in_vain_leaves_no_depth():
     Path("depth/2.png").write_bytes(b"damaged")
     words = ["render", "film.gif", "depth", "--depth-scale", "1000", *STILL]
@@ -191,6 +195,7 @@ def test_depth_of_a_shorter_film_replaces_that_of_a_longer_one():
     ]
 
 
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("pattern", "complaint"),
     [

@@ -91,7 +91,7 @@ def naive_bend(values, is_linked):
     return 0.0, 0.0
 
 
-@pytest.mark.sweep(kept_by="tests/warp3d/test_hybrid.py::test_what_is_hidden_does_not_bleed")
+@pytest.mark.sweep
 def test_colors_keep_to_the_samples_own_surface(rng):
     sheet = sheet_of(torn_source(rng))
     padded, links = sheet.color[0], sheet.links
@@ -116,9 +116,7 @@ def test_colors_keep_to_the_samples_own_surface(rng):
                 np.testing.assert_allclose(given, (*across, *down), atol=3e-6)  # float32
 
 
-@pytest.mark.sweep(
-    kept_by="tests/warp3d/test_hybrid.py::test_what_the_source_sees_whole_is_no_hole"
-)
+@pytest.mark.sweep
 def test_runs_hold_all_cells_that_are_seen_once_and_of_one_way_each(rng):
     sheet = sheet_of(torn_source(rng))
     for row in range(sheet.torn.shape[0]):
@@ -131,9 +129,7 @@ def test_runs_hold_all_cells_that_are_seen_once_and_of_one_way_each(rng):
         np.testing.assert_array_equal(held, row_of(places, WAY) != segments.HIDDEN)
 
 
-@pytest.mark.sweep(
-    kept_by="tests/warp3d/test_hybrid.py::test_silhouettes_cover_the_share_of_a_pixel_that_they_do"
-)
+@pytest.mark.sweep
 @pytest.mark.parametrize("is_label", [False, True])
 def test_fragments_of_a_cell_hold_its_area(is_label):
     frame = frame_of(is_label=is_label)

@@ -22,6 +22,7 @@ def in_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.sweep
 def test_frames_of_depth_images_are_the_same_elsewhere(monkeypatch):
     pickle_for_workers(monkeypatch)
     assert_same_film(app, ROOM)
@@ -37,14 +38,12 @@ def test_what_workers_cannot_do_is_refused_in_a_line(capsys):
     assert "give only one" in error
 
 
-@pytest.mark.sweep(kept_by="test_frames_of_depth_images_are_the_same_elsewhere")
+@pytest.mark.sweep
 def test_processes_make_the_same_films():
     assert_same_film(app, ROOM)
     assert sorted(os.listdir()) == ["one", "two"]
 
 
-@pytest.mark.sweep(
-    kept_by="tests/core/test_workers.py::test_a_killed_worker_costs_a_film_its_own_frames_alone"
-)
+@pytest.mark.sweep
 def test_a_killed_worker_costs_a_film_its_own_frames_alone(tmp_path, monkeypatch):
     assert_killed_costs_own_frames(app, ROOM, tmp_path, monkeypatch, is_late=True)

@@ -61,6 +61,7 @@ def test_every_sample_with_a_depth_has_a_cell_and_no_other(rng):
     np.testing.assert_array_equal(np.sort(own), np.arange(len(sheet.corner)))
 
 
+@pytest.mark.sweep
 def test_corners_are_as_near_as_the_surfaces_samples_around_them_say(rng):
     source = torn_source(rng)
     corner = cells_corners(sheet_of(source))

@@ -66,22 +66,23 @@ def near(picture, camera, shape, least=40.0):
     assert psnr(picture[..., :3], traced(THINGS, camera, shape)[0], mask=whole) > least
 
 
+@pytest.mark.sweep
 def test_a_panorama_is_seen_by_a_pinhole():
     words = *AROUND, "--pose", "target.txt", "--target-fov", 60, "--size", "128x96"
     near(made("around", *words), TARGETS["pinhole"], SHAPE, 33.0)  # rims, grown fivefold
 
 
+@pytest.mark.sweep
 def test_a_panorama_is_seen_as_one_by_default():
     near(made("around", *AROUND, "--pose", "target.txt"), TARGETS["equirectangular"], (64, 128))
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "kind",
     [
         "ray",
-        pytest.param(
-            "z", marks=pytest.mark.sweep(kept_by="test_depth_of_a_panorama_is_along_its_rays")
-        ),
+        pytest.param("z", marks=pytest.mark.sweep),
     ],
 )
 def test_depth_of_a_panorama_is_along_its_rays(kind):
@@ -89,12 +90,14 @@ def test_depth_of_a_panorama_is_along_its_rays(kind):
     near(written, PANORAMA, (HEIGHT, 2 * HEIGHT), 50.0)
 
 
+@pytest.mark.sweep
 def test_parallel_rays_are_seen_by_a_pinhole_and_as_such():
     words = *PARALLEL, "--pose", "target.txt", "--target-fov", 60
     near(made("parallel", *words), TARGETS["pinhole"], SHAPE)
     near(made("parallel", *PARALLEL, "--move", "0,0,0"), SOURCES["orthographic"], SHAPE, 50.0)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("target", "words"),
     [
@@ -114,6 +117,7 @@ def test_a_picture_is_seen_by_other_cameras(target, words):
     near(picture, TARGETS[target], shape)
 
 
+@pytest.mark.sweep
 def test_panoramas_have_stats_holes_and_depth():
     extra = "--stats", "s.json", "--holes", "h.png", "--depth-output", "d.npy"
     made("around", *AROUND, "--move", "0.1,0,0", *extra)
@@ -122,6 +126,7 @@ def test_panoramas_have_stats_holes_and_depth():
     assert read_channels("h.png")
 
 
+@pytest.mark.sweep
 def test_a_film_of_a_panorama_has_frames():
     words = *AROUND, "--target-fov", 60, "--size", "40x30", "--frames", 2, "-o", "film.gif"
     assert ended("animate", "around.exr", "around.npy", *words) == 0

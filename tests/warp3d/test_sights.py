@@ -61,7 +61,7 @@ def warped(name, target, **choices):
     return warp(*source(name), SOURCES[name], target, **choices)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("name", SOURCES)
 def test_all_cameras_see_what_rays_see(name, target):
@@ -76,6 +76,7 @@ def test_all_cameras_see_what_rays_see(name, target):
     assert (made.coverage <= 1.0 + 1e-6).all()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["pinhole", "orthographic"])
 def test_what_is_beyond_the_source_is_outside(name):
     camera = TARGETS["fisheye"]
@@ -91,6 +92,7 @@ def test_what_is_beyond_the_source_is_outside(name):
     assert (holes[inside] == Hole.OUTSIDE).mean() < 0.01
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "camera",
     [
@@ -99,9 +101,7 @@ def test_what_is_beyond_the_source_is_outside(name):
             pytest.param(
                 Equirectangular(pose(*way)),
                 id=name,
-                marks=pytest.mark.sweep(
-                    kept_by="test_a_panorama_of_a_panorama_has_neither_seams_nor_poles"
-                ),
+                marks=pytest.mark.sweep,
             )
             for name, *way in [
                 ("the same", EYE),
@@ -130,6 +130,7 @@ def test_a_panorama_of_a_panorama_has_neither_seams_nor_poles(camera):
     assert (np.abs(np.log(made.depth / depth))[whole] < 0.03).mean() > 0.98
 
 
+@pytest.mark.sweep
 def test_a_panorama_is_wrapped_without_a_step():
     """Turned by whole pixels, it is the same picture elsewhere."""
     shape = HEIGHT, 2 * HEIGHT
@@ -150,13 +151,12 @@ def test_a_lens_that_does_nothing_changes_nothing():
     assert (first.holes == second.holes).mean() > 0.999
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "target",
     [
         "equirectangular",
-        pytest.param(
-            "fisheye", marks=pytest.mark.sweep(kept_by="test_filters_see_what_rays_see_under_them")
-        ),
+        pytest.param("fisheye", marks=pytest.mark.sweep),
     ],
 )
 def test_filters_see_what_rays_see_under_them(target):
@@ -193,6 +193,7 @@ def test_names_stay_names_whatever_sees_them(target):
     np.testing.assert_allclose(value, np.rint(value), atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_threads_change_no_bit():
     one, two = (warped("pinhole", TARGETS["equirectangular"], threads=n) for n in (1, 2))
     for first, second in zip(one, two, strict=True):
@@ -215,6 +216,7 @@ def test_a_panorama_is_no_source_by_itself():
         warp(*source("pinhole"), TARGETS["equirectangular"], SOURCES["pinhole"])
 
 
+@pytest.mark.sweep
 def test_far_away_parallel_depth_is_told_apart():
     """A box of 1 unit on the ground, from 5000 units above, as of a map."""
     ground = plane((0, 0, 1), 5001.0, pattern(0.2))

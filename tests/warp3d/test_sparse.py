@@ -37,6 +37,7 @@ def image_of(color, is_known):
     return DepthImage(color, np.where(is_known, TRUE, np.float32(0)), EMPTY)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("kind", "most_wrong"), [(0.05, 0.01), (0.01, 0.05), (0.2, 0.002), ("lines", 0.005)]
 )

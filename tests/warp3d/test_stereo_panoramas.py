@@ -66,6 +66,7 @@ def panorama(tmp_path, monkeypatch):
             "--source-projection", "equirectangular", "--eyes", APART]  # fmt: skip
 
 
+@pytest.mark.sweep
 def test_each_column_of_a_stereo_panorama_is_seen_from_its_own_eye(panorama):
     size = ["--size", f"{2 * ROWS}x{ROWS}"]
     assert ended(*panorama, *size, "--layout", "top-bottom", "-o", "out.exr") == 0
@@ -114,6 +115,7 @@ def middle(picture):
     return np.array([(x * light).sum(), (y * light).sum()]) / light.sum()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("given", ["left", "right"])
 def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, given):
     monkeypatch.chdir(tmp_path)
@@ -144,6 +146,7 @@ def test_vr180_of_a_lens_shows_straight_directions(tmp_path, monkeypatch):
     np.testing.assert_allclose(middle(right), (90 + east, 90 - north), atol=0.2)
 
 
+@pytest.mark.sweep
 def test_vr180_is_black_beside_the_source(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = square(40, 30)
@@ -155,6 +158,7 @@ def test_vr180_is_black_beside_the_source(tmp_path, monkeypatch):
     assert both[32, 32].min() == 1
 
 
+@pytest.mark.sweep
 def test_vr180_of_a_panorama_is_its_middle(panorama):
     words = [*panorama, "--layout", "vr180", "--size", ROWS, "-o", "out.exr"]
     assert ended(*words) == 0
@@ -164,6 +168,7 @@ def test_vr180_of_a_panorama_is_its_middle(panorama):
     assert psnr(first[..., :3], ahead, mask=first[..., 3] > 0.97) > 48
 
 
+@pytest.mark.sweep
 def test_panoramas_take_relative_depth(panorama):
     np.save("rel.npy", 1 / np.load("length.npy"))
     panorama[2], panorama[4] = "rel.npy", "relative"

@@ -71,6 +71,7 @@ def assert_same_bits(given, expected):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.sweep
 def test_the_order_of_sources_changes_no_bit_and_their_numbers_go_with_them():
     given = standing((0.97, 1.0, 1.03), (0.995, 1.0, 1.005))
     expected = joined(given)
@@ -80,6 +81,7 @@ def test_the_order_of_sources_changes_no_bit_and_their_numbers_go_with_them():
         np.testing.assert_array_equal(found.match.gain, expected.match.gain[list(order)])
 
 
+@pytest.mark.sweep
 def test_threads_change_no_bit():
     given = standing((0.97, 1.0, 1.03), (0.995, 1.0, 1.005))
     expected = joined(given, threads=1)
@@ -87,6 +89,7 @@ def test_threads_change_no_bit():
         assert_same_bits(joined(given, threads=2).warped, expected.warped)
 
 
+@pytest.mark.sweep
 def test_sources_that_agree_stay_as_they_are():
     given = standing()
     ready = agreed(given, Joining())
@@ -96,6 +99,7 @@ def test_sources_that_agree_stay_as_they_are():
     np.testing.assert_allclose(joined(given).match.gain, 1, atol=2e-3)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("count", [2, 3])
 def test_gains_are_found_up_to_their_mean(count):
     gains = np.linspace(0.97, 1.03, count)
@@ -111,6 +115,7 @@ def test_each_channel_has_a_gain():
     np.testing.assert_allclose(match.gain[0] / match.gain[1], gains[1] / gains[0], rtol=5e-3)
 
 
+@pytest.mark.sweep
 def test_gain_and_bias_are_found_together():
     given = standing((0.95, 1.05), biases=(0.02, -0.02))
     chosen = Joining(colors="gain-bias")
@@ -165,6 +170,7 @@ def test_a_scaled_source_is_the_source_of_scaled_depth():
     np.testing.assert_allclose(scaled(source, 1.25).slope, nearer.slope, rtol=1e-3, atol=1e-7)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("wrong", ["brightness", "depth"])
 def test_what_is_matched_is_as_good_as_if_it_had_never_differed(wrong):
     gains, factors = np.linspace(0.97, 1.03, 3), np.linspace(0.98, 1.02, 3)
@@ -174,10 +180,12 @@ def test_what_is_matched_is_as_good_as_if_it_had_never_differed(wrong):
     assert error(joined(given, PLAIN).warped) > 1.3 * exact
 
 
+@pytest.mark.sweep
 def test_views_that_agree_are_not_worse_than_plain_ones():
     assert error(joined(standing()).warped) <= error(joined(standing(), PLAIN).warped)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("blend", ["feathered", "confident"])
 def test_blends_are_those_of_each_pixel_for_itself(blend):
     views = views_of(standing((0.9, 1.0, 1.1)))
@@ -218,6 +226,7 @@ def test_angles_are_those_between_rays_at_the_surface():
         assert found[place] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.sweep
 def test_outliers_are_those_that_half_of_the_sources_look_through(rng):
     given = standing()
     (source, camera) = given[0]
@@ -251,6 +260,7 @@ def test_what_another_source_looks_through_goes_unless_a_third_one_sees_it(count
     np.testing.assert_array_equal(kept[1].coverage, views[1].coverage)
 
 
+@pytest.mark.sweep
 def test_a_film_keeps_the_gains_of_a_frame():
     given = standing((0.97, 1.0, 1.03))
     first = joined(given)

@@ -23,12 +23,13 @@ def test_importing_the_package_imports_no_heavy_library():
     assert modules_after("import resample_warp3d") & HEAVY == set()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "words",
     [
         ["render", "--help"],
         *(
-            pytest.param(words, marks=pytest.mark.sweep(kept_by="test_help_imports_nothing_heavy"))
+            pytest.param(words, marks=pytest.mark.sweep)
             for words in (
                 ["--help"],
                 ["--version"],
@@ -46,9 +47,11 @@ def test_help_imports_nothing_heavy(words):
     assert imported & HEAVY == set()
 
 
+@pytest.mark.sweep
 def test_files_of_depth_are_imported_without_heavy_libraries():
     assert modules_after("import resample_warp3d.depth.files") & HEAVY == set()
 
 
+@pytest.mark.sweep
 def test_every_module_is_imported_without_heavy_libraries():
     assert modules_after(f"import {', '.join(plain_modules())}") & HEAVY == set()

@@ -27,7 +27,7 @@ def of_every_method(test):
             name == "opencv" and not hasattr(cv2, "warpFrame"),
             reason="this OpenCV has no cv2.warpFrame (5.0 brought it)",
         )
-        sweep = [pytest.mark.sweep(kept_by=test.__name__)] if name in RIVALS else []
+        sweep = [pytest.mark.sweep] if name in RIVALS else []
         methods.append(pytest.param(name, marks=[mark, *sweep]))
     return pytest.mark.parametrize("method", methods)(test)
 
@@ -64,6 +64,7 @@ def assert_whole(warped, shape, channels):
     assert not warped.image[warped.coverage == 0].any()
 
 
+@pytest.mark.some(7)
 @of_every_method
 def test_every_method_warps_any_number_of_channels(method):
     color, depth = scene(channels=2)
@@ -72,6 +73,7 @@ def test_every_method_warps_any_number_of_channels(method):
     assert (given.coverage > 0).mean() > 0.6
 
 
+@pytest.mark.some(1)
 @of_every_method
 def test_every_method_shows_about_the_same(method):
     color, depth = scene()
@@ -85,6 +87,7 @@ def test_every_method_shows_about_the_same(method):
     )  # a pixel of the slanted wall
 
 
+@pytest.mark.some(7)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1)])
 @of_every_method
 def test_every_method_takes_pictures_of_one_pixel_and_one_line(method, shape):
@@ -98,6 +101,7 @@ def test_every_method_takes_pictures_of_one_pixel_and_one_line(method, shape):
     assert_whole(larger, (9, 7), 3)
 
 
+@pytest.mark.some(5)
 @of_every_method
 def test_every_method_sees_nothing_from_beyond_everything(method):
     color, depth = scene()
@@ -109,6 +113,7 @@ def test_every_method_sees_nothing_from_beyond_everything(method):
     assert (given.holes != Hole.NONE).all()
 
 
+@pytest.mark.some(2)
 @of_every_method
 def test_every_method_but_opencv_takes_the_sources_lens(method):
     if method == "opencv":
@@ -121,6 +126,7 @@ def test_every_method_but_opencv_takes_the_sources_lens(method):
     assert not np.array_equal(given.image, plain.image)
 
 
+@pytest.mark.some(7)
 @of_every_method
 def test_every_method_takes_disparities(method):
     color, depth = scene()
@@ -129,6 +135,7 @@ def test_every_method_takes_disparities(method):
     assert (given.coverage > 0).mean() > 0.6
 
 
+@pytest.mark.some(5)
 @of_every_method
 def test_every_method_can_be_filled(method):
     color, depth = scene()
@@ -177,6 +184,7 @@ def test_an_8_bit_picture_that_does_not_move_stays_as_it_is(rng):
     np.testing.assert_array_equal(given.image, as_light(color))
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_photograph_is_saved_as_bright_as_it_was(channels, tmp_path):
     color = np.full((*SHAPE, channels), 200, np.uint8)

@@ -73,6 +73,7 @@ def source():
     return traced()
 
 
+@pytest.mark.sweep
 def test_lengths_of_rays_become_z(source):
     _, length, z = source
     is_known = np.isfinite(length)
@@ -83,14 +84,13 @@ def test_lengths_of_rays_become_z(source):
     assert not found[~is_known].any()
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "name",
     [
         "beside",
         *(
-            pytest.param(
-                name, marks=pytest.mark.sweep(kept_by="test_a_fisheye_shows_what_rays_see")
-            )
+            pytest.param(name, marks=pytest.mark.sweep)
             for name in ("turned", "enlarged", "reduced")
         ),
     ],
@@ -119,7 +119,7 @@ def shown_and_true(name, color, z, camera):
     return shown, see(THINGS, target, shape, rays=8)
 
 
-@pytest.mark.each_value
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["z", "ray"])
 @pytest.mark.parametrize("form", ["colmap", "ros"])
 def test_fisheyes_of_files_are_warped_by_the_command(source, tmp_path, monkeypatch, kind, form):

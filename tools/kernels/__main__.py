@@ -4,6 +4,7 @@ Kernels in the user's cache are reused; the others are compiled first.
 """
 
 import argparse
+import ast
 import json
 import os
 import platform
@@ -14,24 +15,35 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 from resample.engine.compiled import entries
 from resample.engine.compiled.library import VARIABLE
-from resample.engine.compiled.sources import TOOLS
 from tools.kernels import platforms
 from tools.kernels.scenes import GROUPS
 
 ROOT = Path(__file__).parents[2]
+COMPILED = "resample.engine.compiled"  # the compiler, which counts whole
 LIBRARY = ROOT / "resample" / "engine" / "compiled" / platforms.file_name()
 
 
-def used(log: Path) -> list[Path]:
-    """Kernel files named in a log of RESAMPLE_KERNELS_LOG, without duplicates."""
-    return sorted({Path(line) for line in log.read_text().splitlines()}) if log.exists() else []
+class Outline(NamedTuple):
+    """Names at the top of a module's source."""
+
+    defined: set[str]
+    imported: dict[str, str]  # and where they are from
 
 
-def compiled_for_scenes(folder: Path) -> list[Path]:
+def used(log: Path) -> dict[Path, str]:
+    """Kernel files named in a log of RESAMPLE_KERNELS_LOG, with digests of their sources."""
+    lines = log.read_text().splitlines() if log.exists() else []
+    return {Path(file): digest for digest, file in (line.split(" ", 1) for line in lines)}
+
+
+def compiled_for_scenes(folder: Path) -> dict[Path, str]:
     """Run all groups of scenes and collect the kernels that they use.
 
     Raises
@@ -41,7 +53,7 @@ def compiled_for_scenes(folder: Path) -> list[Path]:
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         logs = list(pool.map(lambda group: _run(group, folder), GROUPS))
-    return sorted({file for log in logs for file in used(log)})
+    return {file: digest for log in logs for file, digest in used(log).items()}
 
 
 def _run(group: str, folder: Path) -> Path:
@@ -87,26 +99,58 @@ def _common_prefix(texts: list[str]) -> int:
 
 
 def edits(files: Iterable[Path]) -> list[str]:
-    """Lines with the fraction of compile time that an edit of each module causes."""
+    """Lines with the fraction of compile time that an edit of each function or constant causes.
+
+    They are all functions, classes and constants of modules that kernels are compiled from.
+    """
     known = [entry for entry in map(entries.read, files) if entry is not None]
     total = sum(entry.seconds for entry in known)
-    seconds: defaultdict[str, float] = defaultdict(float)
+    modules = {part.rpartition(".")[0] for entry in known for part in entry.parts} - {COMPILED}
+    share = {f"{module}.{name}": 0.0 for module in modules for name in outline(module).defined}
     for entry in known:
-        for module in entry.modules:
-            seconds[module] += entry.seconds
-    shares = {name: spent / total for name, spent in seconds.items() if is_of_kernels(name)}
-    lines = [f"{share:6.1%}  {name}" for name, share in sorted(shares.items(), key=_by_share)]
-    mean = sum(shares.values()) / len(shares)
-    return [*lines, f"{mean:6.1%}  of {total:.0f} s in the mean over {len(shares)} modules"]
+        for part in {home(part) for part in entry.parts} & share.keys():
+            share[part] += entry.seconds / total
+    shares = sorted(share.values())
+    return [
+        *(
+            f"{each:6.1%}  {part}"
+            for part, each in sorted(share.items(), key=lambda item: -item[1])
+        ),
+        f"{shares[-1]:6.1%}  of {total:.0f} s at worst",
+        f"{shares[len(shares) // 2]:6.1%}  in the median",
+        f"{sum(shares) / len(shares):6.1%}  in the mean over {len(shares)} functions and constants",
+    ]
 
 
-def is_of_kernels(module: str) -> bool:
-    """Whether a module contains kernels or their parts, but not the compiler tools."""
-    return module not in TOOLS and bool({"engine", "kernels"} & set(module.split(".")[:-1]))
+def home(part: str) -> str:
+    """Name of a constant where it is defined, whichever module imports it."""
+    module, _, name = part.rpartition(".")
+    origin = outline(module).imported.get(name)
+    return part if origin is None else home(origin)
 
 
-def _by_share(item: tuple[str, float]) -> tuple[float, str]:
-    return -item[1], item[0]
+@cache
+def outline(module: str) -> Outline:
+    """What a module's source defines and imports; nothing for a function that defines others."""
+    try:
+        found = find_spec(module)
+    except ModuleNotFoundError:
+        return Outline(set(), {})
+    defined: set[str] = set()
+    imported: dict[str, str] = {}
+    origin = found.origin if found else None
+    for node in ast.parse(Path(origin).read_text()).body if origin else ():
+        match node:
+            case ast.FunctionDef() | ast.ClassDef():
+                defined.add(node.name)
+            case ast.Assign() | ast.AnnAssign():
+                targets = [target for target in ast.walk(node) if isinstance(target, ast.Name)]
+                defined |= {each.id for each in targets if isinstance(each.ctx, ast.Store)}
+            case ast.ImportFrom(module=str() as other):
+                imported |= {
+                    each.asname or each.name: f"{other}.{each.name}" for each in node.names
+                }
+    return Outline(defined, imported)
 
 
 def main() -> int:
@@ -115,7 +159,9 @@ def main() -> int:
     parser.add_argument(
         "--list", action="store_true", help="list kernels and their specialisations"
     )
-    parser.add_argument("--edits", action="store_true", help="show what edits of modules recompile")
+    parser.add_argument(
+        "--edits", action="store_true", help="show what edits of functions and constants recompile"
+    )
     parser.add_argument(
         "--log", type=Path, help="use the kernels in this log of RESAMPLE_KERNELS_LOG"
     )

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,13 +55,13 @@ class Part(NamedTuple):
     failures: tuple[bytes, ...]  # exceptions that it may raise, as pickled by numba
 
 
-def build(files: Iterable[Path], library: Path) -> list[Part]:
+def build(files: Mapping[Path, str], library: Path) -> list[Part]:
     """Link compiled kernels to an extension module.
 
     Parameters
     ----------
     files
-        Kernels in the form of `resample.engine.compiled.entries`.
+        Kernels in the form of `resample.engine.compiled.entries`, and digests of their sources.
     library
         Path of the module.
 
@@ -74,15 +74,15 @@ def build(files: Iterable[Path], library: Path) -> list[Part]:
     """
     with tempfile.TemporaryDirectory() as folder:
         with ProcessPoolExecutor() as pool:
-            numbered = enumerate(sorted(set(files)))
-            parts = list(pool.map(_emit, *zip(*((f, n, folder) for n, f in numbered), strict=True)))
+            numbered = [(f, files[f], n, folder) for n, f in enumerate(sorted(files))]
+            parts = list(pool.map(_emit, *zip(*numbered, strict=True)))
         parts.sort()
         (Path(folder) / "table.c").write_text(_table(parts))
         _link(Path(folder), library)
     return parts
 
 
-def _emit(file: Path, number: int, folder: str) -> Part:
+def _emit(file: Path, sources: str, number: int, folder: str) -> Part:
     """Write the object file of one kernel."""
     entry = entries.read(file)
     if entry is None:
@@ -101,7 +101,7 @@ def _emit(file: Path, number: int, folder: str) -> Part:
         wide = f"{symbol}_wide"
         _write_object(bitcode, description, Path(folder, f"{wide}.o"), wide_level)
     return Part(
-        *(entry.kernel, entry.key, entry.sources, symbol, wide),
+        *(entry.kernel, entry.key, sources, symbol, wide),
         gives=_gives(description.restype),
         count=_trampoline(symbol, description)[1],
         failures=tuple(_bytes(found) for found in FAILURES.findall(str(module))),

@@ -150,14 +150,14 @@ def gaussians() -> Iterator[str]:
 
 def documented() -> Iterator[str]:
     """Commands in README and docs that need no files of the user."""
-    from tests.core.test_docs import commands, runs_as_it_stands
+    from tools.pages import commands, runs_as_it_stands
 
     yield from sorted({line for _, line in commands() if runs_as_it_stands(line)})
 
 
 def painters() -> Iterator[Callable[[], Any]]:
     """Small pictures by every painter, through the Python API."""
-    from tests.golden.scenes import SCENES
+    from tools.kernels.pictures import SCENES
 
     yield from SCENES.values()
 

@@ -32,7 +32,7 @@ from numba.core.serialize import dumps
 from numba.extending import intrinsic, overload
 from numba.np.numpy_support import as_dtype
 
-from resample.engine.compiled import library, sources
+from resample.engine.compiled import digests, library, sources
 from resample.engine.compiled.entries import FIRST, SUFFIX, Entry, read, write
 
 try:
@@ -154,9 +154,9 @@ class KernelCache(NullCache):  # type: ignore[misc]
     taken from the disk then, and nothing stored.
     """
 
-    def __init__(self, function: FunctionType) -> None:
-        self._module = function.__module__
-        self._name = f"{function.__module__}.{function.__qualname__}"
+    def __init__(self, called: Any) -> None:
+        self._called = called
+        self._name = f"{called.__module__}.{called.__qualname__}"
         self._defined_with = _settings()
         self._began = 0.0  # the thread's time when the last was not found
 
@@ -174,10 +174,10 @@ class KernelCache(NullCache):  # type: ignore[misc]
             None if it is not kept: the kernel's source is in no file, or settings are on trial.
         """
         arguments = sigutils.normalize_signature(signature)[0]
-        classes = {of for each in arguments for of in _classes(each)}
-        digest = sources.digest(self._module, classes)
-        if digest is None or _settings() != self._defined_with:
+        file = Path(self._called.__wrapped__.__code__.co_filename)
+        if _settings() != self._defined_with or not file.is_file():
             return None
+        digest = self._made_from(arguments)[0]
         codegen = cpu_target.target_context.codegen()
         parts = (digest, self._name, *arguments, self._defined_with, *codegen.magic_tuple())
         made_by = (FIRST, numba.__version__, llvmlite.__version__, sys.version_info[:2])
@@ -193,7 +193,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
             self._began = time.thread_time()
             return None
         LOG.debug("%s: taken from %s", self._name, path)
-        _note_use(path)
+        self._note_use(path, sigutils.normalize_signature(signature)[0])
         payload = pickle.loads(entry.payload)  # noqa: S301  the user's own, checked above
         return CompileResult._rebuild(target_context, *payload)
 
@@ -202,21 +202,21 @@ class KernelCache(NullCache):  # type: ignore[misc]
         if path is None or made.library.has_dynamic_globals or made.lifted:
             return
         key = "".join(map(key_of, made.signature.args))
-        classes = {of for each in made.signature.args for of in _classes(each)}
-        digest = sources.digest(self._module, classes)
-        modules = sorted(sources.modules(self._module, classes))
         seconds = time.thread_time() - self._began
-        payload = dumps(made._reduce())
-        write(path, Entry(self._name, key, digest or "", modules, seconds, payload))
-        _note_use(path)
+        parts = self._made_from(made.signature.args)[1]
+        write(path, Entry(self._name, key, parts, seconds, dumps(made._reduce())))
+        self._note_use(path, made.signature.args)
 
+    def _made_from(self, arguments: Any) -> tuple[str, list[str]]:
+        return digests.made_from(self._called, {of for each in arguments for of in _classes(each)})
 
-def _note_use(path: Path) -> None:
-    """Append the name of a kernel's file to the list that RESAMPLE_KERNELS_LOG names, if any."""
-    log = os.environ.get("RESAMPLE_KERNELS_LOG")
-    if log:
-        with Path(log).open("a") as lines:
-            lines.write(f"{path}\n")
+    def _note_use(self, path: Path, arguments: Any) -> None:
+        """Append a file, and the digest of its sources, to RESAMPLE_KERNELS_LOG, if any."""
+        log = os.environ.get("RESAMPLE_KERNELS_LOG")
+        if log:
+            classes = {of for each in arguments for of in _classes(each)}
+            with Path(log).open("a") as lines:
+                lines.write(f"{sources.digest(self._called.__module__, classes)} {path}\n")
 
 
 @contextmanager
@@ -243,10 +243,10 @@ def _say_that_it_compiles(name: str) -> None:
     LOG.debug("compiling %s", name)
 
 
-def _keep(compiled: Any, function: FunctionType) -> None:
+def _keep(compiled: Any, called: Any) -> None:
     """Keep a kernel's machine code on disk, compiled by one process at a time."""
-    compiled._cache = KernelCache(function)
-    compile_now, name = compiled.compile, f"{function.__module__}.{function.__qualname__}"
+    compiled._cache = KernelCache(called)
+    compile_now, name = compiled.compile, f"{called.__module__}.{called.__qualname__}"
 
     def compile_in_turn(signature: Any) -> Any:
         with in_turn(name):
@@ -343,7 +343,7 @@ def define(
     Dispatcher
     """
     compiled = numba.njit(function, **OPTIONS, **options)
-    _keep(compiled, function)
+    _keep(compiled, called)
     if is_packed:
         _pack(compiled)
     inner = {**OPTIONS, **options, **PART}

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 LOG = logging.getLogger("resample")
-FIRST = b"resample kernel 1\n"  # bytes that files begin with
+FIRST = b"resample kernel 2\n"  # bytes that files begin with
 SUFFIX = ".kernel"
 SIZE = hashlib.blake2b().digest_size
 DAY = 86400.0  # seconds
@@ -29,8 +29,7 @@ class Entry(NamedTuple):
 
     kernel: str  # module and name
     key: str  # types of the arguments
-    sources: str  # fingerprint of what it was compiled from
-    modules: list[str]  # names of that
+    parts: list[str]  # names of what it was compiled from
     seconds: float  # of CPU time that this took
     payload: bytes  # pickled by numba
 
@@ -57,8 +56,8 @@ def read(path: Path) -> Entry | None:
         if time.time() - path.stat().st_mtime > DAY:
             os.utime(path)  # when it was last used
     head, _, payload = data[start:].partition(b"\n")
-    kernel, key, sources, modules, seconds = json.loads(head)
-    return Entry(kernel, key, sources, modules, seconds, payload)
+    kernel, key, parts, seconds = json.loads(head)
+    return Entry(kernel, key, parts, seconds, payload)
 
 
 def write(path: Path, entry: Entry) -> None:
