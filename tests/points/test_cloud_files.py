@@ -1,5 +1,6 @@
 """Clouds read from files: every format gives the same points, and bad files one line."""
 
+import errno
 import struct
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
+from resample_points import read_gaussians, read_particles
 from resample_points.files.readers import Cloud, is_cloud, read_cloud
 from tests.conftest import real
 
@@ -315,3 +317,12 @@ def test_an_array_that_does_not_fit_the_positions_is_refused(tmp_path, name, sha
     np.savez(tmp_path / "a.npz", position=POSITION, **{name: np.ones(shape)})
     with pytest.raises(ValueError, match=f"{name} has the shape"):
         read_cloud(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("reader", [read_cloud, read_gaussians, read_particles])
+@pytest.mark.parametrize("name", ["absent.ply", "no folder/absent.npz"])
+def test_a_file_that_is_absent_is_told_as_the_system_does(tmp_path, reader, name):
+    with pytest.raises(FileNotFoundError) as caught:
+        reader(tmp_path / name)
+    assert caught.value.errno == errno.ENOENT
+    assert caught.value.filename == str(tmp_path / name)

@@ -308,3 +308,22 @@ def test_a_unit_of_mass_is_named_by_the_nearest_power_of_ten_of_suns(size, name)
 )  # fmt: skip
 def test_a_unit_of_length_is_named_if_it_is_known(size, name):
     assert length_unit(size) == name
+
+
+@pytest.mark.parametrize("files", [1e300, np.inf, 2e9])
+def test_a_snapshot_of_more_files_than_there_can_be_is_refused(tmp_path, files):
+    snapshots.gadget(tmp_path / "snap.0.hdf5", files=files)
+    with pytest.raises(ValueError, match=r"snap\.0\.hdf5.*files"):
+        read_particles(tmp_path / "snap.0.hdf5")
+
+
+@pytest.mark.parametrize("files", [0, 1, np.nan])
+def test_a_snapshot_of_one_file_may_have_any_name(tmp_path, files):
+    snapshots.gadget(tmp_path / "any.hdf5", files=files)
+    assert len(read_particles(tmp_path / "any.hdf5")) == COUNT
+
+
+def test_a_part_of_a_snapshot_tells_by_its_name_which_one_it_is(tmp_path):
+    snapshots.gadget(tmp_path / "any.hdf5", files=2)
+    with pytest.raises(ValueError, match=r"is one of 2 files; give one that is called so"):
+        read_particles(tmp_path / "any.hdf5")

@@ -6,6 +6,7 @@ import pytest
 from resample.reading.limits import SETTING
 from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
+from resample_volume.files.cells import lattice
 from resample_volume.files.cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume.files.parsing.sections import Sections
 from resample_volume.files.readers import Vtk
@@ -513,3 +514,14 @@ def test_without_vtk_its_extra_is_named(name, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "vtkmodules", None)
     monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
     refused(open_volume, path, r"VTK.*; pip install 'hybrid-resample\[vtk\]'")
+
+
+@pytest.mark.parametrize("count", [(2.6, 3), (2.4, 2), (3.4, 3), (3.6, 4)])
+def test_a_lattice_has_the_nearest_whole_number_of_cells(monkeypatch, tmp_path, count):
+    """Its steps then fill the grid exactly."""
+    wanted, cells = count
+    (tmp_path / "a.vtk").write_text(WHOLE)
+    monkeypatch.setattr(lattice, "mean_cell", lambda *_: np.full(3, 1.0 / wanted))
+    volume = open_volume(tmp_path / "a.vtk")
+    assert volume.values.shape == (cells + 1,) * 3
+    np.testing.assert_allclose(volume.spacing, 1.0 / cells)

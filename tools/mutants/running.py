@@ -56,13 +56,19 @@ class Watch:
             file.write(json.dumps(facts) + "\n")
 
     def pytest_collection_modifyitems(self, config: Any, items: list[Any]) -> None:
-        others = [item for item in items if item.nodeid not in self.place]
-        config.hook.pytest_deselected(items=others)
+        """Keep the wanted cases that `make test` runs, file by file."""
         files: dict[str, int] = {}
         for case, n in self.place.items():
             files.setdefault(case.partition("::")[0], n)
+        wanted = [
+            item
+            for item in items
+            if item.nodeid in self.place and not item.get_closest_marker("sweep")
+        ]
+        others = set(items) - set(wanted)
+        config.hook.pytest_deselected(items=list(others))
         items[:] = sorted(
-            (item for item in items if item.nodeid in self.place),
+            wanted,
             key=lambda item: (files[item.nodeid.partition("::")[0]], self.place[item.nodeid]),
         )
 
