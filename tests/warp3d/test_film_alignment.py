@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from resample.colors import to_srgb
 from resample_warp3d.depth.steadying import SteadyDepth
-from resample_warp3d.depth.temporal import align, fitted, is_cut, thumbnail
+from resample_warp3d.depth.temporal import LONGEST, align, fitted, is_cut, thumbnail
 
 SHAPE, COUNT = (60, 80), 8
 RAMP = 0.2 + 0.3 * np.arange(SHAPE[1]) / SHAPE[1] + np.zeros(SHAPE)
@@ -139,3 +140,20 @@ def test_gaps_that_come_and_go_stay_filled():
     gappy[10:20, 30:50] = 0
     steady.added(patches(), whole)
     np.testing.assert_array_equal(steady.added(patches(), gappy), whole)
+
+
+@pytest.mark.parametrize(
+    ("shape", "small"),
+    [
+        ((40, 60), (40, 60)), ((2 * LONGEST, LONGEST), (LONGEST, LONGEST // 2)),
+        ((1, 3 * LONGEST), (1, LONGEST)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_thumbnails_are_no_larger_than_the_picture_and_have_its_proportions(shape, small, channels):
+    color, raw = np.full((*shape, channels), 0.5, np.float32), np.full((7, 9), 3.0)
+    made = thumbnail(color, raw)
+    assert made.color.shape == (*small, 3)
+    assert made.depth.shape == small
+    np.testing.assert_allclose(made.color, to_srgb(np.float32(0.5)), atol=1e-6)
+    np.testing.assert_allclose(made.depth, 3.0)
