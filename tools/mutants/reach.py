@@ -210,7 +210,7 @@ class Chooser:
         of a test counts as dearer.
         """
         reached = {n for mark in self._marks(site) for n in self._met_by[mark]}
-        reached = reached or self._named(site)
+        reached = (reached | self._importing(site)) or self._named(site)
         cases, worth, order, seen = self.reach.cases, self._worth, [], defaultdict(int)
         for n in sorted(reached, key=worth.__getitem__):
             test = cases[n].name.partition("[")[0]
@@ -225,13 +225,27 @@ class Chooser:
                 chosen.append(name)
         return chosen
 
+    @cached_property
+    def _texts(self) -> dict[str, str]:
+        """Files of tests."""
+        files = {case.name.partition("::")[0] for case in self.reach.cases}
+        paths = {file: self.root / file for file in files}
+        return {file: path.read_text() for file, path in paths.items() if path.exists()}
+
     def _named(self, site: Site) -> set[int]:
         """Cases of files that name the function or its module, for what no mark tells of."""
         last = site.function.rpartition(".")[2] or "\0"
-        words = re.compile(rf"\b({re.escape(last)}|{re.escape(_module(Path(site.file)))})\b")
-        files = {case.name.partition("::")[0] for case in self.reach.cases}
-        paths = [file for file in files if (self.root / file).exists()]
-        named = {file for file in paths if words.search((self.root / file).read_text())}
+        return self._of(rf"\b({re.escape(last)}|{re.escape(_module(Path(site.file)))})\b")
+
+    def _importing(self, site: Site) -> set[int]:
+        """Cases of files that import a function, such as a kernel to be run as plain Python."""
+        module = re.escape(_module(Path(site.file)))
+        first = re.escape(site.function.partition(".")[0] or "\0")
+        return self._of(rf"from {module} import (\([^)]*|[^\n]*)\b{first}\b")
+
+    def _of(self, pattern: str) -> set[int]:
+        """Cases of files with a pattern."""
+        named = {file for file, text in self._texts.items() if re.search(pattern, text)}
         cases = self.reach.cases
         return {n for n in range(len(cases)) if cases[n].name.partition("::")[0] in named}
 
