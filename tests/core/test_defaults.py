@@ -29,10 +29,19 @@ def text_of(value: Any) -> str:
 
 def in_python() -> Iterator[str]:
     """Lines for the arguments of public functions, and of those like other libraries'."""
-    for name, found in [*public(), *like()]:
+    for name, found in [*public(), *inherited(), *like()]:
         for argument, parameter in parameters(found).items():
             if parameter.default is not parameter.empty and text_of(parameter.default):
                 yield f"{name}: {argument}={text_of(parameter.default)}"
+
+
+def inherited() -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Methods that public classes have from others of this project."""
+    for name, found in public():
+        for base in found.__mro__[1:] if inspect.isclass(found) else ():
+            for method, function in vars(base).items() if "resample" in base.__module__ else ():
+                if inspect.isfunction(function) and not method.startswith("_"):
+                    yield f"{name}.{method}", function
 
 
 def like() -> Iterator[tuple[str, Callable[..., Any]]]:
