@@ -30,7 +30,7 @@ from resample.reading.limits import (
     raised,
 )
 from resample.reading.texts import json_of, toml_of
-from resample.words import one_line, visible
+from resample.words import LONGEST, one_line, visible
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.mesh.files import load_mesh
@@ -535,3 +535,14 @@ def test_an_array_in_a_file_of_several_is_cut_off_by_its_own_size(tmp_path, kind
 def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path, reader):
     with pytest.raises(OSError, match="absent"):
         reader(tmp_path / "absent.npy")
+
+
+def test_a_long_text_is_told_by_its_beginning_and_its_end():
+    text = "".join(chr(ord("a") + n % 26) for n in range(LONGEST + 1))
+    assert one_line(text[:-1]) == text[:-1]
+    begin, dots, end = one_line(text).partition(" ... ")
+    assert dots
+    assert text.startswith(begin)
+    assert text.endswith(end)
+    assert LONGEST - 1 <= len(begin) + len(end) <= LONGEST + 1
+    assert abs(len(begin) - len(end)) <= 1
