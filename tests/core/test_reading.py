@@ -539,8 +539,8 @@ def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path, reader):
 
 def test_a_long_text_is_told_by_its_beginning_and_its_end():
     text = "".join(chr(ord("a") + n % 26) for n in range(LONGEST + 1))
-    assert one_line(text[:-1]) == text[:-1]
-    begin, dots, end = one_line(text).partition(" ... ")
+    assert one_line(ValueError(text[:-1])) == text[:-1]
+    begin, dots, end = one_line(ValueError(text)).partition(" ... ")
     assert dots
     assert text.startswith(begin)
     assert text.endswith(end)
