@@ -46,24 +46,31 @@ def _tried(
             yield sites[done], done.result()
 
 
-def _recorded(asked: argparse.Namespace) -> Path:
-    """File of what cases run through, of all or, anew, of those of some files."""
+def _recorded(asked: argparse.Namespace) -> reach.Reach:
+    """What cases run through: all are run once, later those whose files have changed."""
     file = asked.folder / "reach.json.gz"
-    if asked.record is None and file.exists():
-        return file
+    known = reach.read(file) if file.exists() else None
+    if asked.record is not None:
+        files = asked.record
+    elif known is None:
+        files = []
+    else:
+        now = reach.digests(ROOT)
+        files = [name for name, digest in now.items() if known.files.get(name) != digest]
+        if not files:
+            return known
     described = ["git", "describe", "--always", "--dirty"]
     commit = subprocess.run(described, cwd=ROOT, capture_output=True, text=True, check=True)
-    found = reach.record(commit.stdout.strip(), asked.workers, asked.record or ())
-    if asked.record and file.exists():
-        found = reach.merged(reach.read(file), found, asked.record)
+    found = reach.record(commit.stdout.strip(), asked.workers, files)
+    if files and known is not None:
+        found = reach.merged(known, found, files)
     reach.write(found, file)
-    return file
+    return found
 
 
 def run(wanted: list[Site], known: dict[str, dict], asked: argparse.Namespace) -> None:
     """Try the wanted mutants, append what becomes of them, and look at what has killed them."""
-    file = _recorded(asked)
-    chooser = reach.Chooser(ROOT, reach.read(file))
+    chooser = reach.Chooser(ROOT, _recorded(asked))
     unfit_file = asked.folder / "unfit.json"  # cases that fail here without a fault
     unfit = set(json.loads(unfit_file.read_text())) if unfit_file.exists() else set()
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:

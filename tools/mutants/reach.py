@@ -2,6 +2,7 @@
 
 import ast
 import gzip
+import hashlib
 import json
 import os
 import re
@@ -35,6 +36,7 @@ class Reach(NamedTuple):
     """What all cases run through."""
 
     commit: str
+    files: dict[str, str]  # digests of the files of tests
     marks: dict[str, int]  # numbers of blocks `file:function:n`, and of kernels `module:name`
     cases: list[Case]
 
@@ -54,7 +56,7 @@ def record(commit: str, workers: int, files: Sequence[str] = ()) -> Reach:
             check=False,
         )
         lines = [line for file in Path(folder).glob("*.jsonl") for line in file.open()]
-    return _gathered(commit, [json.loads(line) for line in lines])
+    return _gathered(commit, [json.loads(line) for line in lines], digests(ROOT))
 
 
 def merged(known: Reach, new: Reach, files: Sequence[str]) -> Reach:
@@ -66,10 +68,19 @@ def merged(known: Reach, new: Reach, files: Sequence[str]) -> Reach:
         for case in reach.cases
         if reach is new or case.name.partition("::")[0] not in files
     ]
-    return _gathered(known.commit, lines)
+    return _gathered(known.commit, lines, known.files | new.files)
 
 
-def _gathered(commit: str, lines: list[list]) -> Reach:
+def digests(root: Path) -> dict[str, str]:
+    """Digests of all files of tests."""
+    files = sorted((root / "tests").rglob("test_*.py"))
+    return {
+        file.relative_to(root).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in files
+    }
+
+
+def _gathered(commit: str, lines: list[list], files: dict[str, str]) -> Reach:
     """Cases that passed, with what their processes met."""
     met, seconds, failed = defaultdict(set), {}, set()
     for case, spent, outcome, marks in lines:
@@ -85,13 +96,14 @@ def _gathered(commit: str, lines: list[list]) -> Reach:
         for case, spent in sorted(seconds.items())
         if case not in failed
     ]
-    return Reach(commit, numbers, cases)
+    return Reach(commit, files, numbers, cases)
 
 
 def write(reach: Reach, file: Path) -> None:
     """Keep what cases run through in a file."""
     cases = [(case.name, case.seconds, sorted(case.marks)) for case in reach.cases]
-    text = json.dumps({"commit": reach.commit, "marks": list(reach.marks), "cases": cases})
+    known = {"commit": reach.commit, "files": reach.files, "marks": list(reach.marks)}
+    text = json.dumps({**known, "cases": cases})
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_bytes(gzip.compress(text.encode()))
 
@@ -101,7 +113,7 @@ def read(file: Path) -> Reach:
     known = json.loads(gzip.decompress(file.read_bytes()))
     marks = {name: n for n, name in enumerate(known["marks"])}
     cases = [Case(name, spent, frozenset(met)) for name, spent, met in known["cases"]]
-    return Reach(known["commit"], marks, cases)
+    return Reach(known["commit"], known["files"], marks, cases)
 
 
 class Mentions:

@@ -30,6 +30,7 @@ LIBRARIES = (
 PATIENCE = 12  # wall seconds for each CPU second that a run may take
 MEMORY = 12 << 30  # bytes of address space
 SHORT = 300  # letters of a message
+CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL)
 FIRST = 3  # files of tests that are tried before others
 LINES = 12  # of what pytest says where it fails itself
 
@@ -178,6 +179,8 @@ class Worker:
         if failed:
             why = next(note["why"] for note in told if "failed" in note)
             return Outcome("killed", cpu, len(begun), failed, why)
+        if -status in CRASHES:
+            return Outcome("killed", cpu, len(begun), begun[-1:], f"crashed: status {status}")
         if status != 0:
             why = "\n".join([*output, f"status {status}"])
             return Outcome("stuck", cpu, len(begun), begun[-1:], why)
