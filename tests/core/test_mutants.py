@@ -105,6 +105,7 @@ def test_blocks_of_nested_functions_are_their_own():
 WORK = """
 import json, sys
 from pathlib import Path
+import pytest, pytest_httpserver  # once for all that are forked
 from tools.mutants.running import Worker, set_environment
 from tools.mutants.sites import sites
 

@@ -19,6 +19,7 @@ from tools.mutants.marks import FOLDER, ROOT, blocks, is_kernel
 from tools.mutants.sites import PACKAGES, Site
 
 Name = tuple[str, str]  # a module, and a name of its top level
+SIGNATURES = r"inspect\.signature\(|import .*\bparameters\b"  # tests that read them call nothing
 STARTING = 0.02  # CPU seconds of a case beside what it does
 FILES = 12  # of tests; to import one takes as long as many cases
 MANY = 20  # marks; a case that meets no more is about little
@@ -223,6 +224,8 @@ class Chooser:
         """
         reached = {n for mark in self._marks(site) for n in self._met_by[mark]}
         reached = (reached | self._importing(site)) or self._named(site)
+        if site.kind == "default":
+            reached |= self._of(SIGNATURES)
         cases, worth, order, seen = self.reach.cases, self._worth, [], defaultdict(int)
         for n in sorted(reached, key=worth.__getitem__):
             test = cases[n].name.partition("[")[0]
