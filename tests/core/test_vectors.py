@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from resample.engine.ellipsoids import lanes
 from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
 from resample.engine.vectors import (
@@ -15,6 +16,8 @@ from resample.engine.vectors import (
     scaled,
     vector_at,
 )
+from resample.types import Absorbing, Linear
+from tests.kernels import run_in_python
 
 
 def plain(kernel):
@@ -78,3 +81,20 @@ def test_the_first_depth_is_the_nearest_that_there_is(rng):
     front, back = ray(rng, 0.3, _5=np.inf), ray(rng, 0.5, _5=4.0)
     assert plain(_behind)(front, back)[5] == 4.0
     assert plain(_behind)(back, front)[5] == 4.0
+
+
+@pytest.mark.parametrize("depth", [0.0, 1e-3, 0.4, 2.0, 30.0])
+def test_splats_absorb_as_their_depth_or_as_a_layer_says(monkeypatch, depth):
+    """A line integral times a factor is what the change of the transmittance is taken of."""
+    run_in_python(monkeypatch, lanes)
+    integral = np.float32(0.5)
+    absorbing, linear = Absorbing(peak=0.5), Linear(layer=0.25)
+    factor, is_thin = lanes._depth_per(absorbing, np.float32(2 * depth))
+    assert is_thin == (depth <= 1.0)
+    assert lanes._absorbed(absorbing, factor * integral, is_thin) == pytest.approx(
+        np.expm1(-depth), rel=1e-3, abs=1e-6
+    )
+    factor, is_thin = lanes._share_per(linear, np.float32(4 * depth))
+    assert is_thin
+    change = lanes._as_it_is(linear, factor * integral, is_thin)
+    assert change == pytest.approx(np.expm1(-depth) * integral / 0.25, rel=1e-3, abs=1e-6)

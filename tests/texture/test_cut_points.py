@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from resample_texture.differentiable.kernels.points import cut_at_edges, sides, slopes_of_cut
+from resample_texture.texels.kernels.splat_blocks import _clip
 
 SIZE = 5.0
 cut, slopes = cut_at_edges.__wrapped__, slopes_of_cut.__wrapped__
@@ -55,3 +56,18 @@ def test_the_side_that_grows_with_a_step_depends_on_the_step_s_direction(sign):
     assert sides.__wrapped__(0.5, 0.0, Node, sign)[0] == sign * wide
     assert sides.__wrapped__(-0.5, 0.0, Node, sign)[0] == sign * narrow
     assert sides.__wrapped__(0.0, -0.5, Node, sign)[1] == sign * (-3.0 if sign > 0 else 4.0)
+
+
+@pytest.mark.parametrize(
+    ("box", "bounds"),
+    [
+        ((2.3, 3.7, 4.2, 5.1), (2, 3, 5, 6)), ((-9.0, -0.5, 99.0, 3.0), (-2, -1, 12, 3)),
+        ((2.0, 3.0, 2.0, 5.0), None), ((2.0, 3.0, 5.0, 3.0), None), ((13.0, 0.0, 15.0, 3.0), None),
+        ((2.0, 3.0, 2.1, 3.1), (2, 3, 3, 4)),
+    ],
+)  # fmt: skip
+def test_a_splat_touches_whole_pixels_of_the_frame_and_its_margin(box, bounds):
+    found = np.zeros(4, np.int64)
+    assert _clip.__wrapped__(np.array(box), (8, 10), 2, found) is (bounds is not None)
+    if bounds is not None:
+        assert tuple(found) == bounds
