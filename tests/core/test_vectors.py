@@ -1,8 +1,12 @@
 """Kernels that are a formula each, run as plain Python, against NumPy."""
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from resample.engine.cells import scattering
 from resample.engine.ellipsoids import lanes
 from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
@@ -98,3 +102,13 @@ def test_splats_absorb_as_their_depth_or_as_a_layer_says(monkeypatch, depth):
     assert is_thin
     change = lanes._as_it_is(linear, factor * integral, is_thin)
     assert change == pytest.approx(np.expm1(-depth) * integral / 0.25, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("taps", [1, 2, 4])
+def test_a_point_lies_between_the_pixels_that_its_filter_meets(taps):
+    batch = SimpleNamespace(along_x=np.zeros(3), along_y=np.zeros(3), pixel=np.zeros(3, np.int64))
+    plain(scattering._fill_point)(batch, 1, np.array([13.7, 25.2]), taps, (10, 20, 8))
+    column, row = math.floor(3.7 - taps / 2 + 0.5), math.floor(5.2 - taps / 2 + 0.5)
+    assert batch.pixel[1] == 8 * row + column
+    assert batch.along_x[1] == pytest.approx(3.7 - taps / 2 + 0.5 - column)
+    assert batch.along_y[1] == pytest.approx(5.2 - taps / 2 + 0.5 - row)

@@ -7,6 +7,7 @@ import pytest
 
 from resample_warp3d.command.stereo import eyes
 from resample_warp3d.command.stereo.eyes import Eyes
+from resample_warp3d.command.stereo.rendering import StereoRendering
 
 WIDTH, FOCAL = 200, 150.0
 USUAL = SimpleNamespace(eyes=None, zero_plane=None)
@@ -57,3 +58,17 @@ def test_parallax_is_told_in_px_and_degrees(monkeypatch):
         "the eyes are 0.1 apart, the screen is 5 away: parallax from -1.5 to 4.5 px",
         "the eyes are 0.1 apart: parallax from 0.57 to 2.86 degrees",
     ]
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_the_eyes_of_a_panorama_are_on_both_sides_of_the_head(way):
+    """Those of half a sphere: the first is where the source is."""
+    pose = np.eye(4)
+    source = SimpleNamespace(camera=SimpleNamespace(world_to_camera=pose))
+    apart, asked = Eyes(0.0, 0.0, 0.06), SimpleNamespace(way=way)
+    first, second = StereoRendering._targets(asked, source, apart, is_half=False)
+    assert (first.right, second.right) == pytest.approx((-0.03 * way, 0.03 * way))
+    first, second = StereoRendering._targets(asked, source, apart, is_half=True)
+    np.testing.assert_array_equal(first.world_to_camera, pose)
+    shift = np.linalg.inv(second.world_to_camera)[:3, 3] - pose[:3, 3]
+    np.testing.assert_allclose(np.abs(shift), [0.06, 0, 0], atol=1e-12)
