@@ -22,7 +22,6 @@ from tools.mutants.sites import Site, sample
 
 ROOT = Path(__file__).parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.json")
-CAUGHT = ("killed",)
 _worker: list[running.Worker] = []
 
 
@@ -111,7 +110,7 @@ def summary(sites: list[Site], known: dict[str, dict], equivalent: dict[str, str
     """Lines: those that survived, and how many were killed of each stratum and kind."""
     counted = [site for site in sites if site.id in known and site.text not in equivalent]
     for site in counted:
-        if known[site.id]["status"] not in CAUGHT:
+        if known[site.id]["status"] != "killed":
             yield _line(site, known[site.id])
     for what in ("stratum", "kind"):
         yield f"\n{what:20} killed of"
@@ -119,7 +118,7 @@ def summary(sites: list[Site], known: dict[str, dict], equivalent: dict[str, str
         killed = _killed(counted, known, what)
         for name, count in sorted(every.items()):
             yield f"{name:20} {killed[name]:6d} {count:2d}  {killed[name] / count:4.0%}"
-    killed = sum(known[site.id]["status"] in CAUGHT for site in counted)
+    killed = sum(known[site.id]["status"] == "killed" for site in counted)
     same = sum(site.text in equivalent for site in sites)
     left = len(sites) - same - len(counted)
     share = killed / max(1, len(counted))
@@ -127,7 +126,7 @@ def summary(sites: list[Site], known: dict[str, dict], equivalent: dict[str, str
 
 
 def _killed(sites: Iterable[Site], known: dict[str, dict], what: str) -> Counter[str]:
-    return Counter(getattr(s, what) for s in sites if known[s.id]["status"] in CAUGHT)
+    return Counter(getattr(s, what) for s in sites if known[s.id]["status"] == "killed")
 
 
 def _options() -> argparse.ArgumentParser:
@@ -166,7 +165,7 @@ def main(words: list[str] | None = None) -> int:
     if asked.only:
         wanted = [site for site in sites if site.id in asked.only]
     elif asked.again:
-        wanted = [s for s in wanted if known.get(s.id, {}).get("status") not in CAUGHT]
+        wanted = [s for s in wanted if known.get(s.id, {}).get("status") != "killed"]
     else:
         wanted = [s for s in wanted if s.id not in known]
     if asked.list:

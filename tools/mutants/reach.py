@@ -69,7 +69,8 @@ def merged(known: Reach, new: Reach, files: Sequence[str]) -> Reach:
         for case in reach.cases
         if reach is new or case.name.partition("::")[0] not in files
     ]
-    return _gathered(known.commit, lines, known.files | new.files)
+    now = {file: new.files[file] for file in files if file in new.files}
+    return _gathered(known.commit, lines, known.files | now)
 
 
 def digests(root: Path) -> dict[str, str]:
