@@ -22,6 +22,7 @@ Name = tuple[str, str]  # a module, and a name of its top level
 SIGNATURES = r"inspect\.signature\(|import .*\bparameters\b"  # tests that read them call nothing
 STARTING = 0.02  # CPU seconds of a case beside what it does
 FILES = 12  # of tests; to import one takes as long as many cases
+NEARER = 0.2  # worth of a case in a file that names the module or the function
 MANY = 20  # marks; a case that meets no more is about little
 
 
@@ -220,14 +221,16 @@ class Chooser:
     def cases(self, site: Site, budget: float) -> list[str]:
         """Cases that run through a mutant, as many as the CPU seconds `budget` allow.
 
-        Those that are cheap and meet little come first, but not many of one test; each further case
-        of a test counts as dearer.
+        Those come first that are cheap, meet little, and are in files that name the module or the
+        function; but not many of one test: each further case of a test counts as dearer.
         """
         reached = {n for mark in self._marks(site) for n in self._met_by[mark]}
         reached = (reached | self._importing(site)) or self._named(site)
         if site.kind == "default":
             reached |= self._of(SIGNATURES)
-        cases, worth, order, seen = self.reach.cases, self._worth, [], defaultdict(int)
+        near = self._named(site)
+        cases, order, seen = self.reach.cases, [], defaultdict(int)
+        worth = {n: self._worth[n] * (NEARER if n in near else 1.0) for n in reached}
         for n in sorted(reached, key=worth.__getitem__):
             test = cases[n].name.partition("[")[0]
             seen[test] += 1
