@@ -164,7 +164,7 @@ class Worker:
                 cpu, tried = cpu + outcome.cpu, tried + outcome.tried
                 if outcome.status != "survived":
                     return outcome._replace(cpu=cpu, tried=tried)
-        return Outcome("survived" if cases else "unreached", cpu, tried)
+        return Outcome("survived" if tried else "unreached", cpu, tried)
 
     def _outcome(self, cases: list[str], *, is_mutant: bool) -> Outcome:
         """Run cases in a forked process and read its notes."""

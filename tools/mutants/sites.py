@@ -49,6 +49,7 @@ OPERATORS = {
     ast.FloorDiv: ("//", "/"),
     ast.Mod: ("%", "//"),
 }
+ATOMS = (ast.Name, ast.Attribute, ast.Call, ast.Subscript)  # parts that need no brackets
 AXES = {0: 1, 1: 0, 2: 1}
 TYPES = re.compile(r"(NDArray|Annotated|Literal|dict|tuple|list|Callable|Iterator|Sequence)")
 UNITS = re.compile(r"(radians|deg2rad|degrees|rad2deg)$")
@@ -261,19 +262,20 @@ def _call(source: Source, node: ast.Call) -> Iterator[Change]:
     name, given = ast.unparse(node.func), node.args
     whole = source.span(node)
     first = source.text(given[0]) if given else ""
+    alone = first if given and isinstance(given[0], ATOMS) else f"({first})"
     if name in ("min", "max", "np.minimum", "np.maximum") and len(given) >= 2:
-        yield Change("clip", node, *whole, first)
+        yield Change("clip", node, *whole, alone)
         if name in ("min", "max"):
             other = "max" if name == "min" else "min"
             yield Change("clip", node, *source.span(node.func), other)
     elif name.endswith("clip") and given:
         is_method = isinstance(node.func, ast.Attribute) and name != "np.clip"
-        yield Change("clip", node, *whole, source.text(node.func.value) if is_method else first)
+        yield Change("clip", node, *whole, source.text(node.func.value) if is_method else alone)
     elif UNITS.search(name) and given:
-        yield Change("unit", node, *whole, first)
+        yield Change("unit", node, *whole, alone)
     elif name in ROUNDINGS and given:
         is_whole = name == "round" and len(given) == 1
-        yield Change("rounding", node, *whole, f"int({first})" if is_whole else first)
+        yield Change("rounding", node, *whole, f"int({first})" if is_whole else alone)
     elif len(given) >= 2 and name not in UNORDERED and not name.startswith("LOG"):
         begin, end = source.span(given[0]), source.span(given[1])
         second = source.text(given[1])
