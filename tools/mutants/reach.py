@@ -257,10 +257,11 @@ class Chooser:
         return self._of(rf"\b({re.escape(last)}|{re.escape(_module(Path(site.file)))})\b")
 
     def _importing(self, site: Site) -> set[int]:
-        """Cases of files that import a function, such as a kernel to be run as plain Python."""
-        module = re.escape(_module(Path(site.file)))
+        """Cases of files that import and name a function, such as a kernel run as plain Python."""
+        parent, _, leaf = map(re.escape, _module(Path(site.file)).rpartition("."))
         first = re.escape(site.function.partition(".")[0] or "\0")
-        return self._of(rf"from {module} import (\([^)]*|[^\n]*)\b{first}\b")
+        imports = rf"from {parent}(\.{leaf} import|[ ]import (\([^)]*|[^\n]*)\b{leaf}\b)"
+        return self._of(imports) & self._of(rf"\b{first}\b")
 
     def _of(self, pattern: str) -> set[int]:
         """Cases of files with a pattern."""
