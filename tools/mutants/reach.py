@@ -257,11 +257,11 @@ class Chooser:
         return self._of(rf"\b({re.escape(last)}|{re.escape(_module(Path(site.file)))})\b")
 
     def _importing(self, site: Site) -> set[int]:
-        """Cases of files that import and name a function, such as a kernel run as plain Python."""
+        """Cases of files that import and name a function or constant, such as a kernel's body."""
         parent, _, leaf = map(re.escape, _module(Path(site.file)).rpartition("."))
-        first = re.escape(site.function.partition(".")[0] or "\0")
+        name = site.function.partition(".")[0] or re.split(r"\W", site.before, maxsplit=1)[0]
         imports = rf"from {parent}(\.{leaf} import|[ ]import (\([^)]*|[^\n]*)\b{leaf}\b)"
-        return self._of(imports) & self._of(rf"\b{first}\b")
+        return self._of(imports) & self._of(rf"\b{re.escape(name)}\b")
 
     def _of(self, pattern: str) -> set[int]:
         """Cases of files with a pattern."""
