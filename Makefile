@@ -8,7 +8,7 @@ export UV_COMPILE_BYTECODE := 1
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz mutants bench guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -52,9 +52,12 @@ fuzz: $(VENV)/.dev
 # Small faults in the sources, which tests have to notice (docs/testing.md); ARGS="--seed 2 --stratum texture" are others.
 mutants: $(VENV)/.dev
 	$(BIN)/python -m tools.mutants $(ARGS)
-# All of it takes long and wants a quiet machine; GROUPS="volume core" are some of it, ARGS=--quick is a trial.
+# All of it takes long and wants a quiet machine; GROUPS="growth startup" are some of it, ARGS=--quick is a trial.
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(GROUPS) --json bench.json --markdown bench.md $(if $(DATA),--data $(DATA)) $(ARGS)
+# What users get, beside other programs: docs/scores.json and the tables of README.md, docs/quality.md, docs/performance.md.
+scores: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.scores $(GROUPS) $(if $(DATA),--data $(DATA)) $(ARGS)
 # Kernels that have become half as fast, or worse, beside fixed NumPy code fail.
 guard: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.guard

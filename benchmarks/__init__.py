@@ -1,1 +1,1 @@
-"""Benchmarks against other programs: `make bench`, or `python -m benchmarks GROUP ...`."""
+"""Benchmarks: `make bench` for times, `make scores` for quality beside other programs."""

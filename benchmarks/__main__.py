@@ -15,19 +15,7 @@ from benchmarks.contest import AbsentError, Options
 from benchmarks.measure import machine
 from benchmarks.tables import Section, as_json, document, markdown
 
-GROUPS = (
-    "volume",
-    "modes",
-    "fields",
-    "truth",
-    "texture",
-    "warp3d",
-    "core",
-    "growth",
-    "startup",
-    "interactive",
-    "view",
-)
+GROUPS = ("growth", "startup", "interactive", "view")
 QUICK_ROUNDS = 2
 
 

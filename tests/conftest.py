@@ -25,6 +25,8 @@ import pytest
 
 pytest.register_assert_rewrite("tests.bits", "tests.commands")  # they say what differs
 
+pytest_plugins = ("tests.record",)  # figures that may not get worse
+
 DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parents[1] / "../shared/data"))
 
 with suppress(ImportError):  # tests of the wheel have pytest alone

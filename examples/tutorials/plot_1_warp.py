@@ -3,7 +3,7 @@ Warp a picture
 ==============
 
 You have a picture and know where its points should go: by a matrix, four corners, a map or a lens. In ten
-minutes you will warp it without aliasing where it shrinks and without blur where it does not, read the
+minutes you will warp it, as the mean of what a pixel covers where it shrinks and by a spline where it does not, read the
 covered fraction of each pixel, and replace OpenCV calls.
 """
 

@@ -38,7 +38,7 @@ moved.save("moved.png", background=(0, 0, 0))
 print(moved)
 
 # %%
-# Black areas were not visible to the source. There are no cracks within surfaces, although neighbouring samples
+# Black areas were not visible to the source. There are no cracks between the samples of a surface, although they
 # have moved apart: the samples of a surface are connected to a sheet, which is cut only where the surface ends.
 #
 # Types of holes
@@ -55,7 +55,7 @@ moved.to_image("holes").save("holes.png")
 # -------
 #
 # ``fill=True`` fills holes from the background beside them. ``fill="layer"`` does it once for all views of a
-# source, so that films do not flicker.
+# source, so that it is the same in all frames of a film.
 
 warp(color, depth, camera, right, fill=True).save("filled.png")
 

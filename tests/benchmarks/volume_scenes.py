@@ -1,47 +1,29 @@
-"""Scenes, rivals and measures behind the part on orders and rivals of notes/quality.md."""
+"""Scenes and measures of volumes in orders of samples, for tests."""
 
-import statistics
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr, rms
-from resample.painting.choices import Footprint, Primitive
+from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Field, Samples
-from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import Transfer, from_points
 from resample_volume.files.generated import checker_box
-from resample_volume.files.source import open_volume
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import field_voxels, lit_field
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import Light, shade
 from resample_volume.voxels.visible import Voxels, classify
 
-DATA = Path(__file__).parents[2] / "../shared/data/volumes"
 SPLATS = Resampler(primitive=Primitive.SPLATS)
-TRUTH = Resampler(primitive=Primitive.SPLATS, subpixels=16)
-FORMS = {
-    "none": SPLATS,
-    "inflate": Resampler(primitive=Primitive.INFLATE),
-    "ewa": Resampler(primitive=Primitive.EWA),
-    "hybrid": Resampler(),
-    "paper": Resampler(primitive=Primitive.PAPER, footprint=Footprint.CORRECTED),
-    "splats, 4 × 4 rays": Resampler(primitive=Primitive.SPLATS, subpixels=4),
-    "splats, 8 × 8 rays": Resampler(primitive=Primitive.SPLATS, subpixels=8),
-}
-RAYS = 16  # per side of a pixel, of truths
 SEEN = 1e-4  # opacity from which on a pixel belongs to the object
-FOCAL = 400 / (2 * np.tan(np.radians(15)))  # px: 30 degrees on 400 px
 RED, BLUE, WHITE = (0.9, 0.2, 0.1), (0.1, 0.3, 0.9), (1.0, 1.0, 1.0)
 
 
@@ -87,13 +69,6 @@ class Scene:
         flat = np.zeros((len(voxels.value), 3), np.float32)
         return lit_field(voxels, None, np.zeros(4))._replace(gradient=flat)
 
-    def vtk(self, shot: Shot, rays: int, step: float = 1.0) -> VtkRenderer:
-        """VTK with this volume in its window."""
-        look = Peer(step=step, rays=rays, light=self.light)
-        return VtkRenderer(
-            self.volume, self.transfer, height=shot.height, width=shot.width, look=look
-        )
-
 
 def scene_of(values: np.ndarray, transfer: Transfer, spacing: float = 1.0) -> Scene:
     """Values (Z, Y, X) around the origin."""
@@ -108,110 +83,9 @@ def checker(size: int = 100, block: int = 10, opacity: float = 1.0) -> Scene:
     return Scene(volume, load_transfer(f"checker:opacity={opacity}"))
 
 
-@cache
-def real(name: str) -> Scene | None:
-    """The paper's Engine or Aneurism, lit, by Figure 9's transfer function; None where absent."""
-    file = DATA / f"{name}.nhdr"
-    if not file.is_file():
-        return None
-    return Scene(centered(open_volume(str(file)))[0], load_transfer(f"paper-{name}"), Light())
-
-
-def has_vtk() -> bool:
-    """Whether VTK is installed and renders here."""
-    try:
-        scene = checker(4, 2)
-        return bool(scene.vtk(distant(1.0), 1).render(distant(1.0).camera)[..., 3].max() > 0)
-    except (ValueError, ImportError):
-        return False
-
-
-def distant(scale: float, shift: float = 0.0, turn: float = 0.0, dolly: float = 1.0) -> Shot:
-    """View of the checker box with `scale` px per voxel, from `dolly` times the distance.
-
-    The box lies `shift` px to the right and is seen from an azimuth of 30 + `turn` degrees.
-    """
-    side = int(200 * scale) + 8
-    pose = orbit((0, 0, 0), 400 * dolly, 30.0 + turn, 25)
-    # No symmetric place of the box among the pixels.
-    camera = Camera.from_intrinsics(
-        400 * scale, 400 * scale, side / 2 + 0.137 + shift, side / 2 + 0.21, pose
-    )
-    return Shot(camera, side, side)
-
-
-def crust(samples: Samples, thickness: float = 12.0) -> Samples:
-    """Voxels of the checker box that are near to the three sides which `distant` sees."""
-    x, y, z = samples.position.T
-    side = np.abs(samples.position).max() - thickness
-    seen = (x > side) | (y < -side) | (z > side)
-    return samples._replace(
-        position=samples.position[seen],
-        color=samples.color[seen],
-        extinction=samples.extinction[seen],
-    )
-
-
-def afar(distance: float, side: int) -> Shot:
-    """View of a real volume as on 400 × 400 px, of which `side` px are kept."""
-    pose = orbit((0, 0, 0), distance, 30, 30)
-    return Shot(
-        Camera.from_intrinsics(FOCAL, FOCAL, side / 2 + 0.137, side / 2 + 0.21, pose), side, side
-    )
-
-
 def object_psnr(picture: np.ndarray, truth: np.ndarray) -> float:
     """PSNR over premultiplied linear RGBA where there is anything to see, dB."""
     return psnr(picture, truth, mask=truth[..., 3] > SEEN)
-
-
-def medians(actions: Mapping[str, Callable[[], Any]], rounds: int = 5) -> dict[str, float]:
-    """Median ms of actions that take turns, all of them warm."""
-    times: dict[str, list[float]] = {name: [] for name in actions}
-    for _ in range(rounds):
-        for name, action in actions.items():
-            start = time.perf_counter()
-            action()
-            times[name].append(1000 * (time.perf_counter() - start))
-    return {name: statistics.median(each) for name, each in times.items()}
-
-
-class Sequence(NamedTuple):
-    """Consecutive frames of the checker box and their converged pictures."""
-
-    shots: list[Shot]
-    truths: list[np.ndarray]
-
-    @classmethod
-    def of(cls, shots: Iterable[Shot], truth: Callable[[Shot], np.ndarray]) -> "Sequence":
-        """Shots with the truth of each."""
-        listed = list(shots)
-        return cls(listed, [truth(shot) for shot in listed])
-
-    def first(self, count: int) -> "Sequence":
-        """Shorter sequence."""
-        return Sequence(self.shots[:count], self.truths[:count])
-
-
-class Flicker(NamedTuple):
-    """How a form's error changes in time."""
-
-    rms: float  # levels of 255: standard deviation over the frames, rms over the object
-    jumps: float  # share of the object's pixels and steps that jump
-
-
-def flicker(sequence: Sequence, paint: Callable[[Shot], np.ndarray]) -> Flicker:
-    """Temporal rms of a form's error, and how often pixels jump.
-
-    A pixel jumps when a channel changes by more than 32 levels from one frame to the next while no
-    channel of the truth changes by more than 8.
-    """
-    frames, truths = np.array([paint(shot) for shot in sequence.shots]), np.array(sequence.truths)
-    seen = truths[..., 3].max(axis=0) > SEEN
-    error = (frames - truths)[:, seen].astype(np.float64)
-    ours, theirs = (np.abs(np.diff(each[:, seen], axis=0)).max(-1) for each in (frames, truths))
-    jumping = (ours > 32 / 255) & (theirs < 8 / 255)
-    return Flicker(255 * float(np.sqrt(error.var(axis=0).mean())), float(jumping.mean()))
 
 
 def second_difference(frames: Iterable[np.ndarray]) -> np.ndarray:
@@ -318,8 +192,3 @@ def near(scene: Scene) -> Shot:
     pose = orbit((0, 0, 0), 4 * size, 30, 25)
     focal = 4 * size * 96 / (1.75 * size)
     return Shot(Camera.from_intrinsics(focal, focal, 48.137, 48.21, pose), 96, 96)
-
-
-def rays_of(side: int) -> str:
-    """Rays per pixel in words."""
-    return "1 ray" if side == 1 else f"{side * side} rays"

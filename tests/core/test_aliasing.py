@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.benchmarks.quality_table import (
+from tests.benchmarks.splat_scenes import (
     CRUST,
     HYBRID,
     SPLATS,

@@ -128,9 +128,14 @@ def test_a_command_within_a_command_is_checked_too():
     assert "fetsh" in fault(DOCS, "resample-volume render $(resample-volume fetsh engine) -o a.png")
 
 
+def written(text):
+    """A page without its generated tables."""
+    return re.sub(r"<!-- scores: \w+ -->.*?<!-- end -->", "", text, flags=re.DOTALL)
+
+
 def test_the_front_page_is_short_with_one_figure_and_one_table():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.split()) <= 900
+    assert len(written(text).split()) <= 850
     assert text.count("![") == 1
     assert len(re.findall(r"^\|[-|]+\|$", text, re.MULTILINE)) == 1
 
@@ -138,7 +143,7 @@ def test_the_front_page_is_short_with_one_figure_and_one_table():
 @pytest.mark.parametrize("page", ["quality", "performance"])
 def test_measurements_are_one_page_and_say_what_prints_them(page):
     text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
-    assert len(text.replace("|", " ").split()) <= 1300
+    assert len(written(text).split()) <= 700
     for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         assert re.search(r"python -m|make |benchmarks\.", part), part.partition("\n")[0]
 

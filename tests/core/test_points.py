@@ -220,10 +220,10 @@ def test_a_crowded_layer_covers_a_pixel_once(primitive):
 
 
 @pytest.mark.parametrize("primitive", [Primitive.HYBRID, Primitive.POINTS])
-def test_an_even_layer_looks_even(primitive):
+def test_an_even_layer_looks_even(primitive, record):
     frame = draw(bed(0.3, extinction=1.0), camera(0.3, 0.2, 0.3), primitive=primitive)
     middle = frame.rgba[4:-4, 4:-4, 3]
-    assert np.ptp(middle) < 0.01  # ripple of the point filter
+    record.error("ripple", np.ptp(middle))
 
 
 @pytest.mark.each_value

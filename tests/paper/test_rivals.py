@@ -17,7 +17,7 @@ from resample.resampler import Resampler
 from resample.types import Samples
 from resample_volume.baselines.painting import EWA_VARIANCE, AxisSheets
 from tests import naive
-from tests.benchmarks.quality_table import CRUST, checker_box, checker_truth, distant, object_psnr
+from tests.benchmarks.splat_scenes import CRUST, checker_box, checker_truth, distant, object_psnr
 from tests.samples import cloud, painter
 
 SIDE = 28  # px
@@ -236,7 +236,7 @@ def test_all_rivals_alias_less_than_plain_splats_and_hybrid_least(scale):
 @pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [pytest.param(0.5, marks=MORE), 0.25])
-def test_hybrid_is_nearest_to_the_truth(scale):
+def test_hybrid_is_nearest_to_the_truth(scale, record):
     """Wide kernels blur, and make the edges of what is opaque fat."""
     truth = checker_truth(0.9, scale)
     quality = {form: object_psnr(drawn(form, scale), truth) for form in Primitive}
@@ -245,6 +245,7 @@ def test_hybrid_is_nearest_to_the_truth(scale):
         shown = {str(form): round(float(value), 3) for form, value in found.items()}
         sys.stdout.write(f"\nchecker box, {scale} px per voxel, {name}: {shown}\n")
     hybrid = quality.pop(Primitive.HYBRID)
+    record.quality("hybrid", hybrid)
     assert all(value < hybrid - 5 for value in quality.values())  # dB
     assert opacity[Primitive.HYBRID] == pytest.approx(1, abs=1e-3)
     assert all(1.01 < opacity[form] < 1.15 for form in WIDENED)

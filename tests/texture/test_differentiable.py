@@ -184,7 +184,7 @@ def turned(scale, angle, shape):
 @pytest.mark.parametrize("scale", [1 / 3, 0.5, 1, 2, 4])
 @pytest.mark.parametrize("angle", [0.0, 0.5])
 @pytest.mark.parametrize("edge", EDGES)
-def test_the_picture_is_that_of_warp(scale, angle, edge):
+def test_the_picture_is_that_of_warp(scale, angle, edge, record):
     source = np.random.default_rng(7).random((42, 48))
     matrix, target = turned(scale, angle, source.shape)
     ours = LinearWarp(edge=edge)(source, MatrixPlaces(matrix, target, source.shape))
@@ -203,21 +203,21 @@ def test_the_picture_is_that_of_warp(scale, angle, edge):
     np.testing.assert_allclose(mapped, ours, atol=1e-12)
     whole = given.coverage == 1.0  # where an edge runs through, `warp` looks at 4 × 4 places
     error = ours - given.image
-    assert np.sqrt(np.mean(error[whole] ** 2)) < 1e-3
-    assert np.abs(error).max() < 0.06
+    record.error("rms inside", np.sqrt(np.mean(error[whole] ** 2)))
+    record.error("largest", np.abs(error).max())
     ones = LinearWarp(edge=edge)(np.ones(source.shape), MatrixPlaces(matrix, target, source.shape))
     np.testing.assert_allclose(ones, given.coverage, atol=6e-3)
     np.testing.assert_allclose(ones[whole], 1.0, atol=1e-6)
 
 
-def test_a_torn_map_is_seen_as_warp_sees_it():
+def test_a_torn_map_is_seen_as_warp_sees_it(record):
     places, source = torn_places(), pictures()[0]
     choices = {"interpolation": "area-spline:limit=none", "edge": "mirror", "quality": 8}
     choices["fill"] = "premultiplied"
     given = warp(source, BackwardMap(places.x, places.y), FRAME, **choices).image
     ours = LinearWarp(edge="mirror")(source, places)
     # The map's jitter leans pixels, which `warp` takes for boxes.
-    assert np.sqrt(np.mean((ours - given) ** 2)) < 6e-3
+    record.error("rms", np.sqrt(np.mean((ours - given) ** 2)))
 
 
 @pytest.mark.sweep

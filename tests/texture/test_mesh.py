@@ -27,23 +27,23 @@ from tests.texture.mesh_shapes import (
 
 @pytest.mark.some(1)
 @pytest.mark.parametrize("distance", [0.4, 2.0, 8.0])
-def test_a_square_is_what_rays_see(distance):
+def test_a_square_is_what_rays_see(distance, record):
     # 0.4: 3 px per texel and cut off by the frame; 8: 3 texels per px
     texture = noise(64)
     camera = oblique(distance, 48)
     frame = picture(square(texture), camera, 48)
     truth = naive(texture, camera, 48)
-    assert decibels(frame.rgba, truth) > 40
+    record.quality("picture", decibels(frame.rgba, truth))
 
 
 @pytest.mark.sweep
-def test_inside_a_minified_square_the_texture_is_averaged():
+def test_inside_a_minified_square_the_texture_is_averaged(record):
     texture = noise(256)
     camera = from_above(40.0, 48)  # 6 texels per px
     truth = naive(texture, camera, 48, rays=16)
     inside = truth[..., 3] == 1
     frame = picture(square(texture), camera, 48)
-    assert decibels(frame.rgba[inside], truth[inside]) > 50
+    record.quality("inside", decibels(frame.rgba[inside], truth[inside]))
 
 
 @pytest.mark.parametrize("scale", [5.3, 40.7])
@@ -71,7 +71,7 @@ def test_coverage_sums_to_the_area():
         ),
     ],
 )
-def test_a_triangle_that_is_a_sliver_of_its_texture_is_what_rays_see(along, width):
+def test_a_triangle_that_is_a_sliver_of_its_texture_is_what_rays_see(along, width, record):
     # u and v run along the same line but for a little: 0.8 and 5 texels per px
     uv = 0.1 + SQUARE[:, :2] @ np.array([[along, along], [width, -width]])
     mesh = Mesh(SQUARE, FALLING, uv, (noise(64),))
@@ -79,24 +79,24 @@ def test_a_triangle_that_is_a_sliver_of_its_texture_is_what_rays_see(along, widt
     frame = picture(mesh, camera, 48)
     truth = naive_mesh(mesh, camera, 48, rays=16)
     inside = truth[..., 3] == 1
-    assert decibels(frame.rgba[inside], truth[inside]) > 57
+    record.quality("inside", decibels(frame.rgba[inside], truth[inside]))
 
 
-def test_a_square_s_halves_meet_without_a_seam():
+def test_a_square_s_halves_meet_without_a_seam(record):
     texture, camera = noise(64), oblique(1.0, 48)
     one = picture(square(texture, triangle=FALLING), camera, 48)
     other = picture(square(texture, triangle=RISING), camera, 48)
     # points at the diagonal are spread over other sub-pixels, and may be cut otherwise
-    assert decibels(one.rgba, other.rgba) > 55
+    record.quality("picture", decibels(one.rgba, other.rgba))
 
 
 @pytest.mark.parametrize("count", [16, 64])
-def test_a_finely_cut_square_is_the_same_picture(count):
+def test_a_finely_cut_square_is_the_same_picture(count, record):
     # of 64 texels: at 16 and 64 cuts they lie on texels' edges and centers
     texture, camera = noise(64), oblique(2.0, 48)
     whole = picture(square(texture), camera, 48)
     cut = picture(finely_cut(texture, count), camera, 48)
-    assert decibels(cut.rgba, whole.rgba) > 55  # levels are chosen for each triangle
+    record.quality("picture", decibels(cut.rgba, whole.rgba))  # levels are chosen for each triangle
 
 
 def test_a_cell_at_a_corner_belongs_to_one_triangle():
@@ -174,14 +174,14 @@ def test_a_floor_under_the_eye_ends_at_the_horizon():
 
 
 @pytest.mark.sweep
-def test_a_texture_that_crosses_the_eye_s_plane_is_where_rays_see_it():
+def test_a_texture_that_crosses_the_eye_s_plane_is_where_rays_see_it(record):
     texture = noise(64)
     pose = look_at((0.5, 0.2, 0.1), (0.5, 0.8, 0.0))
     camera = Camera.from_fov(60, height=48, width=48, world_to_camera=pose)
     truth = naive(texture, camera, 48)
     inside = truth[..., 3] == 1
     frame = picture(square(texture), camera, 48)
-    assert decibels(frame.rgba[inside], truth[inside]) > 40
+    record.quality("inside", decibels(frame.rgba[inside], truth[inside]))
 
 
 def test_what_lies_before_the_near_plane_is_not_seen():

@@ -39,12 +39,12 @@ def see_through(size=64, seed=5):
 @pytest.mark.parametrize("along_u", ["wrap", "mirror", "clamp"])
 @pytest.mark.parametrize("along_v", ["wrap", "mirror", "clamp"])
 @pytest.mark.parametrize("repeats", [2.3, 12.0])
-def test_beyond_its_edges_a_texture_goes_on_as_its_cover_says(along_u, along_v, repeats):
+def test_beyond_its_edges_a_texture_goes_on_as_its_cover_says(along_u, along_v, repeats, record):
     # 0.6 and 3.2 texels per px
     mesh = covered(noise(32), Cover(along_u, along_v), repeats * (SQUARE[:, :2] - 0.4))
     camera = from_above(120.0, 40, 0.3)
     frame = picture(mesh, camera, 40)
-    assert decibels(frame.rgba, naive_mesh(mesh, camera, 40, rays=12)) > 50
+    record.quality("picture", decibels(frame.rgba, naive_mesh(mesh, camera, 40, rays=12)))
 
 
 @pytest.mark.parametrize("edge", ["mirror", "clamp"])
@@ -59,14 +59,14 @@ def test_a_place_that_is_looked_up_knows_the_edges_too(edge):
 
 @pytest.mark.some(1)
 @pytest.mark.parametrize("distance", [0.4, 2.0, 6.0])
-def test_a_mask_is_what_rays_see(distance):
+def test_a_mask_is_what_rays_see(distance, record):
     mesh = covered(see_through(), Cover(alpha="mask", cutoff=0.5))
     camera = oblique(distance, 40)
     frame = picture(mesh, camera, 40)
     truth = naive_mesh(mesh, camera, 40)
     whole = picture(covered(noise(8), Cover()), camera, 40).coverage.sum()
     assert 0.2 < truth[..., 3].sum() / whole < 0.8
-    assert decibels(frame.rgba, truth) > 37
+    record.quality("picture", decibels(frame.rgba, truth))
 
 
 def test_a_mask_s_cutoff_is_the_least_alpha_that_is_seen():
@@ -79,11 +79,11 @@ def test_a_mask_s_cutoff_is_the_least_alpha_that_is_seen():
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("distance", [0.4, 2.0, 6.0])
-def test_what_one_can_see_through_is_what_rays_see(distance):
+def test_what_one_can_see_through_is_what_rays_see(distance, record):
     mesh = covered(see_through(), Cover(alpha="blend"))
     camera = oblique(distance, 40)
     frame = picture(mesh, camera, 40)
-    assert decibels(frame.rgba, naive_mesh(mesh, camera, 40)) > 45
+    record.quality("picture", decibels(frame.rgba, naive_mesh(mesh, camera, 40)))
 
 
 def test_an_opaque_texture_s_alpha_does_nothing():
@@ -150,10 +150,12 @@ def glass_cube(texture, alpha):
         pytest.param("mask", marks=pytest.mark.sweep),
     ],
 )
-def test_a_cube_with_openings_shows_its_inside(alpha):
+def test_a_cube_with_openings_shows_its_inside(alpha, record):
     mesh, camera = glass_cube(see_through(32), alpha), oblique(3.5, 40)
     frame = picture(mesh, camera, 40)
-    assert decibels(frame.rgba, naive_mesh(mesh, camera, 40)) > 33  # four samples along a px
+    record.quality(
+        "picture", decibels(frame.rgba, naive_mesh(mesh, camera, 40))
+    )  # four samples along a px
     with threads(1):
         np.testing.assert_array_equal(picture(mesh, camera, 40).rgba, frame.rgba)
 

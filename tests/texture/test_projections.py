@@ -58,27 +58,29 @@ def test_places_and_directions_are_each_other_s_inverse(name):
 @pytest.mark.parametrize("target", SIZES)
 @pytest.mark.parametrize("source", ["equirectangular", "cubemap", "cubemap:layout=cross"])
 @pytest.mark.parametrize("turn", [(0, 0, 0), (140, -60, 25)])
-def test_a_panorama_is_the_scene_in_any_projection(source, target, turn):
+def test_a_panorama_is_the_scene_in_any_projection(source, target, turn, record):
     found = project(picture(source), source, target, SIZES[target], turn)
     expected = picture(target, turn)
     is_there = np.isfinite(expected).all(axis=-1)
     assert (found.coverage[is_there] > 0.99).mean() > 0.999  # of a circle the rim is half covered
     error = np.abs(found.image - expected)[is_there & (found.coverage > 0.99)]
-    assert np.sqrt(np.square(error).mean()) < 0.004
-    assert error.max() < 0.06  # texels of padded faces are the nearest of their neighbours'
+    record.error("rms", np.sqrt(np.square(error).mean()))
+    record.error(
+        "largest", error.max()
+    )  # texels of padded faces are the nearest of their neighbours'
 
 
 @pytest.mark.parametrize(
     "source", ["fisheye:fov=220,model=equisolid", "cylindrical", "perspective:fov=80"]
 )
-def test_what_a_picture_does_not_show_is_not_invented(source):
+def test_what_a_picture_does_not_show_is_not_invented(source, record):
     found = project(np.nan_to_num(picture(source)), source, "equirectangular", (128, 256))
     expected = picture("equirectangular")
     inner = found.coverage == 1.0
     assert 0.05 < inner.mean() < 0.9
     assert np.isnan(found.image[found.coverage == 0.0]).all()
     error = np.abs(found.image - expected)[inner]
-    assert np.sqrt(np.square(error).mean()) < 0.02
+    record.error("rms", np.sqrt(np.square(error).mean()))
 
 
 @pytest.mark.parametrize("model", ["equidistant", "equisolid", "stereographic", "orthographic"])

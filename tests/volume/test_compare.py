@@ -74,14 +74,16 @@ def test_what_does_not_go_together_is_refused():
         variants(Resampler(), ["ewa"], ["exact"])
 
 
-def test_the_reference_comes_first_and_every_picture_has_a_row():
+def test_the_reference_comes_first_and_every_picture_has_a_row(record):
     made = contest(4)
     for name, resampler in variants(Resampler(), ["points", "splats"]).items():
         made.draw(name, resampler)
     assert list(made.pictures) == ["reference, 4 x 4 splats", "points", "splats"]
     assert [row["picture"] for row in made.rows] == ["points", "splats"]
     assert all(picture.shape == (24, 32, 4) for picture in made.pictures.values())
-    assert all(20 < row["psnr"] < 90 and row["ms"] > 0 for row in made.rows)
+    for row in made.rows:
+        record.quality(row["picture"], row["psnr"])
+        assert row["ms"] > 0
     assert [row["splats"] for row in made.rows] == ["0.0 %", "100.0 %"]
 
 
@@ -92,29 +94,29 @@ def test_what_the_reference_is_made_of_equals_it():
     assert made.rows[0]["ssim"] == pytest.approx(1)
 
 
-def test_more_rays_do_not_change_what_is_measured_much():
+def test_more_rays_do_not_change_what_is_measured_much(record):
     made = [contest(rays) for rays in (8, 16)]
     for one in made:
         one.draw("splats", SPLATS)
-    assert abs(made[0].rows[0]["psnr"] - made[1].rows[0]["psnr"]) < 2  # dB
+    record.error("change, dB", abs(made[0].rows[0]["psnr"] - made[1].rows[0]["psnr"]))
 
 
 @pytest.mark.sweep
-def test_slabs_come_to_what_rays_through_the_field_see():
+def test_slabs_come_to_what_rays_through_the_field_see(record):
     thin = replace(SPLATS, subpixels=2, order=ImageSheets(0.25))
     made = contest(2, thin)
     made.pictures.clear()
     made.cast(thin, 2)
     made.draw("slabs", thin)
-    assert made.rows[0]["psnr"] > 50
+    record.quality("slabs", made.rows[0]["psnr"])
 
 
-def test_vtk_is_measured_where_it_is_installed():
+def test_vtk_is_measured_where_it_is_installed(record):
     pytest.importorskip("vtkmodules", exc_type=ImportError)
     made = contest(2)
     made.draw_vtk(centered(BOX)[0], 2)
     assert made.rows[0]["picture"] == "VTK, 2 x 2 rays"
-    assert made.rows[0]["psnr"] > 15  # it reconstructs by other kernels
+    record.quality("VTK", made.rows[0]["psnr"])  # it reconstructs by other kernels
 
 
 def test_differences_are_gray_where_there_are_none():

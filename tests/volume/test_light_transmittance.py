@@ -16,6 +16,7 @@ from resample_volume.rendering import Subject, render
 from resample_volume.voxels import transmittance
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.transmittance import SKIPPED, light_transmittance, optical_depths
+from tests.record import Record
 
 WHITE = (1.0, 1.0, 1.0)
 LOOK = from_points([(99.0, WHITE, 0.0), (100.0, WHITE, 0.9)])
@@ -56,7 +57,7 @@ def slow_depths(
 @pytest.mark.parametrize("toward", WAYS)
 @pytest.mark.parametrize("lattice", [np.eye(3), UNEVEN], ids=["even", "uneven"])
 def test_depths_are_integrals_toward_the_light(
-    toward: tuple[float, ...], lattice: NDArray[np.float64]
+    toward: tuple[float, ...], lattice: NDArray[np.float64], record: Record
 ) -> None:
     extinction, way = smooth(), np.array(toward, float)
     depth = np.full(extinction.shape, np.nan)
@@ -64,7 +65,7 @@ def test_depths_are_integrals_toward_the_light(
         depth[place] = part
     slow = slow_depths(extinction, lattice, way)
     assert slow.max() > 0.5
-    assert np.abs(depth.ravel()[::EACH] - slow).max() < 0.02
+    record.error("largest", np.abs(depth.ravel()[::EACH] - slow).max())
 
 
 def test_what_is_out_of_reach_takes_nothing() -> None:
@@ -136,7 +137,7 @@ def test_a_block_shades_the_table_below_it(classification: Classification) -> No
     np.testing.assert_allclose(shaded[..., 3], bright[..., 3], atol=0.004)
 
 
-def test_what_is_cut_away_casts_no_shadow() -> None:
+def test_what_is_cut_away_casts_no_shadow(record: Record) -> None:
     light, cut = Light((0, 0, 1), specular=0.0, shadows=True), "0/0/-1/0"
     for classification in Classification:
         given = {"classification": classification, "clip": (cut,)}
@@ -144,7 +145,7 @@ def test_what_is_cut_away_casts_no_shadow() -> None:
         bright = lamps(Light((0, 0, 1), specular=0.0), table_and_block(), **given)
         on_top = bright[..., 0] > 0.8
         assert on_top.sum() > 500
-        assert np.abs(shaded - bright)[on_top].max() < 0.05
+        record.error(f"{classification} on top", np.abs(shaded - bright)[on_top].max())
 
 
 def test_surfaces_take_shadows_and_gaps_cast_none() -> None:

@@ -134,7 +134,7 @@ def test_what_there_is_covers_part_of_the_picture(name):
 @pytest.mark.sweep
 @pytest.mark.parametrize("name", ["outlier", "padding slice", "padding ring", "padding above"])
 @pytest.mark.parametrize("preset", ["bone", "gray", "viridis", "surfaces"])
-def test_presets_do_not_mind_strays_and_padding(name, preset):
+def test_presets_do_not_mind_strays_and_padding(name, preset, record):
     values = ODD[name]()
     clean = ball() + 1000 if name == "padding above" else ball()
     if name in ("padding ring", "padding above"):  # of clean air some is seen
@@ -143,7 +143,7 @@ def test_presets_do_not_mind_strays_and_padding(name, preset):
         shown(each, "--transfer", preset, "--order", "rays") for each in (values, clean)
     )
     inner = np.s_[6:26, 6:26]
-    assert np.abs(picture - expected)[inner].mean() < 0.1 * expected[inner].mean()
+    record.error("mean", np.abs(picture - expected)[inner].mean())
 
 
 @pytest.mark.sweep
@@ -171,13 +171,13 @@ def test_all_modes_do_not_mind_them(name, words):
 @pytest.mark.parametrize(
     "words", [["--classify", "post"], ["--projection", "maximum"], ["--projection", "average"]]
 )
-def test_fields_look_as_they_would_without_a_stray(far, words):
+def test_fields_look_as_they_would_without_a_stray(far, words, record):
     clean = ball(np.float32)
     expected = shown(clean, *words)
     picture = shown(changed(clean.copy(), (38, 1, 38), far), *words)
     away_from_it = np.s_[10:22, 10:22]
     off = np.abs(picture - expected)[away_from_it].max()
-    assert off < 0.05 * expected[away_from_it].max()
+    record.error("beside", off)
 
 
 @pytest.mark.sweep

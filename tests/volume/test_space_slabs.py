@@ -73,7 +73,7 @@ WALL = scene_mesh(
         ),
     ],
 )
-def test_slabs_over_each_other_are_the_flat_picture(choices, order, fov):
+def test_slabs_over_each_other_are_the_flat_picture(choices, order, fov, record):
     resampler = Resampler(subpixels=4) if order is None else Resampler(order=order, subpixels=4)
     flat, layers = pieces(Appearance(LOOK, **choices), resampler, Orbit(30, 20, 1.0, fov), 16)
     found = over([slab.rgba for slab in layers])
@@ -81,17 +81,17 @@ def test_slabs_over_each_other_are_the_flat_picture(choices, order, fov):
     steep = np.abs(np.stack(np.gradient(flat.rgba, axis=(0, 1)))).max(axis=(0, 3))
     smooth = gaussian_filter(steep, 1.0) < 0.01
     assert smooth.sum() > 100
-    assert error[smooth].max() < 1e-3
-    assert error.max() < 0.02, error.max()
+    record.error("largest where it is smooth", error[smooth].max())
+    record.error("largest", error.max())
     assert sum(slab.rgba[..., 3].max() > 0.01 for slab in layers) > 5
 
 
 @pytest.mark.sweep
-def test_a_camera_inside_sees_slabs_from_its_near_plane_on():
+def test_a_camera_inside_sees_slabs_from_its_near_plane_on(record):
     flat, layers = pieces(
         Appearance(LOOK, **POST), Resampler(order=Rays(), subpixels=4), Orbit(30, 20, 8), 12
     )
-    assert np.abs(over([slab.rgba for slab in layers]) - flat.rgba).max() < 0.02
+    record.error("largest", np.abs(over([slab.rgba for slab in layers]) - flat.rgba).max())
 
 
 def test_samples_are_where_slabs_are_and_empty_ones_are_not_kept(tmp_path):

@@ -14,6 +14,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
 from resample.measuring.quality import psnr
 from resample_warp3d import DepthScene, warp
+from tests.record import Record
 
 SHAPE = (60, 80)
 CAMERA = Camera.from_fov(55, *SHAPE)
@@ -71,7 +72,7 @@ def test_a_source_is_prepared_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.some(2)
 @pytest.mark.parametrize("name", SIGHTS)
-def test_previews_are_alike_and_say_so(name: str) -> None:
+def test_previews_are_alike_and_say_so(name: str, record: Record) -> None:
     scene = DepthScene(*room(240, 320), CAMERA.resized(SHAPE, (240, 320)))
     size = (640, 320) if name == "panorama" else (317, 241)
     final = scene.render(SIGHTS[name], size=size)
@@ -81,7 +82,7 @@ def test_previews_are_alike_and_say_so(name: str) -> None:
         assert part.shape == of_final.shape
         assert part.dtype == of_final.dtype
     assert preview.coverage.mean() == pytest.approx(final.coverage.mean(), abs=0.05)
-    assert psnr(preview.image, final.image) > 20
+    record.quality("preview", psnr(preview.image, final.image))
     both = np.isfinite(preview.depth) & np.isfinite(final.depth)
     assert np.median(np.abs(preview.depth[both] - final.depth[both])) < 0.05
 

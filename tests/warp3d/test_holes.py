@@ -146,7 +146,7 @@ def test_cracks_are_less_sure_than_what_was_seen():
 
 @pytest.mark.parametrize("distortion", [None, (0.1, 0.0, 0.0, 0.0), (-0.15, 0.02, 0.01, -0.01)])
 @pytest.mark.parametrize("roll", [0.0, 0.3])
-def test_every_hole_is_what_the_source_shows_at_its_place_on_the_wall(distortion, roll):
+def test_every_hole_is_what_the_source_shows_at_its_place_on_the_wall(distortion, roll, record):
     source = Camera.from_intrinsics(64, 64, 32, 32, distortion=distortion)
     target = camera_at((0.5, 0.1, -0.4), 0.05, roll)
     color, depth = scene()
@@ -170,7 +170,7 @@ def test_every_hole_is_what_the_source_shows_at_its_place_on_the_wall(distortion
     is_hole = (given.coverage == 0) & given.coverage.any(axis=1, keepdims=True)
     assert is_hole.mean() > 0.1
     # At the borders of what is known and of the frame, pixels' centers decide by rounding.
-    assert (given.holes == expected)[is_hole].mean() > 0.96
+    record.error("wrong causes", (given.holes != expected)[is_hole])
 
 
 def test_a_camera_beyond_everything_sees_nothing_of_it():

@@ -81,43 +81,36 @@ def eroded(mask, reach=1):
     return mask
 
 
-# dB against 8 × 8 rays per pixel, over all pixels that the source sees whole, less 2. The waves
-# have 5 px in the source and more: pixels' means are exact, what is interpolated between them is
-# not. At silhouettes (card, ball) errors of a few hundredths of a pixel decide.
-TRUTH = {
-    ("wall", "side"): 62,
-    ("wall", "roll"): 56,
-    ("wall", "back4"): 47,  # nine of the source's samples make a pixel, as points
-    ("wall", "in3"): 64,
-    ("wall", "oblique"): 50,
-    ("card", "side"): 55,
-    ("card", "roll"): 53,
-    ("card", "back4"): 60,
-    ("card", "in3"): 39,
-    ("card", "oblique"): 41,
-    ("ball", "side"): 43,
-    ("ball", "roll"): 51,
-    ("ball", "back4"): 59,
-    ("ball", "in3"): 46,
-}
+TRUE = "side", "roll", "back4", "in3", "oblique"
 
 
+# The waves have 5 px in the source and more: pixels' means are exact, what is interpolated between
+# them is not. At silhouettes (card, ball) errors of a few hundredths of a pixel decide.
 @pytest.mark.sweep
-@pytest.mark.parametrize(("scene", "view"), TRUTH)
-def test_it_shows_what_rays_show(scene, view):
+@pytest.mark.parametrize(
+    ("scene", "view"),
+    [
+        *((scene, view) for scene in ("wall", "card") for view in TRUE),
+        *(("ball", view) for view in TRUE if view != "oblique"),
+    ],
+)
+def test_it_shows_what_rays_show(scene, view, record):
     truth = truth_of(scene, view)
     given = rendered(source_of(scene), VIEWS[view]).image
+    # All pixels that the source sees whole, against 8 × 8 rays in each.
     found = psnr(given, truth.color.astype(np.float32), mask=truth.shown > 0.999)
-    assert found >= TRUTH[scene, view]
+    record.quality("picture", found)
 
 
 @pytest.mark.parametrize("view", ["roll", "oblique"])
-def test_more_quality_is_better_where_cells_lie_askew(view):
+def test_more_quality_is_better_where_cells_lie_askew(view, record):
     truth = truth_of("wall", view)
     usual, more = (rendered(source_of("wall"), VIEWS[view], Hybrid(quality=q)) for q in (1, 4))
     mask = eroded(truth.shown > 0.999, 3)
     color = truth.color.astype(np.float32)
-    assert psnr(more.image, color, mask=mask) > psnr(usual.image, color, mask=mask) + 3
+    better = psnr(more.image, color, mask=mask)
+    assert better > psnr(usual.image, color, mask=mask) + 3
+    record.quality("quality 4", better)
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -160,13 +153,13 @@ def test_identity_leaves_out_what_has_no_depth(rng):
     np.testing.assert_array_equal(np.isinf(given.depth), ~is_known)
 
 
-def test_a_picture_hardly_changes_when_the_camera_hardly_moves():
+def test_a_picture_hardly_changes_when_the_camera_hardly_moves(record):
     source = source_of("card")
     given = rendered(source, camera_at((0.001 * 2.5 / 64, 0, 0)))  # 0.001 px
     # Beside silhouettes, samples mix what they show anew.
-    assert psnr(given.image, source.color) > 55
+    record.quality("picture", psnr(given.image, source.color))
     is_inside = eroded(source.links == 15)
-    assert np.abs(given.image - source.color)[is_inside].max() < 2e-3
+    record.error("largest inside", np.abs(given.image - source.color)[is_inside].max())
 
 
 @pytest.mark.some(1)
@@ -191,7 +184,7 @@ def test_rectified_pairs_move_by_their_disparity(disparity):
 
 
 @pytest.mark.parametrize("focal", [25.0, 64.0, 160.0])
-def test_a_rotation_warps_as_textures_do(focal):
+def test_a_rotation_warps_as_textures_do(focal, record):
     target = camera_at((0, 0, 0), 0.1, 0.3, focal=focal)
     image = depth_image([plane((0, 0, 1), 4.0, pattern(4.0))], SOURCE, SHAPE, rays=4)
     given = rendered(prepare(image), target)
@@ -199,10 +192,10 @@ def test_a_rotation_warps_as_textures_do(focal):
     texture = resample_texture.warping.warp(image.color, equation.matrix, SHAPE, filter="area")
     is_inside = eroded(texture.coverage > 0.999, 6 if focal > 100 else 2)
     # Colors are interpolated in other ways: Catmull-Rom there, parabolas here.
-    assert psnr(given.image, texture.image, mask=is_inside) > 55
+    record.quality("picture", psnr(given.image, texture.image, mask=is_inside))
 
 
-def test_a_plane_warps_as_textures_do():
+def test_a_plane_warps_as_textures_do(record):
     target = camera_at((0.3, 0.2, -0.5), 0.1, 0.3)
     image = depth_image([plane((0, 0, 1), 4.0, pattern(4.0))], SOURCE, SHAPE, rays=4)
     given = rendered(prepare(image), target)
@@ -210,7 +203,7 @@ def test_a_plane_warps_as_textures_do():
     matrix = equation.matrix + np.outer(equation.epipole, [0, 0, 0.25])
     texture = resample_texture.warping.warp(image.color, matrix, SHAPE, filter="area")
     is_inside = eroded(texture.coverage > 0.999, 2)
-    assert psnr(given.image, texture.image, mask=is_inside) > 50
+    record.quality("picture", psnr(given.image, texture.image, mask=is_inside))
 
 
 # What is bridged takes the color of sides that may be covered to 97 % only, as if they were full.
@@ -269,7 +262,7 @@ BEHIND = plane((0.0, 0.0, 1.0), 5.0, flat(0.0))
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("eye", [(1e-5, 0, 0), (0.1, 0.03, 0), (0, 0, 1.0), (0, 0, 1.8)])
-def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(eye):
+def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(eye, record):
     things, target = [ALONE, BEHIND], camera_at(eye)
     given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image[..., 0]
     scale = 64 / (2.5 - eye[2])
@@ -282,18 +275,20 @@ def test_silhouettes_cover_the_share_of_a_pixel_that_they_do(eye):
     is_edge = (shown == 1) & (abs(share - 0.5) < 0.5)
     error = np.abs(given - share)[is_edge]
     # 97 % of a pixel count as all of it; the card's corners are known to a part of a sample only.
-    assert np.median(error) < 0.035
-    assert error.max() < 0.2
+    record.error("median", np.median(error))
+    record.error("largest", error.max())
 
 
 @pytest.mark.sweep
-def test_silhouettes_of_a_turned_picture_cover_their_share():
+def test_silhouettes_of_a_turned_picture_cover_their_share(record):
     things, target = [ALONE, BEHIND], camera_at((0, 0, 0), 0, 0.3)
     given = rendered(prepare(depth_image(things, SOURCE, SHAPE)), target).image[..., 0]
     truth = see(things, target, SHAPE, other=SOURCE, other_shape=SHAPE)
     error = np.abs(given - truth.share[..., 0])[truth.shown == 1]
-    assert error.max() < 0.2  # a corner; 0.06 along the sides, where boxes stand for cells
-    assert np.mean(error > 0.07) < 1e-3
+    record.error(
+        "largest", error.max()
+    )  # a corner; 0.06 along the sides, where boxes stand for cells
+    record.error("share over 0.07", error > 0.07)
 
 
 @pytest.mark.sweep
@@ -342,7 +337,7 @@ def test_what_is_hidden_does_not_bleed(target, gap):
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("view", ["side", "in"])
-def test_there_and_back_gives_the_picture_again(view):
+def test_there_and_back_gives_the_picture_again(view, record):
     target = {"side": camera_at((0.2, 0.1, 0.1), 0.03, 0.1), "in": camera_at((0, 0, 1.0))}[view]
     image = depth_image([plane((0, 0, 1), 4.0, pattern(4.0))], SOURCE, SHAPE)
     there = rendered(prepare(image), target)
@@ -352,7 +347,7 @@ def test_there_and_back_gives_the_picture_again(view):
     is_inside = eroded(back.coverage > 0.95, 3)
     assert is_inside.mean() > 0.4
     # Waves of 10 px and more, resampled twice by pixels' means.
-    assert psnr(back.image, image.color, mask=is_inside) > 45
+    record.quality("picture", psnr(back.image, image.color, mask=is_inside))
 
 
 @pytest.mark.parametrize("equation", EQUATIONS)
@@ -392,12 +387,12 @@ def test_a_mirrored_target_shows_the_picture_mirrored(view, axis):
 
 
 @pytest.mark.sweep
-def test_a_mirrored_source_shows_the_same():
+def test_a_mirrored_source_shows_the_same(record):
     mirrored = Camera.from_intrinsics(64, -64, 32, 32)
     image = depth_image(SCENES["card"], SOURCE, SHAPE)
     flipped = DepthImage(*(np.ascontiguousarray(part[::-1]) for part in image[:2]), EMPTY)
     given = render(prepare(flipped), between(mirrored, VIEWS["side"]), SHAPE, Hybrid())
-    assert psnr(given.image, rendered(prepare(image), VIEWS["side"]).image) > 45
+    record.quality("picture", psnr(given.image, rendered(prepare(image), VIEWS["side"]).image))
 
 
 @pytest.mark.parametrize("view", ["side", "roll", "in3"])
@@ -422,13 +417,13 @@ def test_large_labels_stay_where_they_are():
     np.testing.assert_array_equal(given.image[2:-2, 32:-2], 0.75)
 
 
-@pytest.mark.parametrize(("view", "least"), [("side", 50), ("roll", 50), ("in3", 51)])
-def test_a_preview_shows_what_is_over_the_pixels_centers(view, least):
+@pytest.mark.parametrize("view", ["side", "roll", "in3"])
+def test_a_preview_shows_what_is_over_the_pixels_centers(view, record):
     truth = truth_of("wall", view)
     given = rendered(source_of("wall"), VIEWS[view], Preview())
     is_inside = eroded(truth.shown > 0.999)
     np.testing.assert_array_equal(given.coverage[is_inside], 1)
-    assert psnr(given.image, truth.color.astype(np.float32), mask=is_inside) > least
+    record.quality("picture", psnr(given.image, truth.color.astype(np.float32), mask=is_inside))
 
 
 def test_a_preview_shows_the_nearest_surface():

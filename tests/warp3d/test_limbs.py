@@ -70,7 +70,7 @@ def border(picture, rows):
 
 
 @pytest.mark.sweep
-def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source):
+def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source, record):
     alone = source._replace(nearness=np.where(source.nearness > 0.2, source.nearness, 0.05))
     equation = between(camera_at(focal=FOCAL, shape=(SIZE, SIZE)), ASIDE)
     rendered = registry.build("warps", "hybrid")(alone, equation, (SIZE, SIZE))
@@ -81,11 +81,11 @@ def test_the_border_of_a_ball_seen_from_the_side_has_no_teeth(source):
     steps = np.array([b - a for a, b in pairwise(first)])
     bend = np.abs(np.diff(steps))
     # From row to row the border moves evenly: by rounding alone it changes by one px.
-    assert np.mean(bend > 1) < 0.15
+    record.error("bends", bend > 1)
 
 
 @pytest.mark.sweep
-def test_what_turns_away_from_the_target_ends_where_the_target_sees_it_turn(source):
+def test_what_turns_away_from_the_target_ends_where_the_target_sees_it_turn(source, record):
     # Toward the right the target sees less of the ball than the source: its own outline.
     eye = (-0.5, 0.0, 0.0)
     target = camera_at(eye, focal=FOCAL, shape=(SIZE, SIZE))
@@ -94,7 +94,9 @@ def test_what_turns_away_from_the_target_ends_where_the_target_sees_it_turn(sour
     is_ball = rendered.nearness > 0.2
     truth = see(THINGS, target, (SIZE, SIZE), rays=8).share[..., 0]
     half = np.arange(SIZE) > SIZE / 2 + FOCAL * 0.55 / 3  # its right half
-    assert np.abs(is_ball[:, half].astype(float) - truth[:, half]).sum() < 0.6 * 60  # 60 rows
+    record.error(
+        "pixels at the outline", np.abs(is_ball[:, half].astype(float) - truth[:, half]).sum()
+    )  # 60 rows
 
 
 def test_an_end_is_inset_by_no_more_than_half_a_pixel():

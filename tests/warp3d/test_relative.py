@@ -59,11 +59,11 @@ def test_whole_numbers_need_no_scale_and_0_is_the_farthest():
     assert step == pytest.approx(float(np.diff(nearness.ravel())[100]), rel=1e-2)
 
 
-def test_stray_numbers_do_not_stretch_the_range(rng):
+def test_stray_numbers_do_not_stretch_the_range(rng, record):
     depth = rng.random((100, 100))
     plain = RelativeDepth().nearness(depth)
     depth[50, 50] = 1e6
-    assert np.abs(RelativeDepth().nearness(depth) - plain)[depth < 2].max() < 2e-3
+    record.error("largest", np.abs(RelativeDepth().nearness(depth) - plain)[depth < 2].max())
 
 
 def test_what_is_no_number_is_unknown(rng):

@@ -127,7 +127,7 @@ def test_what_is_outside_the_other_frame_is_not_seen():
     assert fraction[:, 12:].max() == 0.0
 
 
-def test_depth_and_visibility_agree_with_the_warping_equation(small):
+def test_depth_and_visibility_agree_with_the_warping_equation(small, record):
     image, camera = small.depth_image(rays=1), small.views["side"]
     nearness = image.nearness.astype(np.float64)
     place, there = warp_places(between(small.source, camera), places(image), nearness)
@@ -138,8 +138,10 @@ def test_depth_and_visibility_agree_with_the_warping_equation(small):
     inside = (column >= 0) & (row >= 0) & (column < 96) & (row < 96)
     hidden = 1 / there[inside] > 1.1 * depth[row[inside], column[inside]]
     same = np.abs(there[inside] * depth[row[inside], column[inside]] - 1) < 0.02
-    assert (hidden | same).mean() > 0.93  # the others are at edges, which 4 px per sample blur
-    assert same.mean() > 0.8
+    record.error(
+        "wrong depths", ~(hidden | same)
+    )  # the others are at edges, which 4 px per sample blur
+    record.error("hidden or wrong", ~same)
 
 
 @pytest.mark.parametrize("name", VIEWPOINTS)

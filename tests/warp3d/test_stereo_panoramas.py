@@ -67,7 +67,7 @@ def panorama(tmp_path, monkeypatch):
 
 
 @pytest.mark.sweep
-def test_each_column_of_a_stereo_panorama_is_seen_from_its_own_eye(panorama):
+def test_each_column_of_a_stereo_panorama_is_seen_from_its_own_eye(panorama, record):
     size = ["--size", f"{2 * ROWS}x{ROWS}"]
     assert ended(*panorama, *size, "--layout", "top-bottom", "-o", "out.exr") == 0
     both = read_image("out.exr")
@@ -77,18 +77,19 @@ def test_each_column_of_a_stereo_panorama_is_seen_from_its_own_eye(panorama):
     for side, picture in made.items():
         truth, _ = traced(side * APART)
         whole = picture[..., 3] > 0.97
-        assert whole.mean() > 0.96
-        assert psnr(picture[..., :3], truth, mask=whole) > 48
+        record.error(f"pixels not covered at {side}", ~whole)
+        record.quality(f"picture at {side}", psnr(picture[..., :3], truth, mask=whole))
         assert psnr(between, truth, mask=whole) < 40
 
 
-def test_positions_of_a_stereo_panorama_lead_back(rng):
+def test_positions_of_a_stereo_panorama_lead_back(rng, record):
     eye, shape = StereoPanorama(right=0.3), (180, 360)
     place = rng.random((500, 2)) * (360, 180)
     nearness = 0.01 + 0.5 * rng.random(500)
     back, again = project(eye, shape, *unproject(eye, shape, place, nearness))
     apart = np.abs(back - place)
-    assert np.minimum(apart, 360 - apart).max() < 1e-4  # px; latitudes are found in steps
+    # Latitudes are found in steps.
+    record.error("largest, px", np.minimum(apart, 360 - apart).max())
     np.testing.assert_allclose(again, nearness, rtol=1e-6)
 
 
@@ -159,13 +160,13 @@ def test_vr180_is_black_beside_the_source(tmp_path, monkeypatch):
 
 
 @pytest.mark.sweep
-def test_vr180_of_a_panorama_is_its_middle(panorama):
+def test_vr180_of_a_panorama_is_its_middle(panorama, record):
     words = [*panorama, "--layout", "vr180", "--size", ROWS, "-o", "out.exr"]
     assert ended(*words) == 0
     both, (truth, _) = read_image("out.exr"), traced(0.0)
     first = both[:, :ROWS]
     ahead = truth[:, ROWS // 2 : -ROWS // 2]
-    assert psnr(first[..., :3], ahead, mask=first[..., 3] > 0.97) > 48
+    record.quality("picture", psnr(first[..., :3], ahead, mask=first[..., 3] > 0.97))
 
 
 @pytest.mark.sweep

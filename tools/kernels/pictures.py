@@ -20,6 +20,8 @@ from resample_volume.baselines.painting import AxisSheets
 SIDE = 24  # px
 LATTICE = 12  # samples per side
 ALL = slice(None), slice(None)
+FLOOR = np.array([[0.9, -0.6, 12.0], [0.0, 0.25, 6.0], [0.0, -0.012, 1.0]])
+GROWN = np.array([[3.1, 0.7, -40.0], [-0.8, 2.9, -20.0], [0.0, 0.001, 1.0]])
 SCENES: dict[str, Callable[[], Any]] = {}
 
 VOLUMES: dict[str, dict[str, Any]] = {
@@ -93,13 +95,18 @@ def field() -> Field:
     return Field(position, value, gradient.astype(np.float32), np.eye(3), look)
 
 
-def lattice_field() -> LatticeField:
-    """The same formula on all of a lattice, as rays go through it."""
+def values_of_lattice() -> Any:
+    """The same formula on all of a lattice."""
     axis = np.arange(LATTICE) - (LATTICE - 1) / 2
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    spline, bounds = spline_of((np.sin(x) + np.cos(y * z / 3)).astype(np.float32))
-    none = np.zeros(0, np.uint8)
-    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, axis[0]), field().classifier)
+    return (np.sin(x) + np.cos(y * z / 3)).astype(np.float32)
+
+
+def lattice_field() -> LatticeField:
+    """These values, as rays go through them."""
+    spline, bounds = spline_of(values_of_lattice())
+    none, first = np.zeros(0, np.uint8), -(LATTICE - 1) / 2
+    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, first), field().classifier)
 
 
 def volume(source: Callable[[], Any], away: float, **choices: Any) -> Callable[[], Any]:
@@ -175,22 +182,29 @@ def photograph(side: int) -> Any:
     return (0.5 + 0.3 * waves + 0.2 * (squares[..., None] - 0.5)).astype(np.float32)
 
 
+def bent(x: Any, y: Any) -> tuple[Any, Any]:
+    """Where places of the photograph go."""
+    return 0.45 * x + 2 * np.sin(y / 9), 0.5 * y + np.cos(x / 7)
+
+
+def back(x: Any, y: Any) -> tuple[Any, Any]:
+    """Where places of a picture come from."""
+    return 1.7 * x + np.sin(y / 5), 1.6 * y + np.sin(x / 4)
+
+
 def _add_textures() -> None:
     from resample_texture import BackwardMap, ForwardMap, Homography, warp
     from resample_texture.texels.adjoint import adjoint
     from resample_texture.texels.forward import CellGrid
     from resample_texture.types import Edge
 
-    floor = [[0.9, -0.6, 12.0], [0.0, 0.25, 6.0], [0.0, -0.012, 1.0]]
     y, x = np.mgrid[:64, :64] + 0.5
-    bent = 0.45 * x + 2 * np.sin(y / 9), 0.5 * y + np.cos(x / 7)
     row, column = np.mgrid[:SIDE, :SIDE] + 0.5
-    back = 1.7 * column + np.sin(row / 5), 1.6 * row + np.sin(column / 4)
     geometries = {
-        "plane": Homography(floor),
-        "grown": Homography([[3.1, 0.7, -40.0], [-0.8, 2.9, -20.0], [0.0, 0.001, 1.0]]),
-        "map": ForwardMap(*bent),
-        "backward map": BackwardMap(*back),
+        "plane": Homography(FLOOR),
+        "grown": Homography(GROWN),
+        "map": ForwardMap(*bent(x, y)),
+        "backward map": BackwardMap(*back(column, row)),
     }
     size = (SIDE, SIDE)
     for method in ("hybrid", "points", "splats", "paper"):
@@ -256,17 +270,19 @@ def _add_depth_images() -> None:
 
 
 def _warped(method: str, part: tuple[slice, slice] = ALL, unit: float = 1.0) -> Any:
-    from resample.cameras.models import Camera
     from resample_warp3d import warp
     from resample_warp3d.figures.scenes import generated
 
     scene = generated(64)
     image = scene.depth_image(4)
-    height, width = image.nearness.shape
     color, depth = image.color[part], unit / image.nearness[part]
-    source = Camera.from_intrinsics(55, 55, width / 2, height / 2)
+    return warp(color, depth, scene.source, target_of(scene.source, unit), method).image
+
+
+def target_of(source: Camera, unit: float = 1.0) -> Camera:
+    """The camera a little beside and before one that looks along z."""
     pose = look_at((0.3 * unit, -0.1 * unit, 0.4 * unit), (0, 0, 4 * unit), (0, -1, 0))
-    return warp(color, depth, source, source.moved(pose), method).image
+    return source.moved(pose)
 
 
 def _few_depths() -> Any:
@@ -280,7 +296,6 @@ def _few_depths() -> Any:
 
 
 def _cloud(scale: float, count: int = 600) -> Any:
-    from resample.cameras.models import Camera
     from resample_points.files.readers import Cloud
     from resample_points.painting.rendering import render_cloud
 
@@ -290,11 +305,17 @@ def _cloud(scale: float, count: int = 600) -> Any:
     ball = np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
     color = (0.5 + 0.5 * ball).astype(np.float32)
     nothing = np.zeros((0, 3), np.float32)
-    pose = look_at((0, 0, -4), (0, 0, 0), (0, -1, 0))
-    eye = Camera(np.array([[scale, 0, SIDE / 2], [0, scale, SIDE / 2], [0, 0, 1.0]]), pose)
     return render_cloud(
-        Cloud(ball, nothing, color, np.zeros(0, np.float32)), eye, size=(SIDE, SIDE)
+        Cloud(ball, nothing, color, np.zeros(0, np.float32)),
+        cloud_camera(scale),
+        size=(SIDE, SIDE),
     ).rgba
+
+
+def cloud_camera(scale: float) -> Camera:
+    """Camera that sees the unit ball."""
+    pose = look_at((0, 0, -4), (0, 0, 0), (0, -1, 0))
+    return Camera(np.array([[scale, 0, SIDE / 2], [0, scale, SIDE / 2], [0, 0, 1.0]]), pose)
 
 
 _add_volumes()

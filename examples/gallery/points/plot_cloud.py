@@ -3,7 +3,7 @@ A cloud of points
 =================
 
 Points of a surface are painted as discs that close it; their size follows from the distance between
-points. Coverage at outlines is exact to a sixteenth of a pixel.
+points. Coverage at outlines is in sixteenths of a pixel.
 
 The same from the command line, with a cloud of yours:
 

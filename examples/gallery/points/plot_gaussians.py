@@ -5,8 +5,8 @@
 A trained scene is a set of Gaussians with an opacity and a color each. Usual renderers project each
 linearly, widen it by a part of a pixel and sample once per pixel, in the order of depth. Seen from
 farther away than in training, such a picture aliases; in panoramas, which they paint as six faces
-of a cube, faces do not meet. Here a far picture is the mean of the near one, and every ray is
-exact: left ours, right the usual way, both four times as far away and enlarged four times.
+of a cube, faces do not meet. Here Gaussians are as wide as in training (``trained_focal``), so
+that a far picture is close to the mean of the near one: left ours, right the usual way, both four times as far away and enlarged four times.
 
 The same from the command line, with a scene of yours:
 

@@ -4,7 +4,7 @@ Figure 9: rendering times
 
 The paper measures how time depends on the size of voxels on screen. Here `splats` are one ray per
 pixel and alias at a distance, `points` one filter per voxel; the hybrid uses several sub-pixels per
-pixel, which cost a few milliseconds more.
+pixel, which cost more.
 
 The same from the command line, for the volumes of the paper where they have been fetched:
 

@@ -1,6 +1,6 @@
 """
-Small without flicker
-=====================
+Small on screen
+===============
 
 A box of blocks, at 0.4 pixels per voxel. One splat or ray per pixel misses most voxels, and which
 ones changes with every degree. Points alone are summed before occlusion is resolved. The hybrid

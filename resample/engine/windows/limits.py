@@ -1,4 +1,4 @@
-"""Limits of an interpolated grid, so that it does not ring at hard edges.
+"""Limits of an interpolated grid, so that it rings less at hard edges.
 
 Kernels with negative lobes overshoot beside edges and ring beyond. At a corner of samples the
 limits are the least and the greatest of the four around. A sample that stands out from both its

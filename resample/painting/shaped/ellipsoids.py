@@ -53,7 +53,7 @@ class ShapedOrder(StrEnum):
 
     DEPTH = "depth"  # of centers along the view axis; pops when the camera turns
     DISTANCE = "distance"  # of centers from the eye; pops when the camera moves
-    RAYS = "rays"  # along each ray, of the places nearest to the centers
+    RAYS = "rays"  # approximately along each ray, of the places nearest to the centers
 
 
 class Ellipsoids(NamedTuple):

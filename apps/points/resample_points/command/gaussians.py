@@ -48,7 +48,7 @@ class GaussianOptions(Choices):
         Literal["depth", "distance", "rays"] | None,
         Field(
             description="Compositing order: depth pops when the camera turns, distance when it "
-            "moves, rays in neither case. [default: depth; distance for panoramas and lenses]"
+            "moves; rays nearly sorts each ray. [default: depth; distance for panoramas, lenses]"
         ),
     ] = None
     trained_focal: Annotated[
@@ -57,7 +57,7 @@ class GaussianOptions(Choices):
         Field(
             description="Focal length of the pictures of training, px; or their cameras: "
             "cameras.json, transforms.json or a folder of COLMAP. [default: that of the new "
-            "picture]"
+            "picture, which aliases from afar]"
         ),
     ] = None
     subpixels: Annotated[

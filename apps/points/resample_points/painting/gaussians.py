@@ -1,4 +1,4 @@
-"""Render 3D Gaussians: exact on every ray, free of aliasing at any distance.
+"""Render 3D Gaussians, each evaluated exactly on every ray.
 
 gaussians = read_gaussians("scene.ply")
 frame = render_gaussians(gaussians, gaussian_camera(gaussians, size=(800, 600)), size=(800, 600))
@@ -66,14 +66,14 @@ class GaussianStyle:
         `trained`, `bare` or `affine`.
     order
         `depth` along the view axis, which pops when the camera turns; `distance` from the eye,
-        which pops when it moves, and which panoramas and lenses take; or `rays`, along each ray,
-        where pops become lines that sweep.
+        which pops when it moves, and which panoramas and lenses take; or `rays`, approximately
+        along each ray, where pops become lines that sweep.
     trained_focal
-        Focal length of the pictures of training, px. None: the camera's, so that the picture has
-        the sharpness of one that training would see there.
+        Focal length of the pictures of training, px. None: the camera's, so that pictures from
+        afar alias as those of usual renderers do.
     subpixels
-        Sub-pixels per side of a pixel, up to 8. None: as thin Gaussians need, so that pictures from
-        afar are the mean of near ones.
+        Sub-pixels per side of a pixel, up to 8. None: as thin Gaussians need. With `trained_focal`
+        pictures from afar are then close to the mean of near ones.
     near
         Depth before which nothing is shown, scene units. None: 0.2 as in training, 0 if `bare`.
 

@@ -221,7 +221,7 @@ class DepthWarping(Choices):
         Literal["picture", "layer"],
         Field(
             description="Source of --fill: each rendered picture, or a background layer behind "
-            "silhouettes that is made once per source, so that films do not flicker."
+            "silhouettes that is made once per source, the same in all frames of a film."
         ),
     ] = "picture"
     unmixed: Annotated[

@@ -1,12 +1,7 @@
-"""The scenes and measurements behind notes/quality.md; run as a program it prints their tables.
-
-.venv/bin/python -m tests.benchmarks.quality_table [minification grid zoom rotation flicker]
-"""
+"""Scenes and measurements of splats and points, for tests."""
 
 import itertools
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -225,93 +220,3 @@ def flicker(form: Resampler, alpha: float, scale: float, frames: int = 16) -> fl
     error = np.array([shot.by(form, checker_box(alpha)).rgba for shot in moved]) - truths
     seen = truths[..., 3].max(axis=0) > 1e-4
     return 255 * float(np.sqrt(error[:, seen].var(axis=0).mean()))
-
-
-def _write(*cells: object) -> None:
-    texts = [f"{cell:.4g}" if isinstance(cell, float) else str(cell) for cell in cells]
-    sys.stdout.write(f"| {' | '.join(texts)} |\n")
-    sys.stdout.flush()
-
-
-def _head(*cells: str) -> None:
-    sys.stdout.write("\n")
-    _write(*cells)
-    _write(*["---"] * len(cells))
-
-
-def _print_minification() -> None:
-    _head("alpha", "px per voxel", *FORMS)
-    for alpha in CRUST:
-        for scale in SCALES:
-            _write(alpha, scale, *(f"{value:.1f}" for value in minification(alpha, scale).values()))
-
-
-def _print_grid() -> None:
-    _head("alpha", "px per voxel", "form", "grid", "sub-pixels per voxel", "dB", "paint, ms")
-    for alpha in CRUST:
-        for scale in (0.3, 0.2, 0.125, 0.09):
-            for primitive, grid in _grids(scale):
-                form = Resampler(primitive=primitive, subpixels=grid)
-                quality, paint = _quality_and_time(form, alpha, scale)
-                _write(alpha, scale, primitive, grid, grid * scale, f"{quality:.1f}", paint)
-
-
-def _grids(scale: float) -> list[tuple[Primitive, int]]:
-    """Grids that put points about half a sub-pixel apart, and splats about a whole one."""
-    spacings = {Primitive.POINTS: [0.45, 0.55, 0.65], Primitive.SPLATS: [0.5, 0.75, 1.0, 1.5]}
-    return [
-        (primitive, grid)
-        for primitive, wanted in spacings.items()
-        for grid in sorted({max(1, round(spacing / scale)) for spacing in wanted})
-    ]
-
-
-def _quality_and_time(form: Resampler, alpha: float, scale: float) -> tuple[float, int]:
-    samples, shot = checker_box(alpha), distant(scale)
-    frames = [shot.by(form, samples) for _ in range(3)]
-    paint = np.median([frame.statistics.seconds["paint"] for frame in frames])
-    return object_psnr(frames[0].rgba, checker_truth(alpha, scale)), round(1000 * float(paint))
-
-
-def _print_zoom() -> None:
-    _head("view", "form", "largest error, %", "mean", "pixel", "relative error")
-    views = {
-        "far": (Place(150, 0, 0), np.geomspace(4.0, 0.0374, 80)),
-        "near": (Place(53, 9, 6), np.geomspace(0.2, 0.0565, 40)),
-    }
-    for name, (place, scales) in views.items():
-        for form_name, form in {"hybrid": HYBRID, "splats 16 × 16": TRUTH}.items():
-            stills = zoom(place, scales, form)
-            error = max(float(np.abs(still.error[still.interior]).max()) for still in stills)
-            _write(name, form_name, 100 * error, *jumps(stills))
-
-
-def _print_rotation() -> None:
-    _head("form", "px per voxel", "median", "largest", "at 45°", "largest / median")
-    for name, form, scale in (("hybrid", HYBRID, 0.5), ("splats", SPLATS, 1.5)):
-        change = rotation(form, scale, np.arange(40, 50.01, 0.25))
-        median = float(np.median(change))
-        at_45 = float(change[19:21].max())
-        _write(name, scale, median, float(change.max()), at_45, float(change.max() / median))
-
-
-def _print_flicker() -> None:
-    _head("alpha", "px per voxel", *FORMS)
-    for alpha in CRUST:
-        for scale in (0.4, 0.2, 0.1):
-            _write(alpha, scale, *(f"{flicker(form, alpha, scale):.2f}" for form in FORMS.values()))
-
-
-TABLES: dict[str, Callable[[], None]] = {
-    "minification": _print_minification,
-    "grid": _print_grid,
-    "zoom": _print_zoom,
-    "rotation": _print_rotation,
-    "flicker": _print_flicker,
-}
-
-if __name__ == "__main__":
-    for chosen in sys.argv[1:] or TABLES:
-        start = time.perf_counter()
-        TABLES[chosen]()
-        sys.stdout.write(f"\n{chosen}: {time.perf_counter() - start:.0f} s\n")

@@ -1,1 +1,0 @@
-"""Kernels that measure hardware limits, count fragments, and stand in for other methods."""
