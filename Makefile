@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -47,6 +47,9 @@ first-pictures: wheel
 fuzz: SECONDS ?= 600
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) $(ARGS)
+# Small faults in the sources, which tests have to notice (docs/testing.md); ARGS="--seed 2 --stratum texture" are others.
+mutants: $(VENV)/.dev
+	$(BIN)/python -m tools.mutants $(ARGS)
 # All of it takes long and wants a quiet machine; GROUPS="growth startup" are some of it, ARGS=--quick is a trial.
 bench: $(VENV)/.dev
 	$(BIN)/python -m benchmarks $(GROUPS) --json bench.json --markdown bench.md $(if $(DATA),--data $(DATA)) $(ARGS)

@@ -1,6 +1,7 @@
 """What is known of compiled kernels."""
 
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -17,3 +18,11 @@ compiled_only = pytest.mark.skipif(
 def specialisations(kernel: Callable[..., Any]) -> int:
     """For how many types of arguments a kernel has machine code in this process."""
     return len(jit.dispatcher(kernel).signatures)
+
+
+def run_in_python(monkeypatch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
+    """Let the kernels of modules be plain Python in a test: nothing is compiled for it."""
+    for module in modules:
+        for name, found in list(vars(module).items()):
+            if hasattr(found, "dispatchers"):
+                monkeypatch.setattr(module, name, found.__wrapped__)

@@ -3,6 +3,8 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
+from resample.cameras.viewpoints import Orbit
+from resample.painting.scenes.scene import nothing_painted
 from resample.resampler import Resampler
 from resample.types import Samples
 
@@ -197,3 +199,27 @@ def test_a_camera_that_looks_away_sees_nothing(camera):
     assert not frame.rgba.any()
     assert np.isinf(frame.depth).all()
     assert not frame.coverage.any()
+
+
+@pytest.mark.parametrize("fov", [0, 40])
+@pytest.mark.parametrize("pan", [(0.0, 0.0), (0.25, 0.0), (0.0, -0.1)])
+def test_a_panned_orbit_shows_its_center_aside_by_a_share_of_the_shorter_side(fov, pan):
+    """To the right and up, however far it is zoomed in."""
+    center = np.array([1.0, -2.0, 0.5])
+    for zoom in (1.0, 3.0):
+        orbit = Orbit(azimuth=30, elevation=20, fov=fov, zoom=zoom, pan=pan)
+        camera = orbit.around((center, 2.0), 60, 80)
+        place = camera.world_to_camera @ [*center, 1.0]
+        per_unit = camera.matrix[0, 0] / place[2] if fov else camera.sx
+        assert place[:2] * per_unit == pytest.approx((60 * pan[0], -60 * pan[1]))
+
+
+def test_a_picture_begins_empty_and_with_values_only_if_asked_for():
+    for has_values in (False, True):
+        given = {"has_values": True} if has_values else {}
+        film, value, tally, _ = nothing_painted(3, 4, 5, **given)
+        assert value.shape == ((3, 4) if has_values else (0, 0))
+        assert np.isnan(value).all()
+        assert (film.rgba == 0).all()
+        assert tally.shape == (5, 4)
+    assert nothing_painted(3, 4).tally.shape == (1, 4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample.colors import check_colormap, mapped
-from resample.measuring.color_bars import check_bar, plain_bar, ticks_of
+from resample.measuring.color_bars import LONGEST, BarLayout, check_bar, plain_bar, ticks_of
 
 RAMP = np.stack([np.linspace(0, 1, 100), np.full(100, 0.5), np.zeros(100)], axis=1)
 
@@ -57,3 +57,32 @@ def test_colormaps_are_matplotlibs():
     np.testing.assert_allclose(mapped("gray", np.array([0.0, 1.0])), [[0, 0, 0], [1, 1, 1]])
     with pytest.raises(ValueError, match="unknown colormap 'grau'"):
         check_colormap("grau")
+
+
+@pytest.mark.parametrize(
+    ("form", "title", "top", "middle", "curve"),
+    [
+        ("colors", "T", 22, 27, (27, 27)), ("colors", "", 10, 27, (27, 27)),
+        ("curve", "T", 22, 27, (31, 90)), ("plane", "T", 22, 135, (135, 135)),
+    ],
+)  # fmt: skip
+def test_a_bar_is_laid_out_by_the_size_of_its_type(form, title, top, middle, curve):
+    """9 px in a picture of 300: margins are 0.8 of it, 1.7 are for a title, 1.5 below."""
+    page = BarLayout.of((0.0, 2.0), 300, title, form)
+    assert (page.type, page.margin, page.top, page.bottom) == (9, 7, top, 300 - 7 - 14)
+    assert page.bar == (7, middle)
+    assert page.curve == curve
+    assert (page.row(0.0), page.row(2.0)) == (page.bottom, page.top)
+    assert page.values(1).size == page.bottom - page.top
+    np.testing.assert_allclose(page.values(1)[[0, -1]], [2.0, 0.0], atol=2.0 / 250)
+
+
+@pytest.mark.parametrize(("height", "size"), [(10, 8), (250, 8), (265, 9), (1000, 21), (5000, 36)])
+def test_type_grows_with_a_picture_within_limits(height, size):
+    assert BarLayout.of((0.0, 1.0), height, "T", "colors").type == size
+
+
+@pytest.mark.parametrize("count", [LONGEST - 1, LONGEST, LONGEST + 1])
+def test_a_title_that_is_too_long_ends_in_dots(count):
+    title = BarLayout.of((0.0, 1.0), 300, "x" * count, "colors").title
+    assert title == ("x" * count if count <= LONGEST else "x" * (LONGEST - 1) + "…")

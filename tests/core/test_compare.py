@@ -7,7 +7,15 @@ from rich.console import Console
 from resample.colors import to_srgb
 from resample.files.images import read_image
 from resample.files.saving import write_png
-from resample.measuring.compare import MARGIN, contact_sheet, measure_files, plain, shown, table
+from resample.measuring.compare import (
+    LINE,
+    MARGIN,
+    contact_sheet,
+    measure_files,
+    plain,
+    shown,
+    table,
+)
 
 
 @pytest.fixture
@@ -123,3 +131,54 @@ def test_the_table_for_terminals_shows_names_as_they_are():
 def test_a_table_without_rows_is_empty():
     assert plain([]) == ""
     assert table([]).row_count == 0
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_each_cell_of_a_sheet_is_a_sheet_of_its_own(tmp_path, columns):
+    """Title above and caption below it; both are shortened to the width of a cell."""
+    images = {f"picture {n}": np.full((6, 8, 3), 0.1 * n, np.float32) for n in range(4)}
+    captions = {title: f"{title} of many in a row" for title in images}
+    contact_sheet(images, tmp_path / "all.png", columns=columns, captions=captions, zoom=9)
+    whole = read_image(tmp_path / "all.png")
+    height, width = 6 * 9 + 2 * LINE + MARGIN, 8 * 9 + MARGIN
+    for n, title in enumerate(images):
+        one = {title: images[title]}
+        contact_sheet(one, tmp_path / "one.png", captions=captions, zoom=9)
+        alone = read_image(tmp_path / "one.png")[MARGIN:, MARGIN:]
+        assert alone.shape[:2] == (height, width)
+        top, left = n // columns * height + MARGIN, n % columns * width + MARGIN
+        here = whole[top : top + height, left : left + width]
+        np.testing.assert_allclose(here, alone, atol=0.2)  # of letters between pixels
+
+
+def test_a_title_lies_above_its_picture_and_a_caption_below(tmp_path):
+    picture = {"t": np.full((6, 8, 3), 0.2, np.float32)}
+    contact_sheet(picture, tmp_path / "a.png", captions={"t": "c"}, zoom=9)
+    ink = read_image(tmp_path / "a.png")[..., 0] < 0.5
+    above, below = MARGIN + LINE, MARGIN + LINE + 6 * 9
+    rows = np.flatnonzero(ink[:, : MARGIN + 7].any(axis=1))
+    assert set(rows) >= set(range(above, below))
+    for first, band in ((MARGIN, rows[rows < above]), (below, rows[rows >= below])):
+        assert len(band) > 3
+        assert first < band.min() <= band.max() < first + LINE
+
+
+def test_of_a_long_title_the_end_is_kept(tmp_path):
+    black = np.zeros((6, 8, 3), np.float32)  # a cell of 72 px holds 11 letters
+    inks = []
+    for title in ("a folder/last.png", "other folder/last.png", "last.png"):
+        contact_sheet({title: black}, tmp_path / "a.png", zoom=9)
+        inks.append(read_image(tmp_path / "a.png")[: MARGIN + LINE])
+    np.testing.assert_array_equal(inks[0], inks[1])
+    assert not np.array_equal(inks[0], inks[2])
+
+
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (4, 4), (5, 3), (9, 3), (10, 4)])
+def test_up_to_four_pictures_lie_side_by_side_and_more_in_a_square(tmp_path, count, columns):
+    images = {str(n): np.ones((2, 3, 3), np.float32) for n in range(count)}
+    contact_sheet(images, tmp_path / "a.png", zoom=4)
+    height, width = read_image(tmp_path / "a.png").shape[:2]
+    rows = -(-count // columns)
+    assert (height, width) == (
+        MARGIN + rows * (2 * 4 + 2 * LINE + MARGIN), MARGIN + columns * (3 * 4 + MARGIN),
+    )  # fmt: skip

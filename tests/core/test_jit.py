@@ -315,3 +315,40 @@ def test_what_is_compiled_is_logged_once_and_nothing_is_said_by_default(tmp_path
     assert said[0].count("compiling __main__.doubled") == 2
     assert said[1].count("__main__.doubled: taken from ") == len(said[1].splitlines()) == 2
     assert said[2] == ""
+
+
+PART = {"fastmath": jit.LANES, "forceinline": True}
+
+
+@pytest.mark.parametrize(
+    ("decorator", "is_packed", "options"),
+    [
+        (jit.kernel, False, {}), (jit.making_kernel, False, {"_nrt": True}),
+        (jit.lane_kernel, False, {"fastmath": jit.LANES}),
+        (jit.inner_kernel, False, {"_nrt": False}),
+        (jit.lane_step, False, PART), (jit.inner_step, False, {**PART, "_nrt": False}),
+        (jit.parallel_kernel, False, {}), (jit.packed_kernel, True, {"fastmath": jit.LANES}),
+    ],
+)  # fmt: skip
+def test_each_kind_of_kernel_is_compiled_with_options_of_its_own(
+    monkeypatch, decorator, is_packed, options
+):
+    told = []
+    monkeypatch.setattr(jit.compiler(), "define", lambda *given: told.append(given[2:]))
+    decorator(print)
+    assert told == [(is_packed, options)]
+
+
+def test_a_kernel_of_the_library_gets_its_arguments_as_they_are_given(monkeypatch):
+    taken = []
+
+    def ready(args, kwargs):
+        taken.append((args, kwargs))
+        return NotImplemented if "c" in kwargs else 5
+
+    monkeypatch.setattr(jit.library, "kernel", lambda _: ready)
+    monkeypatch.setattr(jit.compiler(), "define", lambda *_: lambda *args, **kwargs: (args, kwargs))
+    call = jit.kernel(print)
+    assert call(1, b=2) == 5
+    assert call(1, c=3) == ((1,), {"c": 3})  # which the library has not: it is compiled
+    assert taken == [((1,), {"b": 2}), ((1,), {"c": 3})]

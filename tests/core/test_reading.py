@@ -18,7 +18,9 @@ from resample.cameras.calibrations.lens_files import read_lens
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.command.settings_files import options_of
+from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample.reading.arrays import read_npy, read_npz
 from resample.reading.limits import (
     allows_outside,
     check_free,
@@ -28,7 +30,7 @@ from resample.reading.limits import (
     raised,
 )
 from resample.reading.texts import json_of, toml_of
-from resample.words import one_line, visible
+from resample.words import LONGEST, one_line, visible
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.mesh.files import load_mesh
@@ -504,3 +506,43 @@ def test_an_animation_whose_frames_are_far_larger_than_its_file_is_refused(tmp_p
     data[6:10] = struct.pack("<HH", 7600, 7600)  # the screen, of which frames are a part
     put(tmp_path / "a.gif", bytes(data))
     refused(frames_of, tmp_path / "a.gif", match=r"unpack to 3 frames of 0\.86 GiB, over the limit")
+
+
+@pytest.mark.parametrize("kind", ["u1", "<f8", ">i4"])
+def test_of_an_array_that_is_cut_off_it_is_told_how_much_is_there(tmp_path, kind):
+    values, path = np.arange(20, dtype=kind), tmp_path / "a.npy"
+    np.save(path, values)
+    path.write_bytes(path.read_bytes()[: -values.itemsize])
+    with pytest.raises(
+        OSError, match=f"{values.nbytes - values.itemsize} of {values.nbytes} bytes"
+    ):
+        read_npy(path)
+
+
+@pytest.mark.parametrize("kind", ["u1", "<f8"])
+def test_an_array_in_a_file_of_several_is_cut_off_by_its_own_size(tmp_path, kind):
+    np.save(tmp_path / "a.npy", np.arange(20, dtype=kind))
+    content = (tmp_path / "a.npy").read_bytes()
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as packed:
+        packed.writestr("a.npy", content)
+        packed.writestr("b.npy", content[: -np.dtype(kind).itemsize])
+    assert read_npz(tmp_path / "a.npz", "a")["a"].size == 20
+    with pytest.raises(OSError, match="b is cut off"):
+        read_npz(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("reader", [read_npy, read_npz, read_picture])
+def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path, reader):
+    with pytest.raises(OSError, match="absent"):
+        reader(tmp_path / "absent.npy")
+
+
+def test_a_long_text_is_told_by_its_beginning_and_its_end():
+    text = "".join(chr(ord("a") + n % 26) for n in range(LONGEST + 1))
+    assert one_line(ValueError(text[:-1])) == text[:-1]
+    begin, dots, end = one_line(ValueError(text)).partition(" ... ")
+    assert dots
+    assert text.startswith(begin)
+    assert text.endswith(end)
+    assert LONGEST - 1 <= len(begin) + len(end) <= LONGEST + 1
+    assert abs(len(begin) - len(end)) <= 1

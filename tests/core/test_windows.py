@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resample import Camera, Primitive, Resampler
+from resample.outofcore.windows import WindowTask, split_windows
 from resample.painting.scenes.plans import MIXTURE, PAPER, POINTS, SPLATS
 from resample.profiles.orders import ImageSheets
 from resample.types import Samples
@@ -184,3 +185,51 @@ def test_who_paints_is_not_said_before_all_were_asked():
     paint, eye = Resampler(primitive=Primitive.POINTS), camera()
     part = paint.plans(cloud(100, 60.0), eye, **PICTURE, painters=[SPLATS])
     assert paint.plan_of([part], np.eye(3), eye, **PICTURE) is None
+
+
+@pytest.mark.parametrize("size", [{"height": 0, "width": 5}, {"height": 5, "width": -1}])
+@pytest.mark.parametrize("way", ["__call__", "plan", "plans", "footprints"])
+def test_each_way_to_a_picture_refuses_a_size_that_is_none(way, size):
+    with pytest.raises(ValueError, match="both sides must be at least 1"):
+        getattr(Resampler(), way)(cloud(50, 20.0), camera(), **size)
+
+
+def test_samples_with_a_scale_each_have_no_footprints():
+    samples = cloud(50, 20.0)
+    scaled = samples._replace(scale=np.ones(50))
+    with pytest.raises(ValueError, match="no records of samples that have a scale each"):
+        Resampler().footprints(scaled, camera(), **PICTURE)
+
+
+NONE = np.zeros(0, np.int32)
+
+
+@pytest.mark.parametrize("fewest", [1, 2, 3, 5, 16])
+@pytest.mark.parametrize("size", [(64, 64), (40, 100), (9, 130)])
+def test_as_few_windows_as_are_asked_for_make_up_a_picture(size, fewest):
+    """If they do not fit at once (`step` is not 0); each of whole tiles."""
+    tasks = split_windows(size, 8, lambda window: WindowTask(window, NONE, NONE, 1), fewest)
+    assert len(tasks) == fewest
+    count = np.zeros(size, np.int64)
+    for x0, y0, x1, y1 in (task.window for task in tasks):
+        assert (x0 % 8, y0 % 8) == (0, 0)
+        count[y0:y1, x0:x1] += 1
+    assert (count == 1).all()
+
+
+def test_a_window_is_halved_along_its_longer_side_until_it_fits():
+    def bounds(window):
+        x0, y0, x1, y1 = window
+        return WindowTask(window, NONE, NONE) if (x1 - x0) * (y1 - y0) <= 16 * 16 else None
+
+    tasks = split_windows((32, 64), 8, bounds, 100)
+    assert sorted(task.window for task in tasks) == [
+        (x, y, x + 16, y + 16) for x in range(0, 64, 16) for y in range(0, 32, 16)
+    ]
+
+
+@pytest.mark.parametrize("asked", [(), ("splats",), ("points",), ("mixture",)])
+def test_plans_are_made_for_the_painters_that_are_asked_alone(asked):
+    found = Resampler().plans(cloud(50, 20.0), camera(), **PICTURE, painters=asked)
+    made = {name for name, plan in zip(("splats", "points", "mixture"), found, strict=True) if plan}
+    assert made <= set(asked)

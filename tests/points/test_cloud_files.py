@@ -1,5 +1,6 @@
 """Clouds read from files: every format gives the same points, and bad files one line."""
 
+import errno
 import struct
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample_points.files.readers import Cloud, read_cloud
+from resample_points import read_gaussians, read_particles
+from resample_points.files.readers import Cloud, is_cloud, read_cloud
 from tests.conftest import real
 
 RNG = np.random.default_rng(7)
@@ -292,3 +294,35 @@ def test_arrays_with_a_wrong_checksum_are_damaged(tmp_path):
     with pytest.raises(OSError, match=r"cloud\.npz is damaged: .*CRC") as caught:
         read_cloud(path)
     assert "\n" not in str(caught.value)
+
+
+def test_arrays_without_a_position_are_no_cloud(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, color=COLOR, radius=np.ones(40))
+    assert not is_cloud(path)
+    with pytest.raises(ValueError, match=r"a\.npz: has no array position; a cloud has position"):
+        read_cloud(path)
+
+
+def test_a_file_that_is_absent_or_damaged_is_no_cloud(tmp_path):
+    assert not is_cloud(tmp_path / "absent.npz")
+    (tmp_path / "b.npz").write_bytes(b"PK")
+    assert not is_cloud(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"), [("normal", (40, 2)), ("color", (39, 3)), ("radius", (3,))]
+)
+def test_an_array_that_does_not_fit_the_positions_is_refused(tmp_path, name, shape):
+    np.savez(tmp_path / "a.npz", position=POSITION, **{name: np.ones(shape)})
+    with pytest.raises(ValueError, match=f"{name} has the shape"):
+        read_cloud(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("reader", [read_cloud, read_gaussians, read_particles])
+@pytest.mark.parametrize("name", ["absent.ply", "no folder/absent.npz"])
+def test_a_file_that_is_absent_is_told_as_the_system_does(tmp_path, reader, name):
+    with pytest.raises(FileNotFoundError) as caught:
+        reader(tmp_path / name)
+    assert caught.value.errno == errno.ENOENT
+    assert caught.value.filename == str(tmp_path / name)

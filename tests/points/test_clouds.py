@@ -8,6 +8,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
+from resample.cameras.viewpoints import Orbit
 from resample.engine.jit import workers
 from resample.types import Frame
 from resample_points.files.readers import Cloud, read_cloud
@@ -17,6 +18,7 @@ from resample_points.geometry.spacing import prepare_cloud
 from resample_points.painting.kernels.discs import REACH
 from resample_points.painting.kernels.painting import AMPLE
 from resample_points.painting.rendering import TOLERANCE, CloudStyle, Shading, render_cloud
+from resample_points.scenes import cameras_of
 from tests.bits import assert_threads_change_nothing
 from tests.conftest import real
 
@@ -556,3 +558,18 @@ def test_the_scan_fills_the_frame_from_near_and_not_from_far():
     far = framed(surfels, size=SIZE[::-1], up="-y", distance=30.0)
     assert render_cloud(surfels, near, size=SIZE[::-1]).coverage[:, :40].min() == 1
     assert 0 < render_cloud(surfels, far, size=SIZE[::-1]).coverage.mean() < 0.02
+
+
+def test_a_film_that_zooms_or_narrows_its_field_enlarges_alike(rng):
+    """The eye stays at its distance: focal lengths follow zoom and field of view."""
+    position, nothing = rng.standard_normal((50, 3)), np.zeros((0, 3), np.float32)
+    ball = Cloud(position, nothing, nothing, np.zeros(0, np.float32))
+    every = [Orbit(fov=60), Orbit(fov=60), Orbit(fov=60, zoom=2.0), Orbit(fov=30)]
+    first, same, near, slim = cameras_of(ball, every, (40, 50))
+    np.testing.assert_array_equal(first.matrix, same.matrix)
+    assert near.matrix[0, 0] == pytest.approx(2.0 * first.matrix[0, 0])
+    ratio = math.tan(math.radians(30)) / math.tan(math.radians(15))
+    for axis in (0, 1):
+        assert slim.matrix[axis, axis] == pytest.approx(ratio * first.matrix[axis, axis])
+    np.testing.assert_array_equal(slim.matrix[:, 2], first.matrix[:, 2])
+    np.testing.assert_array_equal(slim.world_to_camera, first.world_to_camera)

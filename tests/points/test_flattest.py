@@ -1,10 +1,15 @@
 """Normals of points: the direction in which their neighbours are spread least."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from resample.engine.jit import kernel
-from resample_points.geometry.kernels.lines import flattest
+from resample_points.geometry.kernels import lines
+from resample_points.geometry.kernels.lines import _turned_flattest, flattest
+from tests.kernels import run_in_python
 
 SPREAD = {
     "flat": (1.0, 0.7, 1e-4),
@@ -52,3 +57,16 @@ def test_where_several_directions_serve_it_is_one_of_them(spread):
     found = np.array(normal_of(as_rows(matrix)))
     assert np.linalg.norm(found) == pytest.approx(1.0)
     assert found @ matrix @ found == pytest.approx(min(spread), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "values", [*permutations((1.0, 2.0, 4.0)), (1.0, 1.0, 1.0), (3.0, 1.0, 3.0)]
+)
+@pytest.mark.parametrize("turn", [0.0, 0.3, 2.0])
+def test_jacobi_s_method_finds_the_direction_of_the_least_spread(monkeypatch, values, turn):
+    run_in_python(monkeypatch, lines)
+    axes = Rotation.from_rotvec(turn * np.array([0.5, -0.3, 0.8])).as_matrix()
+    matrix = axes @ np.diag(values) @ axes.T
+    found = np.array(_turned_flattest.__wrapped__(tuple(map(tuple, matrix))))
+    assert np.linalg.norm(found) == pytest.approx(1.0)
+    assert found @ matrix @ found == pytest.approx(min(values), rel=1e-6)

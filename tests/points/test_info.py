@@ -2,10 +2,13 @@
 
 import json
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from resample_points import Gaussians, cli, write_gaussians
+from resample_points.command import rendering
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -40,3 +43,32 @@ def test_a_file_of_something_else_is_refused(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "words.txt").write_text("no numbers here")
     assert refused(capsys, "info", "words.txt").count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("origin", "single", "told"),
+    [
+        ((100.0, 0, 0), False, None),
+        (
+            (0, -101.0, 0),
+            False,
+            "a.ply is centered near 0, -101, 0; positions are exact, poses",
+        ),
+        (
+            (0, 0, 1e7),
+            True,
+            "0, 0, 10000000; its float32 positions are rounded to 1 there",
+        ),
+    ],
+)
+def test_a_cloud_far_from_0_is_told_with_what_its_numbers_are_worth(
+    monkeypatch, origin, single, told
+):
+    said = []
+    monkeypatch.setattr(rendering, "say", said.append)
+    surfels = SimpleNamespace(position=np.eye(3), origin=np.array(origin, np.float64))
+    if single:
+        rendering.mention_origin("a.ply", surfels, is_single=True)
+    else:
+        rendering.mention_origin("a.ply", surfels)
+    assert [told in line for line in said] == ([] if told is None else [True])

@@ -10,6 +10,7 @@ from PIL import Image
 from resample.files.images import read_channels
 from resample_points import cli, column_density, read_particles
 from resample_points.data.smoothing import KERNELS
+from resample_points.files.snapshots import KNOWN_LENGTHS, SUN, length_unit, mass_unit
 from tests import commands, snapshots
 from tests.snapshots import COUNT, HEAT, PLACE
 
@@ -285,3 +286,44 @@ def test_a_picture_has_a_logarithmic_scale_and_a_bar(folder):
 @pytest.mark.usefixtures("folder")
 def test_options_that_do_not_fit_are_refused(more, message, capsys):
     assert message in refused(capsys, "density", "a.hdf5", "--size", "64", *more)
+
+
+@pytest.mark.parametrize(
+    ("size", "name"),
+    [
+        (None, ""), (1.0, "g"), (SUN, "Msun"), (1.0001 * SUN, "Msun"), (0.9999 * SUN, "Msun"),
+        (SUN * 1e10, "10^10 Msun"), (SUN * 1e10 * 0.9999, "10^10 Msun"), (SUN / 1e3, "10^-3 Msun"),
+        (SUN * 1.0001e-3, "10^-3 Msun"), (SUN * 1.1, "(2.1873e+33 g)"), (0.0, "(0 g)"),
+        (-1.0, "(-1 g)"),
+    ],
+)  # fmt: skip
+def test_a_unit_of_mass_is_named_by_the_nearest_power_of_ten_of_suns(size, name):
+    assert mass_unit(size) == name
+
+
+@pytest.mark.parametrize(
+    ("size", "name"),
+    [(None, ""), (1.0, "cm"), *((0.9999 * of, name) for name, of in KNOWN_LENGTHS.items()),
+     (KNOWN_LENGTHS["kpc"] * 1.002, "(3.0918e+21 cm)"), (2.0, "(2 cm)")],
+)  # fmt: skip
+def test_a_unit_of_length_is_named_if_it_is_known(size, name):
+    assert length_unit(size) == name
+
+
+@pytest.mark.parametrize("files", [1e300, np.inf, 2e9])
+def test_a_snapshot_of_more_files_than_there_can_be_is_refused(tmp_path, files):
+    snapshots.gadget(tmp_path / "snap.0.hdf5", files=files)
+    with pytest.raises(ValueError, match=r"snap\.0\.hdf5.*files"):
+        read_particles(tmp_path / "snap.0.hdf5")
+
+
+@pytest.mark.parametrize("files", [0, 1, np.nan])
+def test_a_snapshot_of_one_file_may_have_any_name(tmp_path, files):
+    snapshots.gadget(tmp_path / "any.hdf5", files=files)
+    assert len(read_particles(tmp_path / "any.hdf5")) == COUNT
+
+
+def test_a_part_of_a_snapshot_tells_by_its_name_which_one_it_is(tmp_path):
+    snapshots.gadget(tmp_path / "any.hdf5", files=2)
+    with pytest.raises(ValueError, match=r"is one of 2 files; give one that is called so"):
+        read_particles(tmp_path / "any.hdf5")

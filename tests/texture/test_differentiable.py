@@ -305,3 +305,44 @@ def test_choices_and_shapes_that_cannot_be_are_refused():
         chosen.by_places(gradient[..., :1], source, places)
     with pytest.raises(ValueError, match="no inverse"):
         matrix_places(np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("method", ["by_image", "by_places"])
+def test_what_does_not_fit_the_places_is_refused_by_both_adjoints(method):
+    picture, gradient = pictures()
+    warping, places = LinearWarp(), matrix_places(MAGNIFIED)
+    source = SOURCE if method == "by_image" else picture
+
+    def adjoint(of=gradient, by=places, source=source):
+        return (
+            warping.by_image(of, by, source)
+            if method == "by_image"
+            else warping.by_places(of, source, by)
+        )
+
+    adjoint()
+    with pytest.raises(
+        ValueError, match=r"a gradient of \(13, 16\) px does not fit places of \(14, 16\)"
+    ):
+        adjoint(gradient[1:])
+    smaller = (9, 12) if method == "by_image" else picture[1:]
+    with pytest.raises(
+        ValueError, match=r"places for a source of \(10, 12\), which is of \(9, 12\)"
+    ):
+        adjoint(source=smaller)
+    for wrong in (gradient[0, 0], gradient.astype(complex), np.empty((0, 4))):
+        with pytest.raises(ValueError, match="a gradient has numbers of the shape"):
+            adjoint(wrong)
+
+
+@pytest.mark.parametrize("threads", [0, -1])
+def test_a_linear_warp_has_one_thread_or_more(threads):
+    with pytest.raises(ValueError, match="threads"):
+        LinearWarp(threads=threads)
+
+
+@pytest.mark.parametrize("quality", [0.99, 16.01, np.nan])
+def test_the_quality_of_a_linear_warp_is_within_its_limits(quality):
+    with pytest.raises(ValueError, match="quality lies between 1 and 16"):
+        LinearWarp(quality=quality)
+    assert [LinearWarp(quality=q).quality for q in (1, 16)] == [1, 16]

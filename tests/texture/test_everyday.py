@@ -213,6 +213,25 @@ def test_half_the_size_is_the_mean_of_light_or_of_levels(photo):
     assert np.abs(levels_of("out.png") - expected).max() <= 0.5 + 1e-3
 
 
+@pytest.mark.parametrize(
+    ("size", "row", "column"), [("24x19", 1, 0), ("24x21", 2, 0), ("27x16", 0, 1), ("29x16", 0, 2)]
+)
+def test_a_padded_picture_keeps_every_level_in_whole_pixels(photo, size, row, column):
+    assert ended("resize", "photo.png", "out.png", "--size", size, "--fit", "pad") == 0
+    shown = levels_of("out.png")
+    inside = np.s_[row : row + 16, column : column + 24]
+    np.testing.assert_array_equal(shown[inside][..., :3], photo)
+    assert np.count_nonzero(shown[..., 3]) == 16 * 24
+
+
+@pytest.mark.parametrize(("size", "row", "column"), [("24x13", 2, 0), ("19x16", 0, 3)])
+def test_what_covers_a_size_is_cut_off_in_whole_pixels(photo, size, row, column):
+    assert ended("resize", "photo.png", "out.png", "--size", size, "--fit", "cover") == 0
+    shown = levels_of("out.png")
+    height, width = shown.shape[:2]
+    np.testing.assert_array_equal(shown, photo[row : row + height, column : column + width])
+
+
 @pytest.mark.parametrize("words", [["--factor", "0.5"], ["--factor", "0.5,0.25"]])
 def test_scale_takes_one_factor_or_two(words):
     assert ended("scale", "photo.png", "out.exr", *words) == 0

@@ -251,3 +251,22 @@ def test_a_turn_there_and_back_is_the_same_place():
     matrix = np.array([[0.8, -0.6, 3.0], [0.6, 0.8, -2.0], [0, 0, 1]])
     again = moved(moved(geo, matrix), np.linalg.inv(matrix))
     assert np.allclose(again.matrix, geo.matrix, rtol=1e-12, atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-5, 0.05, 3e4])
+def test_a_scale_stays_a_scale_however_fine_the_units_are(scale):
+    """As of degrees: hundredths of one are a kilometre."""
+    write(ground(), {**PLACED, SCALE: (scale, 2 * scale, 1.0)})
+    assert ended("warp", "in.tif", "-o", "out.tif", *HALF) == 0
+    kept = tags()
+    assert MATRIX not in kept
+    assert kept[SCALE] == pytest.approx((2 * scale, 4 * scale, 1.0))
+
+
+@pytest.mark.parametrize(("x", "y"), [(-1, 1), (1, -1)])
+def test_a_mirrored_picture_has_a_matrix_as_a_scale_is_above_0(x, y):
+    write(ground(), PLACED)
+    mirror = f"{x},0,{24 * (x < 0)},0,{y},{16 * (y < 0)}"
+    assert ended("warp", "in.tif", "-o", "out.tif", "--matrix", mirror) == 0
+    assert MATRIX in tags()
+    assert SCALE not in tags()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from resample_texture import BackwardMap, ForwardMap, warp
+from resample_texture.geometry.inverting import inverse_of
 
 SHAPE = (64, 80)
 
@@ -110,3 +111,16 @@ def test_gathering_by_the_inverse_is_closer_than_projecting():
         for way in (forward, forward.inverse(SHAPE))
     )
     assert gathered < 0.5 * projected
+
+
+@pytest.mark.parametrize(
+    "shift", [(0.0, 0.0), (5.25, 0.0), (-5.25, 0.0), (0.0, 4.25), (0.0, -4.25)]
+)
+def test_a_map_is_inverted_up_to_two_pixels_beyond_each_of_its_sides(shift):
+    y, x = np.mgrid[:10, :12] + 0.5
+    found = np.array(inverse_of(x + shift[0], y + shift[1], (15, 18), 1e-3))
+    down, across = np.mgrid[:15, :18] + 0.5
+    wanted = np.array([across - shift[0], down - shift[1]])
+    is_near = (wanted >= -2.0) & (wanted <= np.array([12, 10])[:, None, None] + 2.0)
+    expected = np.where(is_near.all(axis=0), wanted, np.nan)
+    np.testing.assert_allclose(found, expected, atol=1e-3)

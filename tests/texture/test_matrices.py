@@ -1,8 +1,10 @@
+import math
+
 import numpy as np
 import pytest
 
 from resample_texture.geometry.mappings import source_coordinates
-from resample_texture.geometry.matrices import Convention, homography, parse_matrix
+from resample_texture.geometry.matrices import Convention, homography, parse_matrix, rectified_shape
 
 NINE = np.array([[1.5, 0.25, 3], [-0.5, 2, 4], [0.001, 0, 1]])
 SIX = np.array([[1.5, 0.25, 3], [-0.5, 2, 4], [0, 0, 1]])
@@ -208,3 +210,17 @@ def test_an_archive_of_arrays_is_no_matrix(tmp_path):
 def test_a_folder_is_no_matrix(tmp_path):
     with pytest.raises(OSError, match="directory"):
         parse_matrix(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "shape"),
+    [(20.4, 10.4, (10, 20)), (20.6, 10.6, (11, 21)), (20.9, 10.1, (10, 21)), (0.3, 0.2, (1, 1))],
+)
+def test_the_size_of_a_page_is_rounded_to_the_nearest_px_and_1_at_least(width, height, shape):
+    page = np.array([[0, 0], [width, 0], [width, height], [0, height]])
+    assert rectified_shape(page) == shape
+
+
+def test_the_size_of_a_page_is_the_mean_of_opposite_sides():
+    page = [[2, 0], [22, 0], [24, 12], [0, 12]]  # 20 above, 24 below
+    assert rectified_shape(page) == (round(math.hypot(2, 12)), 22)

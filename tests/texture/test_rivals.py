@@ -5,6 +5,7 @@ import pytest
 
 from resample import registry
 from resample.engine.jit import threads
+from resample_texture import scale
 from resample_texture.baselines.graphics_card import Anisotropic, Mipmap
 from resample_texture.baselines.oiio import OIIO_FILTERS, Warp
 from resample_texture.baselines.opencv import Cubic, InterArea, InterLinear, Lanczos4, Supersampled
@@ -391,3 +392,12 @@ def test_openimageio_knows_every_filter(name):
 )
 def test_methods_go_by_name(spec, expected):
     assert registry.build("methods", spec) == expected
+
+
+@pytest.mark.parametrize("name", ["mipmap", "anisotropic"])
+@pytest.mark.parametrize("factor", [4, 16])
+def test_a_graphics_card_s_methods_average_what_is_minified(name, factor):
+    noise = np.random.default_rng(7).random((128, 128)).astype(np.float32)
+    small = scale(noise, 1 / factor, method=name).image
+    assert small.std() < 1.6 * noise.std() / factor
+    assert small.mean() == pytest.approx(noise.mean(), abs=0.02)

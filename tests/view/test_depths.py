@@ -9,10 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from resample.watching import Cancel
 from resample_warp3d.cli import app
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.viewing import depth_view, films, suits
+from resample_warp3d.viewing.depths import DepthPainter
 from tests.commands import ended, refused
 from tests.view.conftest import Served, check_export, frames_of, served
 
@@ -169,3 +171,14 @@ def test_places_of_pixels_are_those_of_the_scene(place: Served, move: str) -> No
         page.say("pick", settings, width=size[0], height=size[1], **at)
         found = page.told("picked")["found"]["position"]
     np.testing.assert_allclose([float(part) for part in found.split(",")], point, atol=0.06)
+
+
+@pytest.mark.parametrize("size", [(36, 30), (72, 60)])
+def test_what_is_picked_after_a_change_of_size_is_picked_from_the_new_size(files, size):
+    settings = {"fov": 60, "depth-scale": 1000, "move": "0.1,0,0"}
+    used, fresh = (DepthPainter(*files[:2]) for _ in range(2))
+    used.paint(settings, (36, 30), quick=False, cancel=Cancel())
+    x, y = size[0] * 0.45, size[1] * 0.45
+    found = used.pick(settings, size, x, y)
+    assert found == fresh.pick(settings, size, x, y)
+    assert float(found["depth"]) == pytest.approx(1.5, rel=0.01)

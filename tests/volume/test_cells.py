@@ -6,6 +6,7 @@ import pytest
 from resample.reading.limits import SETTING
 from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
+from resample_volume.files.cells import lattice
 from resample_volume.files.cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume.files.parsing.sections import Sections
 from resample_volume.files.readers import Vtk
@@ -249,6 +250,13 @@ def test_nonsense_in_a_legacy_grid_is_refused_in_words(old, new, match, tmp_path
     assert old in WHOLE
     (tmp_path / "a.vtk").write_text(WHOLE.replace(old, new))
     refused(open_volume, tmp_path / "a.vtk", match)
+
+
+def test_cells_without_volume_are_refused_though_they_lie_in_space(tmp_path):
+    """Two triangles' worth of a cube's diagonal plane."""
+    flat = WHOLE.replace("CELLS 1 9\n8 0 1 2 3 4 5 6 7", "CELLS 1 5\n4 0 1 7 6")
+    (tmp_path / "a.vtk").write_text(flat.replace("CELL_TYPES 1\n11", "CELL_TYPES 1\n9"))
+    refused(open_volume, tmp_path / "a.vtk", "its cells have no volume")
 
 
 def test_nonsense_in_a_legacy_structured_grid_is_refused_in_words(tmp_path):
@@ -506,3 +514,14 @@ def test_without_vtk_its_extra_is_named(name, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "vtkmodules", None)
     monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
     refused(open_volume, path, r"VTK.*; pip install 'hybrid-resample\[vtk\]'")
+
+
+@pytest.mark.parametrize("count", [(2.6, 3), (2.4, 2), (3.4, 3), (3.6, 4)])
+def test_a_lattice_has_the_nearest_whole_number_of_cells(monkeypatch, tmp_path, count):
+    """Its steps then fill the grid exactly."""
+    wanted, cells = count
+    (tmp_path / "a.vtk").write_text(WHOLE)
+    monkeypatch.setattr(lattice, "mean_cell", lambda *_: np.full(3, 1.0 / wanted))
+    volume = open_volume(tmp_path / "a.vtk")
+    assert volume.values.shape == (cells + 1,) * 3
+    np.testing.assert_allclose(volume.spacing, 1.0 / cells)

@@ -6,6 +6,7 @@ import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -215,3 +216,14 @@ def test_the_list_is_valid_json_without_duplicates():
     text = module.files("resample_volume").joinpath("data/open_scivis.json").read_text("utf-8")
     json.loads(text, object_pairs_hook=lambda found: pairs.append([key for key, _ in found]))
     assert all(len(keys) == len(set(keys)) for keys in pairs)
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_a_file_may_fill_the_disk_to_its_last_byte(serving, tmp_path, monkeypatch, missing):
+    free = VALUES.nbytes - missing
+    monkeypatch.setattr(public.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    if missing:
+        with pytest.raises(OSError, match="left"):
+            fetch("tiny", folder=tmp_path, base_url=serving.url_for(""))
+    else:
+        assert fetch("tiny", folder=tmp_path, base_url=serving.url_for("")).is_file()

@@ -375,3 +375,17 @@ def test_peaks_lie_between_samples_only_where_that_is_asked_for() -> None:
             least, most = found[6:-6, 6:-6].min(), found.max()
             assert low - 1e-4 <= least <= most <= high + 1e-4
         assert (most > 101) == (interpolation == "spline")
+
+
+@pytest.mark.parametrize(
+    ("spacing", "factor"), [(20.0, 1.0), (4.0, 1.0), (2.0, 2.0), (0.8, 5.0), (0.5, 6.0), (0.1, 6.0)]
+)
+def test_a_field_may_bend_more_where_voxels_are_small_but_never_for_the_best(
+    monkeypatch, spacing, factor
+):
+    """Pixels average voxels that are smaller than a quarter of them: six times the usual."""
+    monkeypatch.setattr(painting, "_mean_spacing", lambda *_: spacing)
+    for quality, effort in painting.EFFORTS.items():
+        how = painting.RayPainter(None, None, 1.0, quality, "linear", None)
+        expected = effort.bent * (1.0 if quality == "best" else factor)
+        assert painting._bent(None, None, how) == pytest.approx(expected)

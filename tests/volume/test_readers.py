@@ -783,3 +783,27 @@ def test_nrrd_steps_beyond_numbers_are_refused_without_a_warning(first, values, 
     put(tmp_path / "a.raw", values.tobytes())
     more = f"space: LPS\nspace directions: {first} (0,1,0) (0,0,1)\n"
     refused(Nrrd(), nrrd(tmp_path / "a.nhdr", data="a.raw", more=more), "a: ")
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "complaint"),
+    [
+        (72, 8, "is damaged: bitpix 8 of type 512"), (72, 32, "is damaged: bitpix 32 of type 512"),
+        (40, 0, "has 0 dimensions; there are 1 to 7"), (40, 8, "has 8 dimensions"),
+        (42, 0, "is empty"),
+    ],
+)  # fmt: skip
+def test_a_header_of_nifti_that_contradicts_itself_is_refused(
+    values, tmp_path, place, value, complaint
+):
+    content = bytearray(write(tmp_path / "a.nii", values.astype(np.uint16)).read_bytes())
+    assert struct.unpack_from("<2h", content, 70) == (512, 16)
+    struct.pack_into("<h", content, place, value)
+    refused(Nifti(), put(tmp_path / "b.nii", bytes(content)), complaint)
+
+
+@pytest.mark.parametrize("offset", [347.0, 2.0**40, float("nan"), -1.0])
+def test_voxels_of_nifti_begin_behind_the_header(values, tmp_path, offset):
+    content = bytearray(write(tmp_path / "a.nii", values).read_bytes())
+    struct.pack_into("<f", content, 108, offset)
+    refused(Nifti(), put(tmp_path / "b.nii", bytes(content)), "its voxels begin at")

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from resample.files.pictures import read_picture
+from resample.files.stores import guarding
 from resample.files.stores import metadata as holes
 from resample_volume.cli import app
 from resample_volume.data.recordings import volume_at
@@ -337,3 +338,15 @@ def test_damaged_chunks_end_a_process_in_one_line(tmp_path):
     assert said.splitlines()[-1].startswith("ValueError: the array is not zarr, or damaged")
     assert "never retrieved" not in said
     assert "destroyed" not in said
+
+
+def test_a_chunk_larger_than_the_free_memory_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    path = store(tmp_path / "a.zarr")
+    for free, is_enough in ((len(CHUNK), True), (len(CHUNK) - 1, False)):
+        monkeypatch.setattr("resample.reading.limits.available_memory", lambda free=free: free)
+        array = zarr.open_array(path, mode="r")
+        if is_enough:
+            guarding.guard(array, "a")
+        else:
+            with pytest.raises(ValueError, match=r"a chunk of a needs .* of memory"):
+                guarding.guard(array, "a")

@@ -6,6 +6,7 @@ import pytest
 from resample_volume.classification.surveys import ends, findings, survey, without_padding
 from resample_volume.data.thresholds import Histogram, otsu
 from resample_volume.inputs import as_volume
+from resample_volume.viewing.telling import histogram
 
 
 def ball(rng, dtype=np.int16):
@@ -147,3 +148,13 @@ def test_thresholds_need_values():
     assert otsu(Histogram(np.zeros(1), np.ones(1, np.int64))) == []
     assert otsu(Histogram(np.zeros(0), np.ones(0, np.int64))) == []
     assert otsu(Histogram(np.array([0.0, 1.0]), np.array([5, 5]))) == [0.5]
+
+
+@pytest.mark.parametrize("span", [(0.0, 10.0), (2.0, 7.0), (3.0, 3.0)])
+def test_a_page_s_histogram_counts_the_finite_values_of_a_range(rng, span):
+    values = rng.integers(0, 11, (4, 5, 6)).astype(np.float32)
+    values[0, 0, 0] = np.nan
+    found = histogram(as_volume(values), span)
+    assert (found["low"], found["high"]) == span
+    assert sum(found["counts"]) == np.count_nonzero((values >= span[0]) & (values <= span[1]))
+    assert "scale" not in found

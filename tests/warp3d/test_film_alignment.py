@@ -1,10 +1,14 @@
 """Relative depth of films: scales and shifts that vary, cuts, and noise where nothing moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from resample.colors import to_srgb
+from resample_warp3d.command.filming.alignment import DepthRanges
 from resample_warp3d.depth.steadying import SteadyDepth
-from resample_warp3d.depth.temporal import align, fitted, is_cut, thumbnail
+from resample_warp3d.depth.temporal import LONGEST, Alignment, align, fitted, is_cut, thumbnail
 
 SHAPE, COUNT = (60, 80), 8
 RAMP = 0.2 + 0.3 * np.arange(SHAPE[1]) / SHAPE[1] + np.zeros(SHAPE)
@@ -139,3 +143,33 @@ def test_gaps_that_come_and_go_stay_filled():
     gappy[10:20, 30:50] = 0
     steady.added(patches(), whole)
     np.testing.assert_array_equal(steady.added(patches(), gappy), whole)
+
+
+@pytest.mark.parametrize(
+    ("shape", "small"),
+    [
+        ((40, 60), (40, 60)), ((2 * LONGEST, LONGEST), (LONGEST, LONGEST // 2)),
+        ((1, 3 * LONGEST), (1, LONGEST)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_thumbnails_are_no_larger_than_the_picture_and_have_its_proportions(shape, small, channels):
+    color, raw = np.full((*shape, channels), 0.5, np.float32), np.full((7, 9), 3.0)
+    made = thumbnail(color, raw)
+    assert made.color.shape == (*small, 3)
+    assert made.depth.shape == small
+    np.testing.assert_allclose(made.color, to_srgb(np.float32(0.5)), atol=1e-6)
+    np.testing.assert_allclose(made.depth, 3.0)
+
+
+def test_a_report_has_six_digits_and_says_what_is_aligned():
+    scale, shift = np.array([1.0, 1.23456789]), np.array([0.0, -0.1234567])
+    found = Alignment(scale, shift, (0, 1), (True, False))
+    ranges = DepthRanges([(0.0, 1.0)], found=found)
+    told = ranges.report()
+    assert told["scale"] == [1.0, 1.234568]
+    assert told["shift"] == [0.0, -0.123457]
+    assert (told["temporal"], told["aligned"], told["shots"]) == ("aligned", [True, False], [0])
+    assert DepthRanges(None).report() == {"temporal": "none"}
+    unchanged = replace(found, aligned=(False, False))
+    assert ranges._replace(found=unchanged).report()["temporal"] == "unchanged"

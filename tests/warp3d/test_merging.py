@@ -1,10 +1,11 @@
+import math
 from itertools import permutations
 
 import numpy as np
 import pytest
 
 from resample_warp3d.types import Hole, Warped
-from resample_warp3d.views.merging import merge
+from resample_warp3d.views.merging import angle_share, merge
 from resample_warp3d.warping import warp
 from tests.warp3d.naive_sheet import camera_at, depth_image, flat, pattern, plane, see
 
@@ -179,3 +180,19 @@ def test_views_of_other_shapes_are_refused():
 def test_no_view_is_refused():
     with pytest.raises(ValueError, match="can be merged, not of none"):
         merge([])
+
+
+@pytest.mark.parametrize(("degrees", "share"), [(0.0, 1.0), (4.0, 0.5), (8.0, 0.2), (-4.0, 0.5)])
+def test_a_view_from_four_degrees_aside_counts_half(degrees, share):
+    depth = 2.0
+    eye = depth * math.tan(math.radians(degrees)), 0.0, 0.0
+    target, source = (camera_at(at, focal=48.0, shape=(5, 5)) for at in ((0.0, 0.0, 0.0), eye))
+    shown = angle_share(view(0.5, depth=depth, shape=(5, 5)), source, target)
+    assert shown[2, 2] == pytest.approx(share, abs=0.01)  # its ray is aslant by less than a pixel
+
+
+def test_a_view_counts_by_the_angle_at_what_is_seen_and_not_by_the_way():
+    target, source = (camera_at((x, 0, 0), focal=48.0, shape=(5, 5)) for x in (0.0, 0.1))
+    near, far = (angle_share(view(0.5, depth=d, shape=(5, 5)), source, target) for d in (1, 10))
+    assert near.max() < 0.5
+    assert far.min() > 0.97

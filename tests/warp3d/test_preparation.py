@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.refining.inspecting import known
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
 from tests.warp3d.naive_sheet import EMPTY, ball, camera_at, depth_image, flat, plane
 
@@ -173,3 +174,29 @@ def test_sizes_that_do_not_fit_are_both_named():
 def test_no_depth_at_all_is_refused(unknown):
     with pytest.raises(ValueError, match="no pixel has a depth; check its unit and its file"):
         prepared(np.full((4, 4), unknown))
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [("place", np.nan), ("place", np.inf), ("color", np.nan), ("color", -np.inf)]
+    + [("nearness", value) for value in (np.nan, np.inf, 0.0, -1.0)],
+)
+@pytest.mark.parametrize("channel", [0, 1])
+def test_a_pixel_of_which_anything_is_unknown_has_no_nearness(part, value, channel):
+    image = DepthImage(
+        np.ones((4, 5, 2), np.float32), np.full((4, 5), 0.5, np.float32), np.ones((4, 5, 2))
+    )
+    getattr(image, part)[(2, 3) if part == "nearness" else (2, 3, channel)] = value
+    expected = np.full((4, 5), 0.5, np.float32)
+    expected[2, 3] = 0
+    np.testing.assert_array_equal(known(image), expected)
+
+
+def test_a_picture_without_any_depth_is_refused():
+    nothing = DepthImage(
+        np.ones((4, 5, 3), np.float32), np.zeros((4, 5), np.float32), np.ones((0, 0, 2))
+    )
+    with pytest.raises(ValueError, match="no pixel has a depth"):
+        known(nothing)
+    with pytest.raises(ValueError, match="color of 5 × 4 px does not fit depth of 4 × 4 px"):
+        known(nothing._replace(nearness=np.ones((4, 4), np.float32)))

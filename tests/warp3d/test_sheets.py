@@ -1,10 +1,11 @@
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.sheet.sheets import sheet_of
+from resample_warp3d.sheet.sheets import CLASSES, FarSides, _classes, _spread, sheet_of
 from resample_warp3d.types import DOWN, LEFT, RIGHT, UP, DepthImage
 from tests.warp3d import naive_sheet
 from tests.warp3d.naive_sheet import EMPTY, camera_at, depth_image, flat, pattern, plane
@@ -142,3 +143,27 @@ def test_corners_between_bent_samples_lie_between_them():
     for row, column in product((1, 7, 19), (1, 10, 23)):
         around = source.place[row - 1 : row + 1, column - 1 : column + 1].reshape(4, 2)
         np.testing.assert_allclose(sheet.place[row, column], around.mean(axis=0), atol=1e-12)
+
+
+def test_colors_spread_to_what_is_hidden_from_all_around():
+    """A hole in an even surface gets that surface's color, not that of what hides it."""
+    shape, hole = (12, 14), np.s_[4:8, 5:9]
+    color = np.full((*shape, 3), 0.25, np.float32)
+    color[hole] = 0.75
+    chosen = np.zeros(shape, np.bool_)
+    chosen[hole] = True
+    flat = np.ones(shape, np.float32)
+    beyond = FarSides(flat, flat, chosen, ~chosen, np.full(shape, 5 * 14 + 6))
+    spread = _spread(color, beyond, chosen)
+    np.testing.assert_allclose(spread, 0.25, atol=1e-3)
+
+
+def test_far_sides_are_divided_by_their_nearness():
+    """Each class holds as many samples, from the farthest to the nearest."""
+    nearness = np.linspace(0.1, 1.0, 120, dtype=np.float32).reshape(10, 12)
+    source = SimpleNamespace(nearness=nearness, slope=np.zeros((10, 12, 2), np.float32))
+    classes = _classes(source, np.ones((10, 12), np.bool_), 5.0)
+    counts = [np.count_nonzero(each.distance == 0) for each in classes]
+    assert len(counts) == CLASSES
+    assert sum(counts) == 120
+    assert max(counts) - min(counts) <= 1

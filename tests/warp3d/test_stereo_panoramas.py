@@ -194,3 +194,14 @@ def test_what_does_not_go_together_is_refused(tmp_path, monkeypatch, capsys, wor
     given = given[:3] if "--depth-kind" in words else given
     assert complaint in refused(capsys, *given, *words, "-o", "out.png")
     assert not Path("out.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("latitude", "share"),
+    [(0.0, 1.0), (59.9, 1.0), (67.5, 0.5**0.5), (75.1, 0.0), (90.0, 0.0), (-67.5, 0.5**0.5)],
+)
+def test_eyes_join_between_two_latitudes(latitude, share):
+    """The eye is on its circle up to 60 degrees, and in the middle from 75 degrees on."""
+    up, along = np.sin(np.radians(latitude)), np.cos(np.radians(latitude))
+    at = StereoPanorama(right=0.3).eye_of(np.array([[0.0, up, along], [along, up, 0.0]]))
+    np.testing.assert_allclose(np.linalg.norm(at, axis=1), 0.3 * share, atol=1e-3)

@@ -1,0 +1,1 @@
+"""Mutation tests: small faults are put into the sources, and tests have to fail."""
