@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample_warp3d.command.stereo import eyes
-from resample_warp3d.command.stereo.eyes import Eyes
-from resample_warp3d.command.stereo.rendering import StereoRendering
+from resample_warp3d.command import stereo
+from resample_warp3d.command.stereo import Eyes, StereoRendering
 
 WIDTH, FOCAL = 200, 150.0
 USUAL = SimpleNamespace(eyes=None, zero_plane=None)
@@ -42,7 +41,8 @@ def test_eyes_and_screen_are_where_they_are_asked_for():
 )
 def test_pictures_of_directions_have_a_parallax_of_two_degrees(monkeypatch, far, near, range_):
     """From the nearest things to the farthest, or to twice the distance of the nearest."""
-    monkeypatch.setattr(eyes, "_by_distance", lambda _: np.repeat([far, near], 500))
+    monkeypatch.setattr(stereo, "_lengths", lambda _: 1.0)
+    monkeypatch.setattr(stereo, "_known", lambda *_: np.repeat([far, near], 500))
     found = Eyes.around(taken([1.0]), USUAL)
     assert found.apart * range_ == pytest.approx(np.radians(2.0))
     assert Eyes.around(taken([1.0]), SimpleNamespace(eyes=0.06)).apart == 0.06
@@ -50,9 +50,10 @@ def test_pictures_of_directions_have_a_parallax_of_two_degrees(monkeypatch, far,
 
 def test_parallax_is_told_in_px_and_degrees(monkeypatch):
     told = []
-    monkeypatch.setattr(eyes, "say", told.append)
+    monkeypatch.setattr(stereo, "say", told.append)
     Eyes.of(taken([0.1, 0.2, 0.5]), SimpleNamespace(eyes=0.1, zero_plane=5.0))
-    monkeypatch.setattr(eyes, "_by_distance", lambda _: np.repeat([0.1, 0.5], 500))
+    monkeypatch.setattr(stereo, "_lengths", lambda _: 1.0)
+    monkeypatch.setattr(stereo, "_known", lambda *_: np.repeat([0.1, 0.5], 500))
     Eyes.around(taken([1.0]), SimpleNamespace(eyes=0.1))
     assert told == [
         "the eyes are 0.1 apart, the screen is 5 away: parallax from -1.5 to 4.5 px",
