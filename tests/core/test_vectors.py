@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from resample.engine import vectors
 from resample.engine.cells import scattering
-from resample.engine.ellipsoids import lanes
+from resample.engine.ellipsoids import lanes, outlines
+from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
 from resample.engine.vectors import (
@@ -20,7 +22,8 @@ from resample.engine.vectors import (
     scaled,
     vector_at,
 )
-from resample.types import Absorbing, Linear
+from resample.engine.windows import gather
+from resample.types import Absorbing, Linear, Place
 from tests.kernels import run_in_python
 
 
@@ -112,3 +115,42 @@ def test_a_point_lies_between_the_pixels_that_its_filter_meets(taps):
     assert batch.pixel[1] == 8 * row + column
     assert batch.along_x[1] == pytest.approx(3.7 - taps / 2 + 0.5 - column)
     assert batch.along_y[1] == pytest.approx(5.2 - taps / 2 + 0.5 - row)
+
+
+@pytest.mark.parametrize("finest", [1.0, 0.25])
+def test_pixels_have_so_many_parts_that_boxes_stand_for_each(rng, finest):
+    """Neither side of a part slants too much, nor does a part; along the axes there is one."""
+    parts_of = plain(gather.parts_of)
+    for _ in range(50):
+        (ux, vx), (uy, vy) = sides = rng.uniform(-3.0, 3.0, (2, 2))
+        across, down = parts_of(gather.PixelFootprint(0.0, 0.0, *map(tuple, sides)), finest)
+        leanest = gather.LEANEST * finest * (1.0 + 1e-9)
+        assert abs(ux * vx) / across**2 <= leanest
+        assert abs(uy * vy) / down**2 <= leanest
+        assert max(abs(ux * uy), abs(vx * vy)) / (across * down) <= finest * (1.0 + 1e-9)
+    upright = gather.PixelFootprint(0.0, 0.0, (9.0, 0.0), (0.0, 7.0))
+    assert parts_of(upright, finest) == (1, 1)
+    longest = gather.PixelFootprint(0.0, 0.0, (1e6, 1e6), (-1e6, 1e6))
+    assert parts_of(longest, finest) == (gather.MOST_PARTS, gather.MOST_PARTS)
+
+
+@pytest.mark.parametrize("is_far", [True, False])
+def test_sides_of_a_canvas_are_planes_that_balls_touch(rng, monkeypatch, is_far):
+    """Through the eye where rays meet there, else along the axis; in radii of a ball beyond it."""
+    run_in_python(monkeypatch, outlines, vectors)
+    turn, shift = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=3)
+    eye = Eye(turn.tolist(), tuple(shift), 30.0, 40.0, 9.0, 7.0, 0.1, is_far)
+    radius, pad, size = 0.3, 1.5, (6, 8)
+    shape = SimpleNamespace(covariance=(radius**2 * np.eye(3)).tolist())
+    found = np.array(outlines.sides_of(eye, shape, Place(2.0, 3.0, 2), size, pad))
+    # Edges through the centers of the outermost sub-pixels, of half a pixel each.
+    left, right, top, bottom = 2.0 + 0.25, 2.0 + 4.0 - 0.25, 3.0 + 0.25, 3.0 + 3.0 - 0.25
+    left, right, top, bottom = left - pad, right + pad, top - pad, bottom + pad
+    ends = [(left, 0, -1), (right, 0, 1), (top, 1, -1), (bottom, 1, 1)]
+    for place in rng.uniform(-5.0, 5.0, (20, 3)):
+        x, y, z = turn @ place + shift
+        for side, (edge, axis, sign) in zip(found, ends, strict=True):
+            focal, middle, at = (30.0, 9.0, x) if axis == 0 else (40.0, 7.0, y)
+            per_depth = (edge - middle) / focal
+            away = (at - per_depth * z) / math.hypot(1.0, per_depth) if is_far else at - per_depth
+            assert side[:3] @ place + side[3] == pytest.approx(sign * away / radius - 1.0, abs=1e-6)
