@@ -48,6 +48,27 @@ def test_frames_of_a_film_are_the_maps_of_its_cameras():
         assert abs(frame[..., 0] / 255 - share).max() < 2.1 / 255
 
 
+def test_frames_of_a_film_have_the_fields_of_view_and_zooms_of_their_orbits(rng):
+    """At one distance, from which the first field of view shows the whole cloud."""
+    place, nothing = rng.normal(size=(50, 3)), np.empty((0, 3), np.float32)
+    cloud = Cloud(place, nothing, nothing, np.empty(0, np.float32))
+    fields, zooms = (40.0, 40.0, 25.0, 70.0), (1.0, 2.0, 1.0, 0.7)
+    turn = [
+        Orbit(azimuth=90 * n, elevation=20, fov=fov, zoom=zoom, up="z")
+        for n, (fov, zoom) in enumerate(zip(fields, zooms, strict=True))
+    ]
+    found = cameras_of(cloud, turn, (36, 48))
+    focal = [
+        zoom * 18.0 / np.tan(np.radians(fov) / 2) for fov, zoom in zip(fields, zooms, strict=True)
+    ]
+    np.testing.assert_allclose([camera.fx for camera in found], focal)
+    np.testing.assert_allclose([camera.fy for camera in found], focal)
+    middle = (place.min(axis=0) + place.max(axis=0)) / 2
+    eyes = [-camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3] for camera in found]
+    away = np.linalg.norm(np.array(eyes) - middle, axis=1)
+    np.testing.assert_allclose(away, away[0], rtol=1e-6)
+
+
 @pytest.mark.sweep
 def test_colors_of_a_film_keep_their_range():
     assert (
