@@ -10,6 +10,7 @@ from resample.engine import vectors
 from resample.engine.cells import scattering
 from resample.engine.ellipsoids import lanes, outlines
 from resample.engine.ellipsoids.footprints import Eye
+from resample.engine.mixtures import models
 from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
 from resample.engine.vectors import (
@@ -154,3 +155,30 @@ def test_sides_of_a_canvas_are_planes_that_balls_touch(rng, monkeypatch, is_far)
             per_depth = (edge - middle) / focal
             away = (at - per_depth * z) / math.hypot(1.0, per_depth) if is_far else at - per_depth
             assert side[:3] @ place + side[3] == pytest.approx(sign * away / radius - 1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("subpixels", [1, 3])
+def test_a_splat_s_rectangle_holds_the_sub_pixels_whose_centers_lie_in_it(rng, subpixels):
+    """Cut to its canvas; empty where its place is not a number, and left alone if planes cut it."""
+    bound, place = plain(models._bound), Place(2.0, 3.0, subpixels)
+    window = SimpleNamespace(place=place, height=5 * subpixels, width=7 * subpixels)
+    sides = [outlines.LEFT, outlines.RIGHT, outlines.TOP, outlines.BOTTOM]
+    at = np.uint64(0)
+    for middle, half in rng.uniform([[-2, -2], [0, 0]], [[12, 12], [4, 4]], (100, 2, 2)):
+        room = np.full(outlines.SCRATCH_SIZE, -7.0, np.float32)
+        for is_cut in (1.0, 0.0):
+            room[outlines.CUT] = is_cut
+            bound(room, at, tuple(middle), tuple(half), window)
+            left, right, top, bottom = (int(room[side]) for side in sides)
+            if is_cut:
+                assert (left, right, top, bottom) == (-7, -7, -7, -7)
+        x = place.x + (np.arange(window.width) + 0.5) / subpixels
+        y = place.y + (np.arange(window.height) + 0.5) / subpixels
+        np.testing.assert_array_equal(
+            np.arange(left, right), np.flatnonzero(abs(x - middle[0]) <= half[0])
+        )
+        np.testing.assert_array_equal(
+            np.arange(top, bottom), np.flatnonzero(abs(y - middle[1]) <= half[1])
+        )
+    bound(room, at, (np.nan, np.nan), (1.0, 1.0), window)
+    assert room[outlines.LEFT] == room[outlines.RIGHT]
