@@ -8,7 +8,7 @@ import pytest
 
 from resample.engine import vectors
 from resample.engine.cells import scattering
-from resample.engine.ellipsoids import lanes, outlines
+from resample.engine.ellipsoids import footprints, lanes, outlines
 from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.mixtures import models
 from resample.engine.rays import meshes
@@ -182,3 +182,48 @@ def test_a_splat_s_rectangle_holds_the_sub_pixels_whose_centers_lie_in_it(rng, s
         )
     bound(room, at, (np.nan, np.nan), (1.0, 1.0), window)
     assert room[outlines.LEFT] == room[outlines.RIGHT]
+
+
+@pytest.mark.parametrize("is_far", [True, False])
+@pytest.mark.parametrize("subpixels", [1, 3])
+def test_outlines_of_balls_hold_the_sub_pixels_that_their_rays_meet(
+    rng, monkeypatch, is_far, subpixels
+):
+    """As first sub-pixels and one past the last, on a canvas."""
+    run_in_python(monkeypatch, outlines, vectors, footprints)
+    radius, focal, middle, count = 0.5, (30.0, 40.0), (9.0, 7.0), 40
+    eye = Eye(np.eye(3).tolist(), (0.0, 0.0, 0.0), *focal, *middle, 0.1, is_far)
+    unit = (np.eye(3) / radius).tolist()
+    shape = SimpleNamespace(
+        to_unit=unit, from_unit=(radius * np.eye(3)).tolist(),
+        covariance=(radius**2 * np.eye(3)).tolist(),
+        across=(1 / focal[0] / radius, 0.0, 0.0), down=(0.0, 1 / focal[1] / radius, 0.0),
+    )  # fmt: skip
+    place, height, width = Place(2.0, 3.0, subpixels), 12 * subpixels, 16 * subpixels
+    home, spread = (2.0, 10.0, 3.0, 9.0), (3.0, 3.0, 0.0) if is_far else (0.4, 0.4, 0.0)
+    position = (rng.uniform(-1, 1, (count, 3)) * spread + [0, 0, 8.0]).astype(np.float32)
+    room = np.zeros(outlines.SCRATCH_SIZE, np.float32)
+    setup = SimpleNamespace(optics=(eye, shape, None))
+    window = outlines.Window(place, height, width, home, None)
+    outlines.form_batch(room, position.reshape(-1), None, count, setup, window)
+    for n, (x, y, z) in enumerate(position.astype(float)):
+        left, right, top, bottom = (
+            int(room[int(side) + n])
+            for side in (outlines.LEFT, outlines.RIGHT, outlines.TOP, outlines.BOTTOM)
+        )
+        for at, axis, edge, size, found in (
+            (x, 0, place.x, width, (left, right)), (y, 1, place.y, height, (top, bottom))
+        ):  # fmt: skip
+            center = edge + (np.arange(size) + 0.5) / subpixels
+            slope = (center - middle[axis]) / focal[axis]
+            # Distance of the ball from the plane of all rays of a column or a row.
+            away = np.abs(at - slope * z) / np.hypot(1, slope) if is_far else np.abs(at - slope)
+            meets = np.flatnonzero(away <= radius)
+            np.testing.assert_array_equal(np.arange(*found), meets)
+        on = np.array([x, y]) / (z if is_far else 1.0) * focal + middle
+        is_home = bool(2.0 <= on[0] < 10.0 and 3.0 <= on[1] < 9.0)
+        assert bool(room[int(outlines.HOME) + n]) is is_home
+        assert room[int(outlines.X) + n] == pytest.approx(on[0], rel=1e-5)
+        assert room[int(outlines.Y) + n] == pytest.approx(on[1], rel=1e-5)
+        assert room[int(outlines.DEPTH) + n] == np.float32(z)
+        assert room[int(outlines.CUT) + n] == 0.0

@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from resample.outofcore.passes import PassContext
+from resample_volume.classification.regions import Faded
 from resample_volume.media.appearance import Appearance
-from resample_volume.outofcore import ball
+from resample_volume.outofcore import ball, dense
 from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import SOME
 from resample_volume.windows import Budget, paint_streamed, streamed_subject
@@ -136,3 +138,14 @@ def test_the_sample_of_blocks_is_that_of_all_voxels_in_a_row(monkeypatch):
     )
     assert not ball._is_filled(SimpleNamespace(volume=None), outline, int(visible.sum()))
     assert taken == list(range(SOME // 2, visible.sum(), SOME))
+
+
+def test_bricks_are_classified_as_voxels_in_memory(rng):
+    """Ramps of gradients fade what the transfer function shows."""
+    volume = in_bricks(smoke(rng), (8, 8, 8))
+    plain = dense._classifying(volume, Appearance("60..190"), PassContext())
+    faded = Appearance("60..190", gradient_opacity=(0.2, 0.6))
+    found = dense._classifying(volume, faded, PassContext())
+    assert found.transfer == Faded(plain.transfer, (0.2, 0.6))
+    assert found.gradient == faded.gradient
+    assert found.steep > 0 == plain.steep

@@ -318,6 +318,17 @@ def test_slices_without_places_are_sorted_by_their_numbers(values, tmp_path):
     assert np.array_equal(Dicom()(series(tmp_path, values, **nowhere)).values, values)
 
 
+@pytest.mark.parametrize("places", [[0.0, 0.0], [np.nan, 2.0], [1.0]])
+def test_slices_that_do_not_tell_their_distance_have_that_of_the_header(places):
+    pydicom = pytest.importorskip("pydicom")
+    dataset = pydicom.Dataset()
+    dataset.SpacingBetweenSlices, dataset.PixelSpacing = 2.5, [0.5, 0.7]
+    slices = [SimpleNamespace(dataset=dataset, frame=0, axes=np.eye(3)[:2]) for _ in places]
+    spacing, direction = dicom._lattice(slices, np.outer(places, [0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(spacing, [0.7, 0.5, 2.5])
+    np.testing.assert_array_equal(direction, np.eye(3))
+
+
 @pytest.mark.parametrize(
     ("numbers", "names", "order"),
     [
