@@ -226,4 +226,7 @@ def test_outlines_of_balls_hold_the_sub_pixels_that_their_rays_meet(
         assert room[int(outlines.X) + n] == pytest.approx(on[0], rel=1e-5)
         assert room[int(outlines.Y) + n] == pytest.approx(on[1], rel=1e-5)
         assert room[int(outlines.DEPTH) + n] == np.float32(z)
+        ends = room[[int(side) + n for side in (outlines.LEFT, outlines.RIGHT)]].tolist()
+        ends += room[[int(side) + n for side in (outlines.TOP, outlines.BOTTOM)]].tolist()
+        assert all(end.is_integer() for end in ends)
         assert room[int(outlines.CUT) + n] == 0.0
