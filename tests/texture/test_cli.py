@@ -111,6 +111,7 @@ def test_the_background_is_behind_the_picture():
     assert read_image("out.png")[-1, -1].tolist() == [1, 0, 0]
 
 
+@pytest.mark.sweep
 def test_a_jpeg_is_written_over_a_background(capsys):
     assert "JPEG has no transparency" in refused(
         capsys, "warp", "photo.png", "-o", "out.jpg", *HALF
@@ -547,7 +548,7 @@ def test_a_mesh_is_shown_with_its_texture():
     assert 0.05 < channels["A"].mean() < 0.95
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "words",
     [

@@ -68,7 +68,7 @@ def filled(geometry):
     return inside
 
 
-@pytest.mark.some(9)
+@pytest.mark.some(6)
 @of_methods(VARIANTS)
 def test_a_constant_picture_stays_constant(method):
     color = np.float32([0.8, 0.1, 1.0])

@@ -33,7 +33,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield address
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("wish", WISHES)
 def test_the_exported_command_makes_the_page_s_picture(
     wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
