@@ -40,10 +40,10 @@ test-lowest test-prereleases: $(BIN)/uv
 	$(BIN)/uv pip install -q --python $(BIN)/python $(VERSIONS) -e '.[film,dicom,vtk,vdb,view,notebook,las,hdf5,e57]'
 	$(BIN)/uv pip install -q --python $(BIN)/python --group dev
 	$(PYTEST) -m "not sweep" $(ARGS)
-# Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
 # What a first picture takes after `pip install` of the wheel, in an empty environment; ARGS="--without numba" leaves packages out.
 first-pictures: wheel
 	$(BIN)/python tools/first_pictures.py $(wildcard dist/*.whl) $(ARGS)
+# Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
 fuzz: SECONDS ?= 600
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz --seconds $(SECONDS) $(ARGS)

@@ -70,6 +70,7 @@ def test_a_preview_comes_before_the_picture():
     assert scene.asked == [(3, SIZE, True), (3, SIZE, False), (4, (16, 16), False)]
 
 
+@pytest.mark.some(3)
 def test_an_unknown_quality_is_refused(scene):
     seen, view = scene
     with pytest.raises(ValueError, match="it can be final or preview"):
@@ -106,7 +107,7 @@ def test_a_scene_stops_for_itself_and_for_whoever_asks(way):
     assert given.is_cancelled == (way == "given")  # what is given is not the scene's to set
 
 
-@pytest.mark.some(2)
+@pytest.mark.sweep
 def test_cancelling_stops_the_pictures_that_are_begun_and_no_later_one(scene, monkeypatch):
     seen, view = scene
     entered = seen._rendering

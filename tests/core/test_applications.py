@@ -109,7 +109,7 @@ def test_a_mistyped_command_or_option_is_put_right(application, mistyped, comman
     assert f"needs {first}" in refused(app, capsys, command)
 
 
-@pytest.mark.some(4)
+@pytest.mark.some(3)
 @pytest.mark.parametrize("command", ["demo", "figures"])
 @pytest.mark.parametrize("application", ["texture", "volume", "warp3d"])
 def test_a_file_is_refused_as_a_folder(application, command, capsys, monkeypatch):

@@ -89,6 +89,7 @@ print(before, peak_memory(), alone)
     assert of_child < after - 50
 
 
+@pytest.mark.sweep
 def test_the_machine_is_described_by_words_without_gaps():
     assert all(machine().values())
 

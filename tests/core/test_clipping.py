@@ -54,7 +54,7 @@ def draw(samples, camera, clip=None, *, side=SIDE, **choices):
 # Exactly.
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("planes", PLANES.values(), ids=PLANES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camera, rng):
@@ -108,6 +108,7 @@ def test_planes_that_remove_nothing_change_no_bit(camera, primitive, order, rng)
     assert_same(whole, clipped)
 
 
+@pytest.mark.some(14)
 @pytest.mark.parametrize(("primitive", "order"), IN_ORDERS, ids=str)
 def test_planes_that_remove_all_leave_nothing(primitive, order, rng):
     frame = draw(cloud(rng), CAMERAS["narrow"], [(0, 0, 1, -9)], primitive=primitive, order=order)
@@ -116,6 +117,7 @@ def test_planes_that_remove_all_leave_nothing(primitive, order, rng):
     assert np.isinf(frame.depth).all()
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
 def test_every_footprint_is_cut_alike(model, rng):
     """A sphere that a plane cuts is integrated along its ray, in the model's bounds."""

@@ -19,7 +19,7 @@ def said(capsys, application, *words):
     return refused(APPS[application], capsys, *words).removeprefix("resample: error: ").rstrip()
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "option"),
     [
@@ -45,6 +45,7 @@ def test_an_option_of_other_programs_is_taken_for_ours(words, option, capsys):
     assert said(capsys, *words.split()).endswith(f". Did you mean {option}?")
 
 
+@pytest.mark.sweep
 def test_an_option_that_is_like_none_names_the_help(capsys):
     line = said(capsys, *["volume", "render", "checker-box", "-o", "a.png", "--fps", "3"])
     assert line == "Unknown option: --fps. resample-volume render --help lists all."
@@ -100,7 +101,7 @@ def test_what_is_missing_or_too_much_is_named_with_what_to_do(words, line, capsy
     assert line in said(capsys, *words.split())
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "words",
     [

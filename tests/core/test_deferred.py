@@ -60,7 +60,7 @@ def test_runs_change_no_bit(rng, monkeypatch, camera, longest):
     assert_same(frame, painter()(samples, camera, **SIZE))
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_asking_boxes_of_runs_changes_no_bit(rng, monkeypatch, camera):
     samples = box(rng)

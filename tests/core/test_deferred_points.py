@@ -60,7 +60,7 @@ def assert_alike(frame, other, *, are_counted=True):
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 @pytest.mark.parametrize("extinction", [0.02, 0.4, 6.0])
 def test_pictures_are_those_painted_from_records(rng, deferred_only, camera, extinction):
@@ -82,7 +82,7 @@ CHOICES = {
 }
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("choice", CHOICES.values(), ids=CHOICES)
 @pytest.mark.parametrize("camera", ["far", "wide", "parallel"])
 def test_choices_are_those_of_records(rng, deferred_only, camera, choice):
@@ -197,6 +197,7 @@ def test_hidden_points_are_skipped(rng):
     assert resample(samples, FAR, **SIZE).statistics.hidden > 10000
 
 
+@pytest.mark.sweep
 def test_colors_may_be_bright(rng):
     samples = box(rng, side=9)._replace(color=rng.uniform(0, 500, (9**3, 3)).astype(np.float32))
     frame = painter(primitive=Primitive.POINTS)(samples, FAR, **SIZE)

@@ -18,7 +18,7 @@ TEXTS = [
 ]
 
 
-@pytest.mark.some(45)
+@pytest.mark.some(42)
 @pytest.mark.parametrize(("case", "name"), TEXTS)
 def test_numbers_of_ten_thousand_digits_are_read_or_refused_in_a_short_line(case, name, tmp_path):
     put(tmp_path, case.files)

@@ -94,7 +94,7 @@ def given(block: str, volume: NDArray[np.uint8]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("block", list(blocks()))
 def test_examples_of_documents_run(
     block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -131,7 +131,7 @@ def snapshot() -> dict[str, Any]:
     }
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     "name",
     [

@@ -17,6 +17,7 @@ def example(name):
     return module
 
 
+@pytest.mark.sweep
 def test_scattered_measurements_cover_exactly_their_area():
     scattered = example("scattered")
     _, reading, jacobian = scattered.measurements()
@@ -35,6 +36,7 @@ def test_scattered_measurements_give_the_field_where_they_cover_it(record):
     record.error("rms", np.sqrt(np.mean(error**2)))
 
 
+@pytest.mark.sweep
 def test_a_particle_is_a_disc_as_wide_and_as_opaque_as_it_was_given():
     module = example("particles")
     taken = module.visible([[0, 0, 5]], [1, 1, 1], 0.8, 0.25).rgba[..., 3]
@@ -82,6 +84,7 @@ def test_registration_finds_the_matrix_between_two_pictures(registered):
 POINTS = pytest.mark.sweep
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "name", ["scattered", pytest.param("particles", marks=POINTS), "registration"]
 )

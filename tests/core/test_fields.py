@@ -143,6 +143,7 @@ def test_depth_cueing_dims_by_depth(rng):
     np.testing.assert_allclose(draw(field, camera).rgba, truth, atol=2e-4)
 
 
+@pytest.mark.sweep
 def test_a_field_without_gradients_is_one_of_zero_gradients(rng):
     field, camera = field_cloud(rng, classifier(rng, lamp=LAMPS["far away"])), CAMERAS["narrow"]
     without = draw(field._replace(gradient=np.zeros((0, 3), np.float32)), camera)

@@ -129,7 +129,7 @@ def names() -> list[str]:
     return sorted(file.name for file in Path().iterdir())
 
 
-@pytest.mark.some(34)
+@pytest.mark.some(32)
 @pytest.mark.parametrize("name", WRITERS)
 def test_no_writer_loses_what_a_full_disk_does_not_take(name):
     path, kept = Path(name), Path(f".{name}.frames")

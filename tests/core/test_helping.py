@@ -49,7 +49,7 @@ def examples(text):
     return re.findall(r"^  (resample.*)$", text.replace("\\\n", ""), re.MULTILINE)
 
 
-@pytest.mark.some(11)
+@pytest.mark.some(6)
 @pytest.mark.parametrize(("application", "command"), [*commands(), *((name, "") for name in APPS)])
 def test_brief_help_has_15_lines_and_three_examples_that_parse(
     application, command, capsys, tmp_path, monkeypatch
@@ -89,7 +89,7 @@ def test_examples_of_brief_help_run(line, tmp_path, monkeypatch):
     assert ended(APPS[program], *words) == 0
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(2)
 @pytest.mark.parametrize(("application", "command"), list(commands()))
 def test_every_option_names_its_default_is_required_or_a_switch(application, command):
     app = APPS[application][command]
@@ -121,7 +121,7 @@ def test_every_option_says_what_it_does_without_sending_to_another_command(appli
     assert {name: text for name, text in helps.items() if not text or sending.search(text)} == {}
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("application", "command", "options"),
     [

@@ -42,6 +42,7 @@ def test_what_is_made_of_values_lies_where_these_do():
     assert most_of(held) is None
 
 
+@pytest.mark.sweep
 def test_pages_that_are_not_allowed_are_let_go():
     if not mapped_memory():
         pytest.skip("this platform does not tell what is in memory")
@@ -68,6 +69,7 @@ def test_a_file_ends_with_its_array():
     assert len(mapped._held) == count - 1
 
 
+@pytest.mark.sweep
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
 def test_a_child_goes_on_with_an_array():

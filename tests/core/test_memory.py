@@ -64,7 +64,7 @@ CASES = {
 }
 
 
-@pytest.mark.some(6)
+@pytest.mark.some(4)
 @pytest.mark.parametrize("command", CASES)
 def test_what_memory_does_not_allow_is_refused_in_a_line(command, tmp_path, capsys):
     from PIL import Image

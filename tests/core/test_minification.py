@@ -50,6 +50,7 @@ def test_hybrid_comes_near_sixteen_by_sixteen_rays(measured, record):
     record.quality("hybrid", measured["hybrid"])
 
 
+@pytest.mark.some(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("other", ["points", "splats"])
 def test_hybrid_is_at_least_as_good_as_either_primitive_alone(measured, other):

@@ -108,7 +108,7 @@ def assert_alike(frame, other, atol=1e-4):  # sub-pixels may become opaque one s
     np.testing.assert_allclose(frame.depth[clear], other.depth[clear], rtol=1e-3)
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("choice", DAILY)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
@@ -123,7 +123,7 @@ def test_what_streams_is_what_is_painted_from_records(rng, camera, choice):
         assert getattr(frame.statistics, name) == getattr(other.statistics, name), name
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("choice", DAILY)
 def test_a_plane_cuts_what_streams(rng, choice):
     samples = box(rng, side=SMALL)

@@ -56,7 +56,7 @@ def test_samples_behind_an_opaque_wall_are_hidden(frames):
     assert crowded.statistics.hidden - alone.statistics.hidden > 0.99 * BEHIND
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 def test_hidden_samples_leave_no_trace_in_the_picture(frames):
     alone, crowded = frames
     np.testing.assert_allclose(crowded.rgba, alone.rgba, rtol=0, atol=1e-4)

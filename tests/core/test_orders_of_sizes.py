@@ -142,7 +142,7 @@ SIZES: dict[str, Callable[[tuple[int, int]], Any]] = {
 }
 
 
-@pytest.mark.some(7)
+@pytest.mark.some(6)
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_shape_is_height_and_width(name: str) -> None:
     assert np.asarray(SHAPES[name]((6, 9))).shape[:2] == (6, 9)

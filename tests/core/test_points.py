@@ -71,7 +71,7 @@ AS_POINTS = [
 ]
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(("primitive", "spacing"), AS_POINTS)
 def test_a_point_deposits_the_same_wherever_in_a_pixel_it_falls(primitive, spacing):
     point = one_point()

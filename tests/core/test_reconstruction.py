@@ -98,6 +98,7 @@ def test_the_variance_is_the_second_moment_along_an_axis(installed):
     assert variance(installed) == pytest.approx(truth, rel=1e-6)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("kernel", "low", "high"),
     [(GaussianKernel(), -0.0037, 0.0076), (BSplineKernel(), -0.0021, 0.0021)],
@@ -109,7 +110,7 @@ def test_the_ripple_is_as_the_docstring_says(kernel, low, high):
     assert low - 5e-5 <= smallest <= 0 <= largest <= high + 5e-5
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 def test_the_defaults_are_flat_within_a_percent(installed):
     smallest, largest = ripple(installed)
     assert -0.01 < smallest <= 0 <= largest < 0.01

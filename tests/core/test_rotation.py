@@ -44,6 +44,7 @@ def test_a_turning_volume_changes_evenly(change):
     assert change.max() <= LARGEST * np.median(change)
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_nothing_pops_at_45_degrees(change):
     at = crossing(change)

@@ -65,7 +65,7 @@ def test_a_lattice_of_splats_covers_every_pixel_once_but_for_their_ripple(spacin
     np.testing.assert_allclose(result.value, 7, rtol=1e-5)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("spacing", [0.3, 0.5, 0.7, 1.0, 3.0])
 def test_a_turned_lattice_covers_every_pixel_within_a_twentieth(spacing):
     turn = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])

@@ -81,7 +81,7 @@ def all_commands() -> list[tuple[str, App]]:
     return found
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["png", "toml"])
 @pytest.mark.parametrize(
     "attack",
@@ -265,6 +265,7 @@ def test_pictures_are_not_trusted_and_one_file_is_read(capsys):
     assert "give one of --settings and --settings-trusted" in refused(capsys, *RENDER, *both)
 
 
+@pytest.mark.sweep
 def test_unknown_options_are_still_refused(capsys):
     said = refused(capsys, *RENDER, "--settings", picture_of('shceduler = "tcp://x"\n'))
     assert "there is no option 'shceduler'; did you mean scheduler?" in said

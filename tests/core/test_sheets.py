@@ -69,7 +69,7 @@ def by_hand(samples, camera):
 # Sheets along an axis of the lattice.
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("lattice", LATTICES.values(), ids=LATTICES)
 @pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
 def test_sheets_along_the_nearest_axis_are_summed_and_composited(camera, lattice, rng):
@@ -80,7 +80,7 @@ def test_sheets_along_the_nearest_axis_are_summed_and_composited(camera, lattice
     np.testing.assert_allclose(draw(samples, camera, AxisSheets()).rgba, truth, atol=1e-4)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("start", [(0.5, 0.5, 0.5), (0.3, -0.2, 0.77), (17.49, 17.5, 17.51)])
 @pytest.mark.parametrize("lattice", ["turned", "mirrored", "stretched"])
 def test_a_lattice_may_begin_between_whole_numbers(lattice, start, rng):
@@ -237,6 +237,7 @@ def test_axis_sheets_pop_at_45_degrees_and_slabs_do_not(largest):
     assert largest["axis"] > 200 * largest["image"]  # measured 500
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_every_sample_by_distance_hardly_pops(largest):
     assert largest["axis"] > 20 * largest["distance"]  # measured 50
@@ -260,7 +261,7 @@ def block_shot(scale):
     ), side
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.4, 0.125, 0.035])
 @pytest.mark.parametrize("order", ORDERS, ids=str)

@@ -109,7 +109,7 @@ def test_slabs_hold_what_quadrature_finds_between_their_planes(camera, lattice, 
     np.testing.assert_allclose(draw(samples, camera).rgba, truth, atol=1e-4)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("thickness", [0.3, 2.0, 1000.0])
 @pytest.mark.parametrize("camera", ["narrow", "inside", "parallel"])
 def test_slabs_may_be_of_any_thickness(camera, thickness, rng):
@@ -149,6 +149,7 @@ def test_one_color_stays_that_color_whatever_the_slabs(rng):
     np.testing.assert_allclose(rgba[..., :3], rgba[..., 3:] * [0.8, 0.3, 0.1], atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_slabs_add_up_classic_opacities_too(rng):
     """α F summed over the parts of a slab."""
     samples, camera = cloud(rng, 12), CAMERAS["narrow"]

@@ -120,6 +120,7 @@ def test_layouts_do_not_matter() -> None:
         np.testing.assert_array_equal(spline_of(given)[0].coefficient, expected)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("dtype", ["u1", "f4"])
 def test_bounds_of_bricks_hold_and_are_tight(dtype: str) -> None:
     rng = np.random.default_rng(8)

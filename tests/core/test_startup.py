@@ -112,6 +112,7 @@ def test_choices_of_which_none_is_given_are_those_that_a_check_lets_through():
         assert kind.usual().model_fields_set == set()
 
 
+@pytest.mark.sweep
 def test_models_are_built_when_they_are_first_given_something():
     said = python(
         "from resample_warp3d import cli\n"

@@ -178,6 +178,7 @@ def test_samples_of_a_size_each():
         assert_same(paint.paint_nearest_first(source, camera(), plan, window), whole, window)
 
 
+@pytest.mark.some(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "paint",

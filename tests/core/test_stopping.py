@@ -131,6 +131,7 @@ def main():
     assert time.monotonic() - start < 20
 
 
+@pytest.mark.sweep
 def test_whoever_presses_twice_is_told_once(tmp_path):
     moment = "beside a thread"
     status, said = told_to_stop(tmp_path, moment, *3 * [signal.SIGINT])

@@ -19,7 +19,7 @@ def test_every_installed_filter_passes(name):
     check_filter(registry.build("filters", name))
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", registry.names("reconstructions"))
 def test_every_installed_reconstruction_passes_with_little_ripple(name):
     low, high = check_reconstruction(registry.build("reconstructions", name))
@@ -92,6 +92,7 @@ def test_a_reconstruction_ends_at_its_radius():
         check_reconstruction(Kernel(radius=1.0))
 
 
+@pytest.mark.sweep
 def test_a_reconstruction_reports_its_ripple():
     assert check_reconstruction(GaussianKernel()) == ripple(GaussianKernel())
 

@@ -454,6 +454,7 @@ def test_numbers_that_no_file_holds_are_counted(suffix, tmp_path):
         refused(read, given, match=r"that unpack to 11\.44 MiB or more")
 
 
+@pytest.mark.sweep
 def test_a_mesh_that_very_many_nodes_show_is_counted_for_each(tmp_path, monkeypatch):
     monkeypatch.setenv("RESAMPLE_LIMIT", "unpacked=1KB,ratio=2")
     path = glb(tmp_path / "a.glb", 1, picture(8))

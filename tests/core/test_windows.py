@@ -152,6 +152,7 @@ EVERY_KIND = [
 ]
 
 
+@pytest.mark.sweep
 @settings(max_examples=20, derandomize=True, deadline=None)
 @given(
     st.sampled_from(EVERY_KIND),

@@ -49,7 +49,7 @@ def both(view, lattice, footprint=Footprint.EQUATION):
     return frame, truth
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("lattice", LATTICES)
 @pytest.mark.parametrize("view", VIEWS)
 def test_pictures_are_those_of_the_twin(view, lattice):

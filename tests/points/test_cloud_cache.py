@@ -74,6 +74,7 @@ def test_colors_and_order_need_no_measuring_again(kept, measured, rng):
     assert len(list(kept.iterdir())) == 1
 
 
+@pytest.mark.sweep
 @pytest.mark.usefixtures("kept")
 def test_what_discs_depend_on_is_told_apart(measured, rng):
     normal = rng.normal(size=(500, 3)).astype(np.float32)

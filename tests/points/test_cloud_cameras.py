@@ -82,6 +82,7 @@ def test_a_ball_around_the_camera_fills_its_picture(name, kind):
     np.testing.assert_allclose(frame.rgba[seen][:, :3], color[seen], atol=0.03)
 
 
+@pytest.mark.sweep
 def test_a_panorama_has_no_seam_and_hardly_a_hole_at_its_poles():
     frame = render_cloud(SURFELS, Equirectangular(POSE), size=(96, 48))
     assert frame.coverage.min() > 0.7  # of pixels at the poles themselves
@@ -144,7 +145,7 @@ def test_cameras_without_pixels_of_one_part_are_refused():
         render_cloud(SURFELS, object(), size=(60, 10))
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", SURROUNDED)
 def test_what_is_picked_lies_on_the_surface_under_any_camera(name):
     camera, shape = SURROUNDED[name]

@@ -74,6 +74,7 @@ def test_a_cloud_is_measured_once_for_all_pictures(folder):
     np.testing.assert_array_equal(shown(), one)
 
 
+@pytest.mark.sweep
 def test_nothing_is_kept_where_that_is_asked_for(folder):
     shown("--no-cache")
     assert not (folder / "cache").exists()
@@ -108,6 +109,7 @@ def test_a_film_goes_around_a_cloud():
     assert covered[2] == pytest.approx(covered[0], abs=0.02)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", ["a.gif", "a.mp4"])
 def test_films_are_written_with_their_bar(name):
     words = ["--size", "80x64", "--color-by", "z", "--color-bar", "--path", "sway"]

@@ -62,7 +62,7 @@ def _ball(count: int) -> np.ndarray:
     return np.stack([around * np.cos(angle), around * np.sin(angle), z], axis=1)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("scale", [0.2, 0.45, 0.7, 1.0, 1.6, 3.0, 8.0])
 @pytest.mark.parametrize("eye", [(0, 0, -100), (600, 200, -600)], ids=["front", "aside"])
 def test_a_plane_has_no_holes_at_any_magnification(scale, eye):
@@ -72,7 +72,7 @@ def test_a_plane_has_no_holes_at_any_magnification(scale, eye):
     np.testing.assert_allclose(frame.rgba, np.full((*SMALL, 4), (0.2, 0.5, 0.8, 1)), rtol=1e-5)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("scale", [0.3, 1.0, 4.0])
 def test_irregular_points_leave_no_holes(rng, scale):
     count = 30000 if scale < 1 else 6000
@@ -82,7 +82,7 @@ def test_irregular_points_leave_no_holes(rng, scale):
     assert frame.coverage.min() > 0.99
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("distance", [3.0, 12.0, 60.0])
 def test_the_outline_of_a_ball_encloses_its_area(distance):
     size = (96, 96)

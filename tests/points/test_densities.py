@@ -74,6 +74,7 @@ def test_a_particle_is_the_integral_of_its_kernel_over_lines_and_pixels(kernel, 
     record.error("largest", abs(found - truth).max())
 
 
+@pytest.mark.some(25)
 @pytest.mark.parametrize("kernel", NAMES)
 @pytest.mark.parametrize("reach", [1e-3, 0.01, 0.3, 0.9, 3.0, 8.0, 8.5, 13.0, 100.0])
 def test_mass_is_kept_at_any_zoom(kernel, reach):

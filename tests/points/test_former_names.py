@@ -89,6 +89,7 @@ def test_settings_of_an_old_command_are_taken_by_the_new_one(capsys):
     )
 
 
+@pytest.mark.sweep
 def test_the_schema_of_an_old_command_is_that_of_the_new_one(capsys):
     schemas = []
     for words in (["resample-warp3d", "cloud"], ["resample-points", "render"]):

@@ -89,6 +89,7 @@ def test_the_command_writes_what_the_library_renders(file):
     np.testing.assert_allclose(levels, 255 * np.clip(to_srgb(frame.rgba[..., :3]), 0, 1), atol=1)
 
 
+@pytest.mark.sweep
 def test_exr_has_both_depths_and_the_coverage(file):
     assert ended("render", file, "-o", "out.exr", *SMALL) == 0
     channels = read_channels("out.exr")

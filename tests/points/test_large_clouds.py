@@ -126,6 +126,7 @@ def test_a_cloud_in_files_has_the_discs_of_one_in_memory(name, pages, monkeypatc
     assert_same_discs(found, expected)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("name", CLOUDS)
 def test_a_cloud_in_files_knows_its_rows(name, monkeypatch):
     monkeypatch.setattr(parts, "STEP", 333)
@@ -174,7 +175,7 @@ STYLES = {
 }
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("style", STYLES)
 def test_a_cloud_in_files_has_the_picture_of_one_in_memory(camera, style):
@@ -190,7 +191,7 @@ def test_a_cloud_in_files_has_the_picture_of_one_in_memory(camera, style):
         assert getattr(found.statistics, name) == getattr(expected.statistics, name), name
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("pages", [1, 3000, 200_000, 10_000_000])
 def test_pictures_do_not_depend_on_how_many_discs_are_painted_at_a_time(pages, monkeypatch):
     held, in_file = discs(pages)
@@ -209,6 +210,7 @@ def test_pictures_do_not_depend_on_how_many_discs_are_painted_at_a_time(pages, m
         assert all(last == first + 1 for first, last in spans)  # tile by tile
 
 
+@pytest.mark.sweep
 def test_cameras_of_a_cloud_in_files_are_those_of_one_in_memory():
     held, in_file = discs()
     angles = [(10.0 * n, 20.0) for n in range(9)]

@@ -95,7 +95,7 @@ MANY_PLACES = {
 }
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("name", MANY_PLACES)
 def test_many_points_come_in_the_order_of_one_sort(name, monkeypatch):
     place = MANY_PLACES[name].astype(np.float32)

@@ -57,6 +57,7 @@ def test_the_ground_is_closed_as_the_scanner_sees_it(noise, record):
         record.error(f"wrong depths from {near} m", wrong)
 
 
+@pytest.mark.sweep
 def test_discs_of_the_ground_lie_flat(record):
     surfels = measured(0.02)
     place = surfels.position + surfels.origin

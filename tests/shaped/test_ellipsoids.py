@@ -139,6 +139,7 @@ def test_order_of_input_and_threads_change_no_bit():
             np.testing.assert_array_equal(mine, theirs)
 
 
+@pytest.mark.sweep
 def test_as_trained_is_what_training_sees(record):
     given = gaussians(200, seed=7)
     given = given._replace(scale=0.15 * given.scale, opacity=0.6 * given.opacity)

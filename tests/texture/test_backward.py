@@ -122,7 +122,7 @@ def spread(at, size, pixel_filter):
     return naive_forward.pixel_shares(at, 0.0, size, pixel_filter)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("edge", Edge)
 @pytest.mark.parametrize(
     "cells",

@@ -37,7 +37,7 @@ class Counting:
         return part
 
 
-@pytest.mark.some(5)
+@pytest.mark.some(3)
 @pytest.mark.parametrize("side", [64, (50, 33), 500])
 @pytest.mark.parametrize("way", WAYS)
 def test_chunks_have_the_bits_of_the_whole(way, side):
@@ -112,7 +112,7 @@ MORE_TEXELS = product(
 )
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("way", "edge", "kind"),
     [

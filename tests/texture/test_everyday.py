@@ -316,7 +316,7 @@ def test_without_words_undistort_is_warp_with_a_lens():
         np.testing.assert_array_equal(read_image("here.exr"), read_image("there.exr"))
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["resize", "scale"])
 @pytest.mark.parametrize("words", [[], ["--filter", "gaussian:sigma=0.8"], ["--quality", "2"]])
 def test_edges_do_not_fade_whatever_else_is_chosen(name, words):
@@ -333,7 +333,7 @@ def test_a_page_s_edges_do_not_fade_whatever_else_is_chosen():
 # What they share with warp.
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize(
     "words",

@@ -49,6 +49,7 @@ def test_single_pictures_are_1_to_1(floors, tmp_path):
     assert read_image(tmp_path / "checker-points.png").shape == (96, 96, 3)
 
 
+@pytest.mark.sweep
 def test_names_of_files_are_plain(monkeypatch, tmp_path):
     monkeypatch.setattr(scenes, "SMALLEST_SIDE", 64)
     white = FloorPicture(np.ones((64, 64, 1), np.float32))

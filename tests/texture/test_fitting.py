@@ -48,6 +48,7 @@ def test_two_numbers_stretch_unless_they_are_to_hold_the_picture(words):
     assert resized("wide", "--size", "16", "--fit", "stretch").shape == (16, 16, 3)
 
 
+@pytest.mark.sweep
 def test_a_cover_fills_the_size_and_cuts_off_the_rest_on_both_sides():
     whole = resized("wide", "--size", "20x10")
     np.testing.assert_array_equal(

@@ -105,6 +105,7 @@ def test_a_box_is_that_of_the_obvious_loops():
     check_obvious(noise(), MAGNIFIED, Edge.CLAMP, CellGrid(Box()), 1e-6)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("quality", [1.0, 3.0])
 def test_finer_cells_are_those_of_the_obvious_loops(quality):
     check_obvious(noise(), MINIFIED, Edge.TRANSPARENT, CellGrid(quality=quality), 2e-5)
@@ -312,6 +313,7 @@ def test_an_edge_continues_as_if_padded_by_hand(edge, interpolation, scale):
     np.testing.assert_allclose(given_edge.image, by_hand.image, atol=1e-5)
 
 
+@pytest.mark.some(5)
 @pytest.mark.parametrize("edge", CONTINUED)
 @pytest.mark.parametrize("interpolation", [InterpolatingCatmullRom(), Spline()], ids=str)
 def test_joined_texels_beyond_an_edge_are_as_if_padded_by_hand(edge, interpolation):

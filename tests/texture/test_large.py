@@ -92,7 +92,7 @@ def same(first, second, levels=1):
         assert dict(one.getexif()) == dict(other.getexif())
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("source", SOURCES)
 @pytest.mark.parametrize("name", ["perspective", "barrel", "cushion", "quarter", "encoded"])
 def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):
@@ -104,7 +104,7 @@ def test_strips_make_the_file_that_one_go_makes(monkeypatch, source, name):
     assert len(strips) > 1
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "name",
     [
@@ -178,6 +178,7 @@ def test_jpeg_without_a_background_is_refused_where_a_lens_leaves_room(monkeypat
     assert "JPEG has no transparency" in error
 
 
+@pytest.mark.sweep
 def test_a_file_that_is_torn_leaves_nothing(monkeypatch, capsys):
     in_strips(monkeypatch)
     whole = Path("rgb.png").read_bytes()

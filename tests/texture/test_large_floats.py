@@ -133,7 +133,7 @@ PAIRS = [(source, name) for source in SOURCES for name in ("perspective", "encod
 PAIRS += [(source, name) for source in ("float.exr", "alpha.exr") for name in WARPS]
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("source", "name"), dict.fromkeys(PAIRS))
 def test_light_in_strips_has_the_bits_of_the_whole(monkeypatch, source, name):
     SOURCES[source](source)
@@ -185,6 +185,7 @@ def test_words_for_what_is_missing_come_back(monkeypatch, kind, capsys):
     assert capsys.readouterr().err.count("cannot store the picture's georeference") == 1
 
 
+@pytest.mark.sweep
 def test_numbers_without_a_word_for_what_is_missing_say_so_once(monkeypatch, capsys):
     written("a.tif", (light(1) * 50).astype(np.int16), "int16")
     in_strips(monkeypatch)

@@ -79,6 +79,7 @@ def test_scipy_s_calls_return_what_scipy_returns(order, mode):
         np.testing.assert_allclose(call(like_ndimage), call(ndimage), atol=1e-5)
 
 
+@pytest.mark.some(8)
 @pytest.mark.parametrize("shape", [(200,), (3, 4, 5), ()])
 @pytest.mark.parametrize("order", [0, 1, 3])
 def test_points_are_none_another_s_neighbours(order, shape):
@@ -96,6 +97,7 @@ def test_no_points_are_no_values():
     assert like_ndimage.map_coordinates(np.ones((4, 4)), np.zeros((2, 0))).shape == (0,)
 
 
+@pytest.mark.sweep
 def test_a_shrunk_picture_is_averaged_where_scipy_picks():
     y, x = np.mgrid[:256, :256]
     stripes = 0.5 + 0.5 * np.cos(2.9 * x + 0.3 * y)

@@ -304,7 +304,7 @@ def test_an_error_that_cannot_be_held_is_refused(error):
         Hybrid(error=error)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", registry.names("interpolations"))
 def test_gray_is_what_each_channel_is(name):
     interpolation = registry.build("interpolations", name)

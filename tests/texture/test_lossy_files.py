@@ -63,6 +63,7 @@ def test_a_lossless_webp_has_the_levels_of_a_png(photo):
     np.testing.assert_array_equal(levels, photo)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("suffix", LOSSY[1:])
 def test_transparency_is_kept_and_gray_is_shown(suffix):
     words = ("--fit", "pad", "--file-quality", "95")

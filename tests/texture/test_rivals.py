@@ -5,8 +5,6 @@ import pytest
 
 from resample import registry
 from resample.engine.jit import threads
-from resample_texture import scale
-from resample_texture.baselines.graphics_card import Anisotropic, Mipmap
 from resample_texture.baselines.oiio import OIIO_FILTERS, Warp
 from resample_texture.baselines.opencv import Cubic, InterArea, InterLinear, Lanczos4, Supersampled
 from resample_texture.geometry.mappings import (
@@ -19,10 +17,7 @@ from resample_texture.texels.pyramid import pyramid, shrunk
 from resample_texture.types import Edge
 
 POINTWISE = [InterLinear(), Cubic(), Lanczos4(), InterArea()]
-# What reads as a graphics card does has a kernel of its own, which nothing else needs.
-CARD = pytest.mark.sweep
-CARDS = [pytest.param(Mipmap(), marks=CARD), pytest.param(Anisotropic(4), marks=CARD)]
-GATHERING = [*POINTWISE, Supersampled(3), *CARDS]
+GATHERING = [*POINTWISE, Supersampled(3)]
 EVERY = [*GATHERING, Warp("mitchell")]
 PERSPECTIVE = np.array([[1.1, 0.2, -4.3], [-0.1, 1.2, -2.1], [0.003, 0.005, 1.0]])
 SHAPE = (22, 26)
@@ -68,32 +63,6 @@ def naive_bilinear(source, x, y, edge):
     for place in np.ndindex(x.shape):
         if np.isfinite(x[place]):
             result[place] = bilinear(source, x[place], y[place], edge)
-    return result
-
-
-def naive_anisotropic(source, matrix, shape, edge, most):
-    """Taps along the ellipse's major axis by numpy's singular values."""
-    packed = pyramid(source)
-    sizes = [size for _, *size in packed.levels]
-    pictures = [
-        packed.texel[start : start + h * w * source.shape[2]].reshape(h, w, -1)
-        for start, h, w in packed.levels
-    ]
-    inverse = np.linalg.inv(matrix)
-    result = np.zeros((*shape, source.shape[2] + 1))
-    for row, column in np.ndindex(shape):
-        u, v, w = inverse @ (column + 0.5, row + 0.5, 1.0)
-        center = np.array([u, v]) / w
-        jacobian = (inverse[:2, :2] - np.outer(center, inverse[2, :2])) / w
-        axes, (longer, shorter), _ = np.linalg.svd(jacobian)
-        taps = min(most, math.ceil(max(longer, 1.0) / max(shorter, 1.0)))
-        level = min(max(math.log2(longer / taps), 0.0), len(sizes) - 1.0)
-        for number in range(len(sizes)):
-            share = max(0.0, 1.0 - abs(level - number)) / taps
-            for tap in range(taps if share else 0):
-                place = center + ((tap + 0.5) / taps - 0.5) * longer * axes[:, 0]
-                x, y = place * sizes[number][::-1] / np.array(sizes[0][::-1])
-                result[row, column] += share * bilinear(pictures[number], x, y, edge)
     return result
 
 
@@ -166,49 +135,7 @@ def test_a_hole_in_a_map_takes_nothing_from_its_neighbours():
     np.testing.assert_array_equal(coverage == 1.0, np.isfinite(x))
 
 
-@pytest.mark.sweep
-@pytest.mark.parametrize("edge", Edge)
-@pytest.mark.parametrize("taps", [1, 5])
-def test_anisotropic_reading_is_the_naive_loop(edge, taps):
-    source = noise(37, 50, 2)
-    minified = np.diag([0.3, 0.12, 1.0]) @ PERSPECTIVE
-    expected = naive_anisotropic(source, minified, (9, 11), edge, taps)
-    found = Anisotropic(taps)(source, Homography(minified), (9, 11), edge)
-    np.testing.assert_allclose(together(found), expected, atol=1e-5)  # sums in float32
-
-
-@pytest.mark.sweep
-def test_one_tap_is_mip_mapping():
-    source, geometry = noise(64, 64, 3), Homography(np.diag([0.1, 0.4, 1.0]))
-    one = Anisotropic(1)(source, geometry, (7, 26), Edge.WRAP)
-    other = Mipmap()(source, geometry, (7, 26), Edge.WRAP)
-    np.testing.assert_array_equal(together(one), together(other))
-
-
-@pytest.mark.sweep
-def test_mip_mapping_at_half_the_size_is_the_mean_of_four():
-    source = noise(16, 24, 1)
-    found = Mipmap()(source, Homography(np.diag([0.5, 0.5, 1.0])), (8, 12), Edge.CLAMP).image
-    np.testing.assert_allclose(found, source.reshape(8, 2, 12, 2, 1).mean(axis=(1, 3)), atol=1e-6)
-
-
-@pytest.mark.sweep
-def test_anisotropic_reading_through_a_map_is_that_through_its_matrix():
-    source, geometry = noise(64, 64, 1), Homography(np.diag([0.15, 0.6, 1.0]))
-    by_map = BackwardMap(*source_coordinates(geometry, (38, 9)))
-    one, other = (Anisotropic()(source, g, (38, 9), Edge.MIRROR).image for g in (geometry, by_map))
-    np.testing.assert_allclose(one, other, atol=1e-6)  # steps differ in the last bits
-
-
-@pytest.mark.sweep
-def test_the_seam_of_a_panorama_is_not_taken_for_a_stretch():
-    y, x = np.mgrid[0:32, 0:32] + 0.5
-    source = noise(32, 32, 1)
-    found = Anisotropic()(source, BackwardMap((x + 10) % 32, y), (32, 32), Edge.WRAP).image
-    np.testing.assert_allclose(found, np.roll(source, -10, axis=1), atol=1e-6)
-
-
-@pytest.mark.parametrize("method", [*CARDS, Supersampled(2)], ids=named)
+@pytest.mark.parametrize("method", [Supersampled(2)], ids=named)
 def test_any_number_of_threads_gives_the_same_bits(method):
     source, geometry = noise(64, 64, 3), Homography(np.diag([0.3, 0.2, 1.0]) @ PERSPECTIVE)
     pictures = []
@@ -355,12 +282,6 @@ def test_supersampling_refuses_a_bad_number(n):
         Supersampled(n)
 
 
-@pytest.mark.parametrize("taps", [0, 33, 1.5])
-def test_anisotropic_reading_refuses_a_bad_number(taps):
-    with pytest.raises(ValueError, match="taps is a whole number from 1 to 32, not"):
-        Anisotropic(taps)
-
-
 def test_an_unknown_kernel_is_answered_with_the_known_ones():
     with pytest.raises(ValueError, match="unknown kernel 'box'; known are cubic, linear, lanczos4"):
         Supersampled(kernel="box")
@@ -385,19 +306,8 @@ def test_openimageio_knows_every_filter(name):
         ("lanczos4", Lanczos4()),
         ("area", InterArea()),
         ("opencv-supersample:n=8,kernel=linear", Supersampled(8, "linear")),
-        ("mipmap", Mipmap()),
-        ("anisotropic:taps=4", Anisotropic(4)),
         ("oiio:filter=mitchell", Warp("mitchell")),
     ],
 )
 def test_methods_go_by_name(spec, expected):
     assert registry.build("methods", spec) == expected
-
-
-@pytest.mark.parametrize("name", ["mipmap", "anisotropic"])
-@pytest.mark.parametrize("factor", [4, 16])
-def test_a_graphics_card_s_methods_average_what_is_minified(name, factor):
-    noise = np.random.default_rng(7).random((128, 128)).astype(np.float32)
-    small = scale(noise, 1 / factor, method=name).image
-    assert small.std() < 1.6 * noise.std() / factor
-    assert small.mean() == pytest.approx(noise.mean(), abs=0.02)

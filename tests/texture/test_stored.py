@@ -68,7 +68,7 @@ def test_a_store_is_warped_as_the_file_is_and_into_one(channels, is_large, monke
         assert np.array_equal(made, given.reshape(made.shape))
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("kind", [np.uint16, np.float16, np.float32, np.float64])
 def test_other_types_keep_theirs(kind):
     values = texels(3, kind)

@@ -181,13 +181,6 @@ def test_channels_have_masks_of_their_own():
     [
         *("hybrid", "points", "supersample", "splats", "bilinear", "cubic", "lanczos4"),
         *("opencv-supersample", "nearest", "majority"),
-        *(
-            pytest.param(
-                name,
-                marks=pytest.mark.sweep,
-            )
-            for name in ("mipmap", "anisotropic")  # rivals, whose kernel nothing else needs
-        ),
     ],
 )
 def test_what_is_not_a_number_weighs_nothing_in_any_method(method, edge):

@@ -53,7 +53,7 @@ def is_cut(geometry, edge):
     return len(list(windows_of(seen, SIZE, 60_000))) > 1
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("edge", ["transparent", "clamp", "wrap", "mirror", "reflect-101"])
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_windows_make_the_picture_that_one_go_makes(monkeypatch, source, name, edge):

@@ -50,7 +50,7 @@ def place(files: tuple[str, str, str]) -> Iterator[Served]:
         yield address
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("wish", WISHES)
 def test_the_exported_command_makes_the_page_s_picture(
     wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

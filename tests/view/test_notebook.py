@@ -80,6 +80,7 @@ WIDGETS: dict[str, Callable[[], Any]] = {
 }
 
 
+@pytest.mark.some(4)
 @pytest.mark.parametrize("kind", WIDGETS)
 def test_a_page_shows_what_the_exported_python_makes(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

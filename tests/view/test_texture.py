@@ -50,7 +50,7 @@ def test_a_picture_begins_in_the_middle_and_as_large_as_fits(
     assert (np.abs(corners.mean(axis=0) - np.array(size) / 2) <= 0.501).all()
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("wish", WISHES)
 def test_the_exported_command_makes_the_page_s_picture(
     wish: str, place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -53,7 +53,7 @@ def place() -> Iterator[Served]:
 MORE = pytest.mark.sweep
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "wish",
     [pytest.param(wish, marks=MORE) if wish in ("maximum", "surface") else wish for wish in WISHES],

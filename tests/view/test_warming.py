@@ -29,6 +29,7 @@ def views(folder: Path) -> list[Warming]:
     ]
 
 
+@pytest.mark.some(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "number",

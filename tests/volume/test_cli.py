@@ -173,7 +173,7 @@ def test_splats_are_red_when_colored_by_primitive():
     assert np.array_equal(rendered("--color-by", "primitive", *points), rendered(*points))
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "words",
     [
@@ -212,7 +212,7 @@ def test_every_choice_changes_the_picture(words):
     assert np.abs(before - after).max() > 1e-3
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("footprint", ["corrected", "small-angle", "affine"])
 def test_footprints_differ_where_perspective_is_strong(footprint):
     near = ["--method", "splats", "--fov", "90", "--camera", "30/20/1.5"]
@@ -626,6 +626,7 @@ def test_names_for_the_help_are_those_that_are_there():
     assert tuple(POINTS) == names.TISSUES
 
 
+@pytest.mark.sweep
 def test_classification_shows_that_it_goes_on(monkeypatch):
     shown = []
 

@@ -54,7 +54,7 @@ def test_also_shows_another_volume_where_its_file_says():
     assert json.loads(Path("s.json").read_text())["samples"] > 0
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

@@ -139,7 +139,7 @@ def test_what_is_cropped_is_not_drawn():
 # Color bars
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("words", [[], POST, *(["--projection", name] for name in ALL[:3])])
 def test_a_color_bar_widens_the_picture(words):
     volume = "box.npy" if "--projection" in words else BOX
@@ -282,7 +282,7 @@ def test_a_color_bar_is_for_pictures_of_the_screen(capsys):
     assert "out.exr: a color bar has no depth; write a .png, or leave it out" in error
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(2)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

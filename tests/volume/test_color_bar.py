@@ -35,12 +35,14 @@ def test_what_is_opaque_has_its_own_color(transfer: object) -> None:
     assert ((bar == GREEN).all(axis=2)).sum() > 500
 
 
+@pytest.mark.sweep
 def test_what_is_transparent_is_a_checkerboard() -> None:
     bar = color_bar(from_points([(0, GREEN, 0.0)]), BYTE, 200)[..., :3]
     for gray in (0.16, 0.42):
         assert (np.abs(bar - gray).max(axis=2) < 0.005).sum() > 500  # of 256 levels
 
 
+@pytest.mark.sweep
 def test_the_greatest_value_is_at_the_top() -> None:
     bar = color_bar(from_points([(0, GREEN, 1.0), (128, GREEN, 1.0), (128, WHITE, 0.0)]), BYTE, 300)
     rows = np.flatnonzero((bar[..., :3] == GREEN).all(axis=2).any(axis=1))

@@ -138,7 +138,7 @@ def test_statistics_say_what_was_painted(words, classified, tmp_path, monkeypatc
     assert read_image("out.exr").any()
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "spacing", [3.0, 0.7 / 2, 0.7 / 3]
 )  # px per voxel, where a ray more is cast

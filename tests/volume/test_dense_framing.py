@@ -27,6 +27,7 @@ def with_strays(rng):
     return volume._replace(values=values)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("workers", "side"),
     [

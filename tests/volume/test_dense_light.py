@@ -22,7 +22,7 @@ def painted(media, fit, spent):
     return paint_streamed(dense, subject, subject.camera(EYE, *SIZE), SIZE, spent)
 
 
-@pytest.mark.some(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize("finest", [40, 13, 9])  # cells of 1, 3 and 5 voxels a side
 @pytest.mark.parametrize(
     ("look", "fit", "memory"),

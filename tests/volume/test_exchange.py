@@ -256,6 +256,7 @@ def test_what_is_one_volume_has_no_parts(tmp_path: Any) -> None:
             as_volume(given, part="density")
 
 
+@pytest.mark.sweep
 def test_no_library_is_imported_for_an_array() -> None:
     code = (
         "import sys, numpy; from resample_volume import as_volume; as_volume(numpy.zeros((2,2,2)));"

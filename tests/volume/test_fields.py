@@ -42,7 +42,7 @@ def painted(voxels: FieldVoxels, resampler: Resampler, light: Light | None) -> F
 # Which voxels are needed
 
 
-@pytest.mark.each_value
+@pytest.mark.some(2)
 @pytest.mark.parametrize("thickness", [0.5, 1.5])
 @pytest.mark.parametrize("transfer", [LATE, SHELL, load_transfer("surfaces")])
 def test_a_composite_of_the_kept_voxels_is_that_of_all(transfer, thickness):

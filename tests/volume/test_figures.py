@@ -72,11 +72,13 @@ def test_a_missing_folder_of_volumes_is_refused(tmp_path):
 # Where volumes come from.
 
 
+@pytest.mark.sweep
 def test_a_volume_of_the_folder_is_shown_as_itself(shelf):
     subject = shelf.subject("engine")
     assert (subject.name, subject.title, subject.note) == ("engine", "Engine", "")
 
 
+@pytest.mark.sweep
 def test_a_downloaded_volume_needs_no_folder(shelf, monkeypatch):
     monkeypatch.setenv("HYBRID_RESAMPLE_DATA", str(shelf.folder))
     assert VolumeFolder().subject("engine").name == "engine"
@@ -122,6 +124,7 @@ def layer():
     return schematic.cut(generate("checker-box:size=8,block=2"), "checker", "box")
 
 
+@pytest.mark.sweep
 def test_drawn_splats_are_those_that_the_renderer_paints(layer):
     frame = schematic.resampler()(
         layer.samples, layer.camera, height=layer.width, width=layer.width
@@ -349,6 +352,7 @@ def share_of_splats(case, zoom, side):
     return frame.statistics.splat_fraction
 
 
+@pytest.mark.sweep
 def test_views_of_figure_9_have_the_papers_shares_of_splats(box):
     zoom = timing.zooms(box, 24)
     assert share_of_splats(box, zoom["all splats"], 24) == 1.0
@@ -383,6 +387,7 @@ def test_figure_9_has_three_views_of_each_volume_that_is_there(shelf, tmp_path, 
     assert min(rivals) > 0
 
 
+@pytest.mark.sweep
 def test_figure_9_says_why_there_is_no_time_of_vtk(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise ValueError("VTK is not installed")
@@ -395,7 +400,7 @@ def test_figure_9_says_why_there_is_no_time_of_vtk(tmp_path, monkeypatch):
     assert [row["vtk_ms"] for row in rows] == ["", "", ""]
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["engine", "lobster", "aneurism"])
 def test_figure_9_paints_as_many_voxels_as_the_paper(name, volumes):

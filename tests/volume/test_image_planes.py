@@ -293,7 +293,7 @@ def test_words_of_planes(text, plane):
     assert Appearance(planes=(text,)).planes == (plane,)
 
 
-@pytest.mark.some(13)
+@pytest.mark.some(8)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -359,7 +359,7 @@ def test_a_film_of_times_has_one_window(tmp_path, monkeypatch):
     assert [int(np.percentile(frame, 95)) for frame in levels] == pytest.approx([85, 255], abs=8)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("transfer", [NOTHING, "100..300"])
 @pytest.mark.parametrize("fov", ["0", "30"])
 def test_a_plane_fills_the_picture_that_zooms_in(transfer, fov, tmp_path, monkeypatch):

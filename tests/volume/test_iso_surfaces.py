@@ -136,7 +136,7 @@ def test_a_volume_in_chunks_has_the_surface_of_an_array(tmp_path, monkeypatch):
     assert one == two
 
 
-@pytest.mark.some(4)
+@pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -361,6 +361,7 @@ def test_packed_slices(packing, needs, values, tmp_path):
     agrees(Dicom()(tmp_path), by_itk(tmp_path))
 
 
+@pytest.mark.sweep
 def test_slices_of_run_lengths(values, tmp_path):
     import pydicom
 
@@ -429,7 +430,7 @@ def test_frames_of_one_file(values, tmp_path):
 # Real data
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "name",
     [

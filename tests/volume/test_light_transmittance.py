@@ -120,7 +120,7 @@ def table_and_block() -> NDArray[np.float32]:
     return values
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("classification", list(Classification))
 def test_a_block_shades_the_table_below_it(classification: Classification) -> None:
     lit = Light((0, 0, 1), specular=0.0)

@@ -217,6 +217,7 @@ def test_one_of_several_takes_light_from_the_others():
 # Where they are
 
 
+@pytest.mark.sweep
 def test_a_turned_volume_is_where_its_world_coordinates_say():
     far = (filled(BALLS[1], lattice((20, 22, 24), 0.9, (2.0, -1, 1), TURNED)), look_of(BALLS[1]))
     near = (filled(BALLS[0], lattice((20, 20, 20), 0.5, (-2, 0, 0))), look_of(BALLS[0]))

@@ -97,7 +97,7 @@ def fills_the_picture(picture):
     return bool(middle > 0.05 and inner > 0.1 * middle and corners.max() < 0.05 * middle)
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     "name",
     [
@@ -238,6 +238,7 @@ def test_a_ball_in_nothing_is_seen_without_a_warning(words):
     assert fills_the_picture(shown(values, *words))
 
 
+@pytest.mark.sweep
 def test_values_between_those_that_are_looked_at_make_a_look():
     values = np.full((160, 160, 160), np.nan, np.float32)
     values[81, 81, 80:82] = 1, 2

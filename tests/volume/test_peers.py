@@ -214,6 +214,7 @@ def test_a_slope_is_lit_as_ours_are(light, elevation, expected):
     assert seen[0] / seen[3] == pytest.approx(expected, abs=0.01)  # VTK encodes normals
 
 
+@pytest.mark.sweep
 def test_pixels_are_means_of_their_rays():
     camera = VIEWS["oblique"]
     fine = Camera.from_intrinsics(300, 300, 120, 90, camera.world_to_camera)

@@ -156,7 +156,7 @@ def test_automatic_sub_pixels_come_to_what_many_show(record: Record) -> None:
         record.error(f"rms of {size[0]} px", np.sqrt(np.mean((few.rgba - many.rgba) ** 2)))
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("projection", [Projection.COMPOSITE, Projection.AVERAGE])
 @pytest.mark.parametrize("per_voxel", [3.0, 9.0])  # every second ray is cast, or every fourth
 def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(

@@ -312,6 +312,7 @@ def write_dicom(folder: Path, values: np.ndarray, *, uid="1.2.3", skip=()) -> Pa
     return folder
 
 
+@pytest.mark.sweep
 def test_dicom_slices_are_sorted_by_position(values, tmp_path):
     volume = Dicom()(write_dicom(tmp_path, values % 2000))
     assert np.array_equal(volume.values, values % 2000)
@@ -745,6 +746,7 @@ def test_the_papers_data_have_their_shape(name, shape, spacing, volumes):
     assert volume.spacing.tolist() == list(spacing)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("name", "low", "high", "count"),
     [

@@ -260,7 +260,7 @@ def test_a_ball_is_round_whatever_the_spacing(spacing, primitive, direction):
 # From where
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("primitive", PRIMITIVES)
 def test_a_camera_within_or_beside_the_volume_sees_something_finite(primitive):
     box = as_volume(np.full((8, 8, 8), 1, np.uint8))

@@ -73,6 +73,7 @@ def test_the_view_stays_when_a_look_shows_less() -> None:
     assert not (spread[2] & ~spread[0]).any()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("look", [PRE, POST], ids=["pre", "post"])
 def test_previews_are_alike_and_say_so(look: Appearance, record: Record) -> None:
     scene = Scene(blob(64))
@@ -84,6 +85,7 @@ def test_previews_are_alike_and_say_so(look: Appearance, record: Record) -> None
     assert preview.rgba[..., 3].mean() == pytest.approx(final.rgba[..., 3].mean(), rel=0.05)
 
 
+@pytest.mark.sweep
 def test_fractions_of_the_range_stay_those_of_the_volume_in_previews() -> None:
     values = blob(64)
     values[32, 32, 32] = 255

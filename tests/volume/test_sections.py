@@ -137,7 +137,7 @@ def folder(tmp_path, monkeypatch):
     np.save("layers.npy", layers().values)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("slab", ["50/4", "-50/4/0/1/0"])
 @pytest.mark.parametrize("projection", ["maximum", "composite"])
 def test_a_slab_that_holds_nothing_is_said_once(capsys, slab, projection):

@@ -59,7 +59,7 @@ def frames(folder):
     return found
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
@@ -128,6 +128,7 @@ def test_a_channel_of_a_store_is_filmed(capsys):
     assert found[0] == found[1]
 
 
+@pytest.mark.sweep
 def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
     beats("uint8")
     series = Series.of(open_streamed("a.zarr"))

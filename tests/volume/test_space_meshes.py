@@ -302,7 +302,7 @@ def test_colors_of_corners_are_kept(tmp_path):
     np.testing.assert_allclose(read_mesh(str(tmp_path / "red.ply")).color[0], [1, 0, 0], atol=1e-6)
 
 
-@pytest.mark.some(3)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -185,7 +185,7 @@ class DyingHandler(SimpleHTTPRequestHandler):
         """Say nothing."""
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_network_that_is_cut_while_chunks_are_fetched_ends_a_command(
     name, values, tmp_path, capsys, monkeypatch

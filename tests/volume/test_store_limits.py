@@ -275,7 +275,7 @@ def test_a_sparse_array_is_read_as_its_chunks_are(tmp_path, rng):
     np.testing.assert_array_equal(open_volume(tmp_path / "a.zarr").values, values)
 
 
-@pytest.mark.some(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize("form", ["folder", "zip"])
 @pytest.mark.parametrize("side", [1, 5])
 def test_millions_of_chunks_that_are_not_there_cost_nothing(side, form, tmp_path, monkeypatch):

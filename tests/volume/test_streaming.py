@@ -67,14 +67,14 @@ def same_voxels(found, given):
         assert np.array_equal(part, whole)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("side", SIDES)
 def test_pictures_are_the_same_for_any_size_of_bricks(side, volume):
     look = of_voxels()
     same_frames(render(in_bricks(volume, side), look, size=SIZE), render(volume, look, size=SIZE))
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "look",
     [
@@ -103,7 +103,7 @@ def test_labels_hold_in_bricks(volume, tmp_path):
     )
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     "kind",
     [

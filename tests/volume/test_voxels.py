@@ -396,7 +396,7 @@ def reconstructed(
     return density * np.interp(value, column, looks.table[0, :, 3])
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("kind", ["u1", "f4"])
 @pytest.mark.parametrize("name", SHOWN)
 def test_voxels_out_of_reach_change_nothing(name: str, kind: str, rng: np.random.Generator) -> None:

@@ -128,7 +128,7 @@ def test_labels_that_do_not_fit_are_refused_before_bricks_are_read(rng):
     assert not read
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize("workers", [None, 2])
 @pytest.mark.parametrize("kind", [np.uint8, np.float32])
 def test_the_slope_of_a_full_surface_is_found_brick_by_brick(kind, workers, rng):

@@ -82,6 +82,7 @@ def test_a_bar_leaves_the_picture_as_it_is(resampler):
     assert drawn.rgba[:, 40:, 3].min() == 1
 
 
+@pytest.mark.sweep
 def test_an_x_rays_bar_is_the_light_of_its_sums():
     frame = render(TREE, resampler=XRAY, size=(40, 96))
     bar = with_bar(frame, TREE, Appearance(), XRAY, None).rgba[:, 40:]

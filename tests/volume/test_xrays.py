@@ -129,6 +129,7 @@ def test_missing_voxels_do_not_attenuate():
     assert thick == pytest.approx(MU * 8, rel=0.1)
 
 
+@pytest.mark.sweep
 def test_stored_units_are_those_without_what_is_added():
     volume = ball()
     stored = volume._replace(values=volume.values + 1024, units="hu+1024")
@@ -160,6 +161,7 @@ def test_without_a_window_white_is_about_the_most_along_the_volumes_axes():
     assert frame.rgba[0, 0, 0] == 0
 
 
+@pytest.mark.sweep
 def test_the_renderer_alone_asks_for_an_x_ray():
     size = (SIDE, SIDE)
     alone = render(ball(), "auto", parallel(), size=size, resampler=RAYS)
@@ -309,6 +311,7 @@ def test_a_bar_beside_an_x_ray_has_its_line_integrals():
     assert read_image("out.png").shape[1] > 64
 
 
+@pytest.mark.sweep
 def test_a_film_shows_x_rays():
     words = ["--path", "still", "--frames", 1, *SMALL, *BY_XRAY]
     assert ended("animate", "water.npy", "-o", "film", *words) == 0

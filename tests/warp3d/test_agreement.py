@@ -123,20 +123,20 @@ def depth_difference(first, second):
     return np.median(np.abs(1 / seen[meets] - 1 / expected[meets]))
 
 
-@pytest.mark.some(2)
+@pytest.mark.sweep
 @pytest.mark.parametrize(("first", "second"), [(3, 0), (4, 0), (3, 4), (4, 3)])
 def test_points_of_icl_nuim_meet_the_depth_of_other_views(icl, first, second):
     # its y axis points up, so fy < 0; the poses are off by as much: measured 0.9 to 2.0 cm
     assert depth_difference(icl[first], icl[second]) < 0.03
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("first", range(4))
 def test_points_of_open3d_s_frames_meet_the_depth_of_the_next(open3d, first):
     assert depth_difference(open3d[first], open3d[first + 1]) < 0.006  # m; measured 5 mm
 
 
-@pytest.mark.some(2)
+@pytest.mark.some(1)
 @pytest.mark.parametrize(("first", "second"), list(itertools.permutations((0, 3, 4), 2)))
 def test_inverted_poses_of_icl_nuim_are_noticed(icl, first, second):
     (image, camera), (other, target) = icl[first], icl[second]

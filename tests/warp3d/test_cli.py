@@ -215,6 +215,7 @@ def test_the_source_is_exported(name, kind):
     assert np.allclose(np.abs(read.bounds[:, 2]), sorted([1, 2], reverse=name == "m.glb"), atol=0.2)
 
 
+@pytest.mark.sweep
 def test_stats_tell_sizes_shares_and_times():
     assert ended(*render(*RIGHT, *FAST, "-o", "out.png", "--stats", "s.json")) == 0
     stats = json.loads(Path("s.json").read_text())
@@ -409,7 +410,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
     assert complaint in refused(capsys, *render("-o", "out.png", *words))
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["out.gif", "out", "none/out.png", "folder.png"])
 def test_an_output_that_cannot_be_written_is_found_before_any_work(name, monkeypatch, capsys):
     Path("folder.png").mkdir()
@@ -501,6 +502,7 @@ def test_the_right_picture_leads_to_the_left_one():
     assert np.array_equal(left, shifted("--fraction", "-1"))
 
 
+@pytest.mark.sweep
 def test_half_of_the_way_is_half_of_the_disparity():
     rectified()
     source = read_image("color.png")
@@ -555,7 +557,7 @@ def test_a_film_is_filled_by_a_layer():
     assert not all(np.array_equal(*pair) for pair in pairs)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", ["a.mp4", "a.webp", "a.gif", "a.apng", "frames"])
 def test_animate_writes_every_form(name):
     assert ended(*film("-o", name)) == 0
@@ -572,6 +574,7 @@ def test_paths_differ(path):
     assert Path("a/frame-0001.png").read_bytes() != Path("b/frame-0001.png").read_bytes()
 
 
+@pytest.mark.sweep
 def test_a_file_of_poses_is_followed():
     np.savetxt("poses.txt", np.concatenate([np.eye(4)] * 2))
     words = ["animate", "color.png", "depth.png", *EYE, "--depth-scale", 1000, "-o", "frames"]

@@ -83,6 +83,7 @@ def scene_comparison():
         return compare_scene(["copy", "nothing"], SIZE, ["side", "in3"])
 
 
+@pytest.mark.sweep
 def test_there_is_a_row_for_each_view_and_method(scene_comparison):
     rows = [(row["view"], row["method"]) for row in scene_comparison.rows]
     assert rows == [(view, name) for view in ("side", "in3") for name in ("copy", "nothing")]
@@ -205,6 +206,7 @@ def figure(source):
     return paper.figure_of(source, of_rectified(0.0), SHAPE, ["copy", "nothing"])
 
 
+@pytest.mark.sweep
 def test_a_figure_is_written_with_all_its_parts(figure, tmp_path):
     numbers = paper.write_figures(tmp_path, figure)
     names = {f"{name}{part}.png" for name in ("copy", "nothing") for part in ("", "-zoom")}

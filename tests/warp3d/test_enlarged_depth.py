@@ -76,6 +76,7 @@ def test_a_map_that_was_not_enlarged_has_no_small_one():
         assert small_map(given) is None
 
 
+@pytest.mark.some(2)
 @pytest.mark.parametrize("side", [2, 4, 8])
 def test_bicubic_maps_end_where_colors_do(side, rng, record):
     given, _ = enlarged(TRUTH, side, cv2.INTER_CUBIC)

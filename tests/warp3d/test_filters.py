@@ -78,7 +78,7 @@ def truth(view, name):
     return made[..., :-1], made[..., -1]
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("view", VIEWS)
 def test_the_hybrid_under_every_filter_is_the_truth_filtered(view, name, record):

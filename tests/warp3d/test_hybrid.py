@@ -102,6 +102,7 @@ def test_it_shows_what_rays_show(scene, view, record):
     record.quality("picture", found)
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("view", ["roll", "oblique"])
 def test_more_quality_is_better_where_cells_lie_askew(view, record):
     truth = truth_of("wall", view)
@@ -113,6 +114,7 @@ def test_more_quality_is_better_where_cells_lie_askew(view, record):
     record.quality("quality 4", better)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("view", ["side", "roll", "back4", "in3"])
 def test_what_the_source_sees_whole_is_no_hole(scene, view):

@@ -139,6 +139,7 @@ def test_pictures_of_two_sizes_are_refused(capsys):
     assert not Path("out").exists()
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("color", ["pictures", "film.gif"])
 def test_labels_of_films_stay_labels(color):
     words = ["render", color, "depth", *DEPTH, *FAST[:-4], *MOVED, "--unmixed", "-o", "out"]

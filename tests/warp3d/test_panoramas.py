@@ -126,6 +126,7 @@ def test_an_eye_that_moves_sees_what_rays_see(name, record):
     record.error("wrong depths", ~(np.abs(np.log(made.depth / truth.depth))[whole] < 0.02))
 
 
+@pytest.mark.sweep
 def test_faces_see_every_pixel_where_its_ray_goes():
     color, length = traced()
     for image, camera in faces(color, length):

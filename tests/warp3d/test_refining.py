@@ -174,7 +174,7 @@ def test_softness_does_not_fall_as_edges_get_wider(sigma, scene):
     assert findings.sigma == pytest.approx(sigma, rel=0.25)  # surfaces end before their edges do
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(("right", "down"), [(1, 0), (-4, 0), (6, 0), (0, 3), (2, -1)])
 def test_a_map_that_is_shifted_goes_back(right, down, scene):
     moved = spoiled(scene, lambda nearness: np.roll(nearness, (down, right), (0, 1)))

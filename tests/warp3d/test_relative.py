@@ -138,6 +138,7 @@ def test_what_is_in_the_screen_stays_and_nearer_things_go_left():
     np.testing.assert_allclose(right[8:16, 8:16, :3], source[8:16, 12:20], atol=1e-5)
 
 
+@pytest.mark.sweep
 def test_a_screen_in_front_pushes_the_wall_to_the_right():
     source, right = read_image("color.png"), two_eyes(*FAST, "--eyes", "0.8", "--zero-plane", "4")
     np.testing.assert_allclose(right[8:16, 12:20, :3], source[8:16, 12:20], atol=1e-5)

@@ -83,6 +83,7 @@ def test_relative_depth_of_a_film_has_one_range():
     assert read_image("pictures/0.png").shape == (24, 32, 3)
 
 
+@pytest.mark.sweep
 def test_a_doubtful_scale_is_said_once(capsys):
     words = ["render", "film.gif", "depth", "--depth-scale", "1e7", *SEEN, "-o", "out.gif"]
     assert ended(*words) == 0

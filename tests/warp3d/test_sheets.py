@@ -41,6 +41,7 @@ def torn_source(rng, height=20, width=24):
     return source._replace(links=links)
 
 
+@pytest.mark.sweep
 def test_linked_neighbours_share_their_corners(rng):
     source = torn_source(rng)
     corner = cells_corners(sheet_of(source))
@@ -88,6 +89,7 @@ def test_corners_of_a_plane_lie_on_it_even_where_it_is_torn():
     np.testing.assert_allclose(corner[..., 2], expected, atol=1e-6)
 
 
+@pytest.mark.sweep
 def test_torn_cells_stop_at_the_silhouette():
     things = [
         plane((0, 0, 1), 3.0, flat(0.9), lambda point: point[..., 0] < 0.0375),

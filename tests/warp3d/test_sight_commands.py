@@ -99,7 +99,7 @@ def test_parallel_rays_are_seen_by_a_pinhole_and_as_such(record):
     near(record, "parallel", parallel, SOURCES["orthographic"], SHAPE)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize(
     ("target", "words"),
     [
@@ -134,6 +134,7 @@ def test_a_film_of_a_panorama_has_frames():
     assert ended("animate", "around.exr", "around.npy", *words) == 0
 
 
+@pytest.mark.some(9)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

@@ -144,6 +144,7 @@ def test_a_panorama_is_wrapped_without_a_step():
     np.testing.assert_allclose(np.roll(first.coverage, steps, axis=1), other.coverage, atol=2e-4)
 
 
+@pytest.mark.sweep
 def test_a_lens_that_does_nothing_changes_nothing():
     plain, camera = TARGETS["pinhole"], TARGETS["pinhole"]
     bent = Camera(camera.matrix, camera.world_to_camera, np.array([1e-12, 0, 0, 0]))

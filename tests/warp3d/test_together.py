@@ -99,7 +99,7 @@ def test_sources_that_agree_stay_as_they_are():
     np.testing.assert_allclose(joined(given).match.gain, 1, atol=2e-3)
 
 
-@pytest.mark.some(1)
+@pytest.mark.sweep
 @pytest.mark.parametrize("count", [2, 3])
 def test_gains_are_found_up_to_their_mean(count):
     gains = np.linspace(0.97, 1.03, count)
@@ -145,6 +145,7 @@ def test_colors_of_any_range_and_dark_channels_are_matched():
     np.testing.assert_array_equal(gain[:, 1], 1)
 
 
+@pytest.mark.some(1)
 @pytest.mark.parametrize("count", [2, 3])
 def test_scales_of_depth_are_found_up_to_their_mean(count):
     factors = np.linspace(0.995, 1.005, count)

@@ -291,5 +291,5 @@ def _check_size(shape: tuple[int, int]) -> None:
     if max(height, width) > LARGEST_SOURCE:
         raise ValueError(
             f"OpenCV cannot read {width} × {height} texels in this way, {LARGEST_SOURCE} a side is"
-            " its limit; use hybrid, anisotropic or a smaller source"
+            " its limit; use hybrid or a smaller source"
         )
