@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.engine import sorting, vectors
+from resample.engine import compositing, sorting, vectors
 from resample.engine.cells import scattering
 from resample.engine.ellipsoids import footprints, lanes, outlines, steps
 from resample.engine.ellipsoids import rows as rows_of_tiles
 from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.mixtures import models
-from resample.engine.rays import meshes
+from resample.engine.rays import meshes, splines
 from resample.engine.rays.meshes import _behind, _mean
 from resample.engine.slabs import steps as slab_steps
 from resample.engine.vectors import (
@@ -26,7 +26,7 @@ from resample.engine.vectors import (
     vector_at,
 )
 from resample.engine.windows import gather
-from resample.types import Absorbing, Linear, Place
+from resample.types import LAST_SHEET, Absorbing, Linear, Place
 from tests.kernels import run_in_python
 
 
@@ -284,3 +284,21 @@ def test_a_step_takes_the_samples_whose_keys_it_paints(monkeypatch):
     for pair, is_again in ((line[2], True), (first - np.uint64(1), True), (first, False)):
         assert slab_steps.is_added_again(pair, carried_tiles(1)) is is_again
         assert not slab_steps.is_added_again(pair, steps.AT_ONCE)
+
+
+def test_samples_on_a_plane_lie_between_the_ends_of_four(rng):
+    """A sample is one, four and one sixths of its coefficient and of those beside it."""
+    for _ in range(20):
+        a, b = (tuple(map(np.float32, row)) for row in rng.normal(size=(2, 4)))
+        four = [(row[n] + 4 * row[n + 1] + row[n + 2]) / 6 for row in (a, b) for n in (0, 1)]
+        assert splines._ends_of.__wrapped__(a, b) == pytest.approx((min(four), max(four)), rel=1e-5)
+
+
+def test_sheets_are_numbered_as_whole_thicknesses(rng):
+    """Those that lie too far away have the last number."""
+    sheet_of = compositing.sheet_of.__wrapped__
+    layers = SimpleNamespace(thickness=0.7)
+    for place in rng.uniform(-9.0, 9.0, 20):
+        assert sheet_of(layers, place) == np.floor(np.float32(place) / np.float32(0.7))
+    assert sheet_of(layers, 1e30) == LAST_SHEET
+    assert sheet_of(layers, -1e30) == -LAST_SHEET

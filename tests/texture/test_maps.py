@@ -3,6 +3,7 @@ import struct
 import numpy as np
 import pytest
 
+from resample_texture.geometry import maps
 from resample_texture.geometry.maps import read_map
 
 
@@ -115,3 +116,10 @@ def test_a_flow_file_of_another_length_is_damaged(tmp_path, width, height):
     (tmp_path / "a.flo").write_bytes(data)
     with pytest.raises(OSError, match="is damaged"):
         read_map(tmp_path / "a.flo")
+
+
+@pytest.mark.parametrize("names", [("X", "Y"), ("a", "b")])
+def test_two_channels_are_a_map_of_pairs(names):
+    x, y = np.arange(12.0).reshape(3, 4), np.ones((3, 4))
+    found = maps._two_of(dict(zip(names, (x, y), strict=True)), "a.exr")
+    np.testing.assert_array_equal(found, np.dstack([x, y]))

@@ -15,6 +15,7 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.measuring.quality import psnr
 from resample_warp3d import cli
+from resample_warp3d.command.source import SourceCamera
 from tests import commands
 from tests.warp3d.naive_sights import traced
 from tests.warp3d.test_sights import EYE, SHAPE, SOURCES, TARGETS, THINGS, pose
@@ -160,3 +161,9 @@ def test_what_does_not_go_together_is_said_in_a_line(words, complaint, capsys):
     files = f"{name}.exr", f"{name}.npy"
     said = refused(capsys, "render", *files, "--move", "0,0,0", *words, "-o", "o.png")
     assert complaint in said
+
+
+def test_the_size_of_pixels_belongs_to_parallel_pictures():
+    with pytest.raises(ValueError, match="--pixel-size belongs to --source-projection ortho"):
+        SourceCamera(fov=60.0, pixel_size=1.0).check()
+    SourceCamera(fov=60.0).check()
