@@ -8,6 +8,7 @@ import shutil
 import zipfile
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from resample_volume.files.source import (
     open_volume,
     write_volume,
 )
+from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.reader import Zarr
 from resample_volume.files.stores.writing import halved, per_axis
 from resample_volume.rendering import render
@@ -746,3 +748,23 @@ def test_stores_of_no_times_or_channels_are_refused(read, shape, tmp_path):
     zarr.create_array(tmp_path / "a.zarr", shape=shape, dtype="u1", chunks=chunks)
     with pytest.raises(ValueError, match=r"a is empty: . times, . numbers at each voxel"):
         read(tmp_path / "a.zarr")
+
+
+@pytest.mark.parametrize(
+    ("tag", "changed", "is_web", "is_told"),
+    [
+        ("a", 0.0, False, True),
+        ("a", 0.0, True, True),
+        ("", 0.0, True, False),
+        ("", 5.0, True, True),
+        ("", 5.0, False, False),
+        ("W/a", 0.0, True, False),
+        ("W/a", 5.0, True, True),
+    ],
+)
+def test_what_is_kept_of_a_store_needs_tags_or_times_of_a_web_server(tag, changed, is_web, is_told):
+    metadata = SimpleNamespace(to_dict=dict)
+    portion = SimpleNamespace(array=SimpleNamespace(metadata=metadata))
+    chunk = SimpleNamespace(tag=tag, changed=changed, name="0/0", size=9)
+    state = statistics_cache._state(portion, iter([chunk]), is_web=is_web)
+    assert (state is not None) is is_told
