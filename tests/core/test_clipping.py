@@ -8,6 +8,7 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Primitive, footprints_of
 from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
+from resample.types import Samples
 from resample_volume.baselines.painting import AxisSheets
 from tests import naive
 from tests.bits import assert_same
@@ -207,3 +208,14 @@ def test_what_are_no_planes_is_refused_in_one_line(wrong, rng):
 def test_no_planes_cut_nothing(planes, rng):
     samples, camera = cloud(rng), CAMERAS["narrow"]
     assert draw(samples, camera, planes).rgba.tobytes() == draw(samples, camera).rgba.tobytes()
+
+
+@pytest.mark.parametrize("depth", [3.9, 4.0, 4.1])
+def test_the_paper_s_form_shows_voxels_whose_centers_lie_behind_all_planes(depth):
+    """Those on the near plane or on a clipping plane are not shown."""
+    samples = Samples(*(np.array([row], np.float32) for row in ((0, 0, depth), (1, 1, 1))),
+                      np.ones(1, np.float32), np.eye(3))  # fmt: skip
+    for near, planes in ((4.0, None), (1e-3, [(0.0, 0.0, 1.0, -4.0)])):
+        camera = Camera.from_intrinsics(9.0, 9.0, 8.0, 8.0, np.eye(4), near)
+        seen = draw(samples, camera, planes, primitive=Primitive.PAPER).coverage.any()
+        assert seen == (depth > 4.0)

@@ -3,17 +3,20 @@
 import numpy as np
 import pytest
 
-from resample.cameras.models import Orthographic
+from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.engine.ellipsoids import run_bounds
 from resample.engine.ellipsoids.work_queue import prefetch
 from resample.engine.jit import kernel
+from resample.engine.subpixels import grid_of
 from resample.painting import splats as deferred
 from resample.painting.choices import Primitive
+from resample.painting.preparing import style_of
+from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
-from resample.types import Samples
+from resample.types import Samples, Screen
 from tests.bits import assert_same
 from tests.records import from_records
 from tests.samples import painter, shuffled
@@ -88,6 +91,24 @@ def test_boxes_bound_what_is_known_of_runs(rng, monkeypatch, camera, order):
         assert (bound[name] <= exact[name]).all(), name
     for name in ("right", "bottom", "most_spacing"):
         assert (bound[name] >= exact[name]).all(), name
+
+
+def test_tiles_are_as_fine_as_their_closest_samples_ask_for(rng):
+    """Of a plane that leads away to the right, where its samples lie closer together."""
+    place, depth = rng.uniform(-25.0, 25.0, (2, 400)), np.linspace(3.0, 30.0, 400)
+    place[0] = np.linspace(-25.0, 30.0, 400)
+    position = np.column_stack([*(place * depth / 12.0), depth]).astype(np.float32)
+    samples = Samples(position, np.ones_like(position), np.ones(400, np.float32), np.eye(3))
+    paint, eye = painter(), Camera.from_intrinsics(12.0, 12.0, 26.0, 21.0, np.eye(4))
+    plan = paint.plan(samples, eye, **SIZE)
+    found = paint.with_spacing(plan, samples, eye).spacing
+    known = paint.footprints(samples, eye, **SIZE)
+    screen = Screen(SIZE["width"], SIZE["height"], plan.margin, np.zeros((4, 4)))
+    tiles = dealt_to_tiles(known, screen, plan.tile)
+    style = style_of(paint, samples.lattice, None)
+    grids = [[grid_of(spacing, style) for spacing in each] for each in (found, tiles.spacing)]
+    assert grids[0] == grids[1]
+    assert len(set(grids[0])) > 1
 
 
 @pytest.mark.parametrize("key", ["depth", "distance"])

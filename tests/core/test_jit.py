@@ -7,6 +7,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Event, Timer
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -82,6 +83,24 @@ def test_packed_kernels_are_stored_under_the_flags_that_were_asked_for(kept):
     (file,) = files(kept)
     signature = jit.dispatcher(packed).signatures[0]
     assert jit.dispatcher(packed)._cache.path(signature) == file
+
+
+def test_what_was_asked_for_is_known_only_while_a_packed_kernel_is_compiled():
+    """Also if that fails."""
+    before, asked = numba.config.SLP_VECTORIZE, len(compiling._asked)
+
+    def compile_now(signature):
+        assert (numba.config.SLP_VECTORIZE, compiling._asked[asked:]) == (1, [before])
+        if signature is None:
+            raise TypeError
+        return signature
+
+    compiled = SimpleNamespace(compile=compile_now)
+    compiling._pack(compiled)
+    assert compiled.compile(3) == 3
+    with pytest.raises(TypeError):
+        compiled.compile(None)
+    assert (numba.config.SLP_VECTORIZE, len(compiling._asked)) == (before, asked)
 
 
 def halve(number):

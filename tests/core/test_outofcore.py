@@ -21,6 +21,7 @@ from resample.outofcore.samples import (
 )
 from resample.outofcore.windows import Budget, WindowTask, spans_within, split_windows
 from resample.types import Samples
+from resample.watching import report
 
 LAYERS = ("rgba", "depth", "first_depth", "coverage")
 SIZE = 40, 160  # height and width, px
@@ -252,3 +253,22 @@ def test_bricks_are_not_shared_where_no_file_can_be_written(tmp_path, monkeypatc
     bricks.share_bricks()
     assert bricks.shared is None
     assert bricks.whole().all()
+
+
+@pytest.mark.parametrize("sizes", [None, (1, 3)])
+def test_a_pass_tells_how_much_of_all_its_parts_is_done(sizes):
+    """Parts count by their sizes, or alike, and as a share of what the pass is a part of."""
+    told, ends = [], [0.25, 1.0] if sizes else [0.5, 1.0]
+
+    def job(part):
+        report(1, 2)
+        return 2 * part
+
+    context = PassContext(tell=told.append)
+    assert list(passed(job, [3, 4], context, sizes)) == [6, 8]
+    wanted = [0.5 * ends[0], ends[0], 0.5 * (ends[0] + ends[1]), ends[1]]
+    assert told == wanted
+    told.clear()
+    list(passed(job, [3, 4], context.portion(0.2, 0.6), sizes))
+    assert told == pytest.approx([0.2 + 0.4 * share for share in wanted])
+    assert PassContext().portion(0.2, 0.6).tell is None

@@ -4,6 +4,7 @@ import builtins
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import cyclopts
 import numpy as np
@@ -142,6 +143,16 @@ def test_workers_that_cannot_be_are_refused():
         at_work(Sharing(scheduler="nowhere://127.0.0.1:1")),
     ):
         pass
+
+
+@pytest.mark.parametrize(("count", "own"), [(1, 8), (3, 2), (8, 1), (9, 1)])
+def test_workers_of_this_machine_share_its_cores(monkeypatch, count, own):
+    """Each has one thread at least, or as many as were asked for."""
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    client = SimpleNamespace(get_executor=lambda **_: None)
+    for threads, expected in ((None, own), (5, 5)):
+        pool = workers._pool_of(client, Sharing(workers=count), threads)
+        assert (pool.tasks, pool.threads, pool.is_local) == (count, expected, True)
 
 
 def refused_to_start(*_, **__):

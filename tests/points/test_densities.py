@@ -10,6 +10,8 @@ from resample.engine import jit
 from resample_points import Particles, column_density
 from resample_points.data.smoothing import KERNELS, found_smoothing
 from resample_points.painting import density as module
+from resample_points.painting.density import DensityMap
+from resample_points.painting.mapping import map_picture
 
 NAMES = sorted(KERNELS)
 SHAPES = {  # kernels of support radius 1, as they are published
@@ -330,3 +332,16 @@ def test_a_tiny_box_in_a_large_region_is_refused():
     boxed = Particles(np.zeros((1, 3)), 1.0, 1e-3, box=1e-3)
     with pytest.raises(ValueError, match="copies of the periodic box"):
         column_density(boxed, "z", size=(8, 8), region=UNIT)
+
+
+@pytest.mark.parametrize("least", [1e-3, 50.0])
+def test_a_map_of_densities_shows_five_powers_of_ten_at_most(least):
+    """Other quantities, and maps whose scale is asked not to be logarithmic, show all values."""
+    value = np.array([[0.0, least], [2e4, 3e5]])
+    density = DensityMap(value, "column density", "g")
+    assert map_picture(density).span == pytest.approx((max(least, 3.0), 3e5))
+    assert map_picture(density, log=False).span == (0.0, 3e5)
+    assert map_picture(DensityMap(value, "temperature", "K")).span == (0.0, 3e5)
+    for empty in (DensityMap(0 * value, "density", "g"), DensityMap(np.nan * value, "age", "s")):
+        with pytest.raises(ValueError, match=r"is nowhere above 0|the map is empty"):
+            map_picture(empty)

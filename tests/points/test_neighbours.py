@@ -130,3 +130,25 @@ def test_a_prepared_cloud_has_the_discs_that_its_points_alone_say():
     # Ellipses around the parts of the surface that are nearest to each point: those are all of it.
     area = np.pi * np.linalg.norm(np.cross(one.axes[:, 0], one.axes[:, 1]), axis=1)
     assert 4 * np.pi < area.sum() < 3 * 4 * np.pi
+
+
+@pytest.mark.parametrize("is_crowded", [True, False])
+@pytest.mark.parametrize("repeated", [1, 2])
+def test_discs_are_widened_where_points_lie_along_the_curve_through_all(
+    monkeypatch, is_crowded, repeated
+):
+    """Not where a few far away squeeze the others into one cell of it."""
+    asked = []
+
+    def measured(position, _normal, axes, _largest, is_along=True):
+        asked.append((len(position), is_along))
+        axes[:] = position[:, None]
+
+    monkeypatch.setattr(spacing, "_is_crowded", lambda _: is_crowded)
+    monkeypatch.setattr(spacing, "_measured_places", measured)
+    place = sphere(50).astype(np.float32)
+    place = np.repeat(place[canonical_order(place)], repeated, axis=0)
+    axes = np.zeros((len(place), 2, 3), np.float32)
+    spacing._measured(place, np.zeros_like(place), axes, 1.0)
+    assert asked == [(50, not is_crowded)]
+    np.testing.assert_array_equal(axes, np.repeat(place[:, None], 2, axis=1))

@@ -15,7 +15,8 @@ from resample_points import Cloud, cli, column_density, read_particles
 from resample_points.command.choices import CloudStart
 from resample_points.command.particles import FEW
 from resample_points.data.particles import Particles
-from resample_points.scenes import cameras_of
+from resample_points.geometry.framing import ball_around
+from resample_points.scenes import camera_of, cameras_of
 from resample_points.viewing import map_of, suits, view_of
 from tests import commands, snapshots
 
@@ -46,6 +47,42 @@ def test_frames_of_a_film_are_the_maps_of_its_cameras():
         value = column_density(gas, camera, size=(48, 36)).value
         share = np.clip(np.log10(np.maximum(value, 1)) / 2, 0, 1)
         assert abs(frame[..., 0] / 255 - share).max() < 2.1 / 255
+
+
+def test_frames_of_a_film_have_the_fields_of_view_and_zooms_of_their_orbits(rng):
+    """At one distance, from which the first field of view shows the whole cloud."""
+    place, nothing = rng.normal(size=(50, 3)), np.empty((0, 3), np.float32)
+    cloud = Cloud(place, nothing, nothing, np.empty(0, np.float32))
+    fields, zooms = (40.0, 40.0, 25.0, 70.0), (1.0, 2.0, 1.0, 0.7)
+    turn = [
+        Orbit(azimuth=90 * n, elevation=20, fov=fov, zoom=zoom, up="z")
+        for n, (fov, zoom) in enumerate(zip(fields, zooms, strict=True))
+    ]
+    found = cameras_of(cloud, turn, (36, 48))
+    focal = [
+        zoom * 18.0 / np.tan(np.radians(fov) / 2) for fov, zoom in zip(fields, zooms, strict=True)
+    ]
+    np.testing.assert_allclose([camera.fx for camera in found], focal)
+    np.testing.assert_allclose([camera.fy for camera in found], focal)
+    middle = (place.min(axis=0) + place.max(axis=0)) / 2
+    eyes = [-camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3] for camera in found]
+    away = np.linalg.norm(np.array(eyes) - middle, axis=1)
+    np.testing.assert_allclose(away, away[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("fov", [0.0, 40.0])
+@pytest.mark.parametrize("pan", [(0.1, 0.3), (-0.2, 0.0), (0.0, -0.4)])
+def test_content_is_panned_right_and_up_by_shares_of_the_shorter_side(rng, fov, pan):
+    nothing = np.empty((0, 3), np.float32)
+    cloud = Cloud(rng.normal(size=(50, 3)), nothing, nothing, np.empty(0, np.float32))
+    middle, seen = ball_around(cloud)[0], []
+    for given in ((0.0, 0.0), pan):
+        orbit = Orbit(azimuth=40, elevation=20, fov=fov, zoom=1.5, up="z", pan=given)
+        view = camera_of(cloud, (36, 48), orbit).view()
+        place = view.rotation @ middle + view.translation
+        flat = place[:2] / place[2] if fov else place[:2]
+        seen.append(view.focal * flat + view.principal)
+    np.testing.assert_allclose(seen[1] - seen[0], [36 * pan[0], -36 * pan[1]], atol=1e-9)
 
 
 @pytest.mark.sweep

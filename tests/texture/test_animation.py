@@ -78,3 +78,24 @@ def test_whatever_changes_the_frames_changes_the_job(red):
     ]
     assert job == shots(source.copy(), flight, SKY).job
     assert all(job != other.job for other in others)
+
+
+def test_a_turn_looks_at_the_middle_from_one_height():
+    """35 degrees above the picture, at 1.3 of its longer side."""
+    flight = Flyover("turn", 8, SMALL)
+    for n in range(8):
+        pose = flight.camera(n).view()
+        eye, angle = -pose.rotation.T @ pose.translation, 2 * np.pi * n / 8
+        flat = 1.3 * np.cos(np.radians(35.0)) * np.array([np.sin(angle), -np.cos(angle)])
+        np.testing.assert_allclose(eye, [*flat, 1.3 * np.sin(np.radians(35.0))], atol=1e-12)
+        np.testing.assert_allclose(pose.rotation[2], -eye / 1.3, atol=1e-12)
+
+
+def test_a_flight_goes_over_the_picture_s_front_and_back():
+    eyes = []
+    for n in range(4):
+        pose = Flyover("fly", 4, SMALL).camera(n).view()
+        eyes.append(-pose.rotation.T @ pose.translation)
+        assert pose.rotation[2, 1] > 0 > pose.rotation[2, 2]  # ahead, and down
+    wanted = [(0, -0.55, 0.16), (0.12, -0.35, 0.16), (0, -0.15, 0.16), (-0.12, -0.35, 0.16)]
+    np.testing.assert_allclose(eyes, wanted, atol=1e-12)

@@ -628,7 +628,7 @@ def test_compare_gives_json_and_a_page_or_a_sheet(output, capsys):
     ],
 )
 def test_compare_refuses_before_any_work(words, complaint, monkeypatch, capsys):
-    monkeypatch.setattr("resample_texture.command.jobs.read_picture", None)
+    monkeypatch.setattr("resample.files.pictures.read_picture", None)
     assert complaint in refused(capsys, "compare", "photo.png", *words)
 
 

@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from resample.files.pictures import Kind, Picture, picture_at
 from resample.files.saving import writing_rows
 from resample_texture import cli
 from resample_texture.command import large
+from resample_texture.geometry.mappings import BackwardMap
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -124,6 +126,30 @@ def test_every_warp_of_a_large_picture_is_as_of_others(monkeypatch, name):
     )
     same("whole.png", "parts.png")
     same("share.png", "parts-share.png")
+
+
+@pytest.mark.parametrize(
+    ("bounds", "is_whole"),
+    [
+        ((0, 0, 260, 150), True),
+        ((0.1, 0.2, 259.8, 149.9), True),
+        ((-0.1, 0, 260, 150), False),
+        ((0, -0.1, 260, 150), False),
+        ((0, 0, 260.1, 150), False),
+        ((0, 0, 260, 150.1), False),
+    ],
+)
+def test_a_map_whose_pixels_lie_within_the_picture_leaves_none_open(bounds, is_whole):
+    """Edges included; places that are not numbers show nothing."""
+    place = np.ones((2, 3))
+    tiles = SimpleNamespace(bounds=np.array([[9, 9, 10, 10], bounds], float))
+    for x, expected in ((place, is_whole), (np.where(np.eye(2, 3), np.nan, 1.0), False)):
+        asked = SimpleNamespace(
+            form=SimpleNamespace(shape=(*SHAPE, 3)),
+            method=SimpleNamespace(visible_tiles=lambda *_: tiles),
+            _part=lambda *_, x=x: (BackwardMap(x, place), (2, 3), None),
+        )
+        assert large.Large._covers_all(asked, 0, 2) is expected
 
 
 @pytest.mark.sweep

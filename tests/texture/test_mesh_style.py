@@ -1,5 +1,7 @@
 """Interpolations and pixel filters of meshes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,10 @@ def test_a_wider_filter_covers_no_more_sub_pixels():
 @pytest.mark.parametrize("samples", [1, 3, 4])
 def test_a_box_of_a_pixel_weighs_its_own_sub_pixels_alike(samples):
     np.testing.assert_array_equal(pixel_profile(Box(), samples), np.full(samples, 1 / samples))
+
+
+def test_the_time_that_a_mesh_takes_is_told(monkeypatch):
+    ticks = iter([5.0, 7.5])
+    clock = SimpleNamespace(perf_counter=lambda: next(ticks))
+    monkeypatch.setattr("resample_texture.mesh.rendering.time", clock)
+    assert picture(square(even(1, 1, 1)), from_above(8.0, 16), 16).statistics.seconds == 2.5

@@ -216,6 +216,9 @@ def test_numbers_of_other_integers_stay_what_they_are(kind):
     if kind == "uint32":  # which OpenCV writes for signed ones only
         add_tags(Path("in.tif"), [{339: Tag(3, np.array([1], np.uint16))}])
     assert np.array_equal(read_picture("in.tif", as_data=True).data, values)
+    shades = read_picture("in.tif").data
+    assert np.abs(shades).max() <= 1
+    np.testing.assert_array_equal(shades, read_picture("in.tif", as_data=False).data)
     assert ended("warp", "in.tif", "-o", "out.tif", *SAME) == 0
     source = OpenImageIO.ImageInput.open("out.tif")
     name = kind.removesuffix("32")  # as OpenImageIO calls it

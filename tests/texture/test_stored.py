@@ -122,8 +122,8 @@ def test_what_memory_should_not_hold_is_in_a_file_meanwhile(monkeypatch):
         assert Path("b.png").read_bytes() == Path(f"{name}.png").read_bytes()
 
 
-@pytest.mark.sweep
-def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
+def in_tiles_and_in_rows():
+    """Two files of one picture."""
     values = texels(3, np.uint8)
     Image.fromarray(values).save("rows.tif")
     spec = OpenImageIO.ImageSpec(SHAPE[1], SHAPE[0], 3, "uint8")
@@ -132,8 +132,21 @@ def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
     assert target.open("tiles.tif", spec)
     assert target.write_image(values)
     assert target.close()
-    strips = open_file("tiles.tif").light_strips(40)
-    assert np.array_equal(np.concatenate(list(strips)), read_image("rows.tif"))
+
+
+@pytest.mark.parametrize(("height", "rows"), [(40, 64), (32, 32), (1, 32), (33, 64)])
+def test_strips_of_tiles_are_whole_rows_of_them(height, rows):
+    """At least as high as asked for; the last one may be lower."""
+    in_tiles_and_in_rows()
+    strips = list(open_file("tiles.tif").light_strips(height))
+    assert {len(strip) for strip in strips[:-1]} <= {rows}
+    assert len(strips) == -(-SHAPE[0] // rows)
+    assert np.array_equal(np.concatenate(strips), read_image("rows.tif"))
+
+
+@pytest.mark.sweep
+def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
+    in_tiles_and_in_rows()
     monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
     for name in ("rows.tif", "tiles.tif"):
         assert ended(*TURN, name, "-o", f"{name}.png") == 0

@@ -11,6 +11,7 @@ import pytest
 
 from resample_texture.cli import app
 from resample_texture.viewing import model_view, picture_view, suits
+from resample_texture.viewing.pictures import fitted
 from tests.commands import ended, refused
 from tests.view.conftest import Served, levels, served
 
@@ -31,6 +32,22 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     cv2.imwrite(str(path), cv2.GaussianBlur(levels, (5, 5), 0))
     with served(picture_view(path)) as address:
         yield address
+
+
+@pytest.mark.parametrize("extent", [(24, 18), (300, 181), (95, 400), (1, 1)])
+@pytest.mark.parametrize("size", [(48, 40), (101, 64), (31, 120)])
+def test_a_picture_begins_in_the_middle_and_as_large_as_fits(
+    extent: tuple[int, int], size: tuple[int, int]
+) -> None:
+    """At whole px, and not enlarged."""
+    corners = np.array([corner.split(",") for corner in fitted(extent, size).split()], float)
+    scale = min(1.0, size[0] / extent[0], size[1] / extent[1])
+    left, top = corners[0]
+    assert (left % 1, top % 1) == (0, 0)
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    wanted = np.array([left, top]) + square * scale * np.array(extent)
+    np.testing.assert_allclose(corners, wanted, rtol=1e-5)
+    assert (np.abs(corners.mean(axis=0) - np.array(size) / 2) <= 0.501).all()
 
 
 @pytest.mark.sweep

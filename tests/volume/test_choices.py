@@ -14,7 +14,7 @@ from resample_volume.classification.presets import load_transfer
 from resample_volume.command.choices import AppearanceChoices, Projecting, ReadOptions
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
-from resample_volume.media.appearance import BY_DEFAULT, Appearance
+from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification, check_together
 from resample_volume.media.xrays import XRay
 from resample_volume.voxels.shading import DepthCue, Light
 
@@ -98,6 +98,28 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
 def test_what_does_not_go_together_is_refused_without_a_volume(look, resampling, complaint):
     with pytest.raises(ValueError, match=complaint):
         AppearanceChoices(**look).renderer(Resampling(**resampling))
+
+
+@pytest.mark.parametrize("projection", list(Projection))
+def test_options_of_other_projections_are_refused(projection):
+    """Each is allowed for some, where it changes pixels."""
+    only_composite = {Projection.COMPOSITE}
+    suited = {
+        "xray": {Projection.XRAY},
+        "invert": set(MEASURING),
+        "labels": only_composite,
+        "gradient-opacity": only_composite,
+        "depth-cue": set(Projection) - set(MEASURING),
+    }
+    iso = 1.0 if projection is Projection.FIRST_HIT else None
+    resampler = Resampler(order=Rays(), projection=projection, iso=iso)
+    for option, projections in suited.items():
+        if projection in projections:
+            check_together(resampler, Classification.POST, [option])
+        else:
+            with pytest.raises(ValueError, match=r"the projection ") as told:
+                check_together(resampler, Classification.POST, [option])
+            assert any(str(each) in str(told.value) for each in projections)
 
 
 def test_light_is_chosen():

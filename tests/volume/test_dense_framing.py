@@ -1,13 +1,17 @@
 """Cameras around what is visible of volumes in bricks stand where those of volumes in memory do."""
 
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from resample.outofcore.passes import PassContext
+from resample_volume.classification.regions import Faded
 from resample_volume.media.appearance import Appearance
-from resample_volume.outofcore import ball
+from resample_volume.outofcore import ball, dense
 from resample_volume.rendering import Subject
+from resample_volume.voxels.framing import SOME
 from resample_volume.windows import Budget, paint_streamed, streamed_subject
 from tests.volume.dense import EYE, SIZE, assert_same, in_bricks, smoke, whole_of
 
@@ -108,3 +112,41 @@ def test_where_nothing_is_visible_cameras_are_around_the_volume(rng):
     camera = found.camera(EYE, *SIZE)
     frame, windows = paint_streamed(media, found, camera, SIZE, Budget(1 << 30))
     assert (windows, float(frame.coverage.max())) == (0, 0.0)
+
+
+def test_the_sample_of_blocks_is_that_of_all_voxels_in_a_row(monkeypatch):
+    """One in 64, as in memory, whichever blocks are read together."""
+    visible, taken = np.array([50, 70, 40, 1]), []
+    ends = np.split(np.arange(visible.sum(), dtype=float), np.cumsum(visible)[:-1])
+
+    def ordered(_seen, _lattice, number, _bricks):
+        return np.concatenate([ends[n] for n in number])[:, None] * np.ones(3)
+
+    def near_ends(some, _low, _extent):
+        taken.extend(some[:, 0])
+        return np.zeros((2, 3), np.int64)
+
+    bricks = SimpleNamespace(shape=(8, 8, 8))
+    monkeypatch.setattr(ball, "bricks_of", lambda _: bricks)
+    monkeypatch.setattr(ball, "_reach", lambda *_: (np.zeros((4, 3)), np.ones((4, 3))))
+    monkeypatch.setattr(
+        ball, "_groups", lambda *_: [np.array([0]), np.array([1, 2]), np.array([3])]
+    )
+    monkeypatch.setattr(ball, "_ordered", ordered)
+    monkeypatch.setattr(ball, "near_ends", near_ends)
+    outline = SimpleNamespace(
+        low=np.zeros(3), high=np.full(3, 160.0), fine=np.arange(4), fine_visible=visible
+    )
+    assert not ball._is_filled(SimpleNamespace(volume=None), outline, int(visible.sum()))
+    assert taken == list(range(SOME // 2, visible.sum(), SOME))
+
+
+def test_bricks_are_classified_as_voxels_in_memory(rng):
+    """Ramps of gradients fade what the transfer function shows."""
+    volume = in_bricks(smoke(rng), (8, 8, 8))
+    plain = dense._classifying(volume, Appearance("60..190"), PassContext())
+    faded = Appearance("60..190", gradient_opacity=(0.2, 0.6))
+    found = dense._classifying(volume, faded, PassContext())
+    assert found.transfer == Faded(plain.transfer, (0.2, 0.6))
+    assert found.gradient == faded.gradient
+    assert found.steep > 0 == plain.steep

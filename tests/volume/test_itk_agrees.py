@@ -4,12 +4,14 @@ import bz2
 import struct
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from resample_volume.files.readers import Dicom, MetaImage, Nifti, Nrrd
 from resample_volume.files.source import find_reader, open_recording, open_volume, write_volume
+from resample_volume.files.stacks import dicom
 from resample_volume.types import Volume
 
 sitk = pytest.importorskip("SimpleITK", reason="readers are compared with SimpleITK")
@@ -314,6 +316,41 @@ def test_slices_of_letters_without_numbers_are_sorted_by_their_places(values, tm
 def test_slices_without_places_are_sorted_by_their_numbers(values, tmp_path):
     nowhere = dict.fromkeys(("ImagePositionPatient", "ImageOrientationPatient"))
     assert np.array_equal(Dicom()(series(tmp_path, values, **nowhere)).values, values)
+
+
+@pytest.mark.parametrize("places", [[0.0, 0.0], [np.nan, 2.0], [1.0]])
+def test_slices_that_do_not_tell_their_distance_have_that_of_the_header(places):
+    pydicom = pytest.importorskip("pydicom")
+    dataset = pydicom.Dataset()
+    dataset.SpacingBetweenSlices, dataset.PixelSpacing = 2.5, [0.5, 0.7]
+    slices = [SimpleNamespace(dataset=dataset, frame=0, axes=np.eye(3)[:2]) for _ in places]
+    spacing, direction = dicom._lattice(slices, np.outer(places, [0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(spacing, [0.7, 0.5, 2.5])
+    np.testing.assert_array_equal(direction, np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("numbers", "names", "order"),
+    [
+        ((3, 1, 2), ("a", "b", "c"), [1, 2, 0]),
+        ((3, None, 2), ("a10", "a9", "b"), [1, 0, 2]),
+        ((None, None, None), ("c", "b", "a"), [2, 1, 0]),
+        ((3, 1, 2), ("a", "a", "a"), [2, 1, 0]),
+    ],
+)
+def test_slices_without_places_are_sorted_by_numbers_or_by_names(numbers, names, order):
+    """By names if one has no number, and by frames within a file."""
+    pydicom = pytest.importorskip("pydicom")
+    slices = []
+    for n, (number, name) in enumerate(zip(numbers, names, strict=True)):
+        dataset = pydicom.Dataset()
+        if number is not None:
+            dataset.InstanceNumber = number
+        place, axes = np.full(3, np.nan), np.eye(3)[:2]
+        slices.append(
+            SimpleNamespace(dataset=dataset, path=Path(name), frame=2 - n, axes=axes, place=place)
+        )
+    assert [2 - each.frame for each in dicom._sorted(slices)] == order
 
 
 @pytest.mark.parametrize(("packing", "needs"), [("JPEG2000", ""), ("JPEG", "gdcm")])

@@ -320,3 +320,9 @@ def test_a_full_surface_is_the_99th_percentile() -> None:
     assert steepness(np.arange(101, dtype=np.float32)) == 99
     assert steepness(np.empty(0, np.float32)) == 0
     assert steepness(None) == 0
+
+
+@pytest.mark.parametrize("transfer", [one(BOX), Faded(from_points([(0, RED, 1.0)]), (3.0, 9.0))])
+def test_transfers_over_gradients_classify_nothing_without_them(transfer: object) -> None:
+    with pytest.raises(ValueError, match="gradients"):
+        transfer.classify(np.zeros(3), None, BYTE, 1.0)  # type: ignore[attr-defined]

@@ -143,6 +143,19 @@ def test_a_film_has_a_frame_for_each_time(capsys):
     assert before == json.loads(Path("f/animation.json").read_text())
 
 
+@pytest.mark.parametrize(("words", "times"), [([], TIMES), (["--time", "1"], None)])
+def test_a_film_is_of_all_times_unless_one_is_asked_for(monkeypatch, words, times):
+    asked = []
+
+    def film_of(_, recording, *_rest):
+        asked.append(None if recording is None else len(recording.values))
+        raise ValueError("no film is made here")
+
+    monkeypatch.setattr("resample_volume.command.filming.film_of", film_of)
+    assert ended("animate", "beats.npy", "-o", "f", *words, *SMALL) == 2
+    assert asked == [times]
+
+
 @pytest.mark.sweep
 def test_times_are_spread_over_frames_of_a_turn():
     words = ("--frames", "8", *SMALL)

@@ -13,6 +13,7 @@ from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
+from resample_volume.space import lines
 from resample_volume.space.annotations import AXES, PATIENT, cube_picture, round_length
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.voxels.framing import corners
@@ -223,3 +224,37 @@ def test_a_patients_directions_are_known_from_the_file(tmp_path):
     write_volume(tmp_path / "head.nrrd", blob())
     assert open_volume(tmp_path / "head.nii.gz").space == "lps"
     assert open_volume(tmp_path / "head.nrrd").space == ""
+
+
+@pytest.mark.parametrize("width", [1.0, 3.5])
+def test_pixels_near_a_line_are_all_that_it_may_touch(rng, width):
+    """Each once, and those of the picture alone."""
+    size = height, width_px = 12, 17
+    row, column = np.mgrid[:height, :width_px]
+    center = np.stack([column, row], axis=-1) + 0.5
+    ends = rng.uniform(-6.0, 20.0, (60, 2, 2))
+    ends[0] = [[-3.0, 0.2], [30.0, 0.2]]  # along the edges
+    ends[1] = [[0.2, -3.0], [0.2, 30.0]]
+    ends[2] = ends[2, 0]  # of no length
+    for spot in ends:
+        rows, columns = lines._near(spot, width, size)
+        found = np.zeros(size, int)
+        np.add.at(found, (rows, columns), 1)
+        assert found.max(initial=0) <= 1
+        way = spot[1] - spot[0]
+        along = ((center - spot[0]) @ way / max(way @ way, 1e-12)).clip(0, 1)[..., None]
+        away = np.linalg.norm(center - spot[0] - along * way, axis=-1)
+        assert found[away < width / 2 + 0.5].all()
+        assert not found[away > 3 * (width / 2 + 2)].any()
+
+
+@pytest.mark.parametrize("near", [0.5, 1.0, 2.0, 4.0, 5.0])
+def test_lines_are_cut_at_the_near_plane(near):
+    for ends in (np.array([[0, 0, 1.0], [3, 6, 4.0]]), np.array([[3, 6, 4.0], [0, 0, 1.0]])):
+        found = lines._cut(ends, near)
+        if near >= 4.0:
+            assert found.shape == (0, 3)
+            continue
+        depth = np.maximum(ends[:, 2], near)
+        wanted = np.column_stack([depth - 1, 2 * (depth - 1), depth])
+        np.testing.assert_allclose(found, wanted)

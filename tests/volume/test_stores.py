@@ -270,6 +270,13 @@ def test_a_file_of_another_format_has_no_levels(tmp_path, monkeypatch, capsys, v
     assert "level chooses a size of an OME-Zarr" in error
 
 
+def test_a_level_of_other_dimensions_than_its_axes_is_refused(values, tmp_path):
+    path = written(tmp_path / "a.zarr", values)
+    zarr.open_group(path).create_array("1", data=values[np.newaxis], overwrite=True)
+    with pytest.raises(ValueError, match=r"a/1 has 4 dimensions, its metadata zyx"):
+        Zarr(level=1)(path)
+
+
 def test_a_level_that_there_is_not_is_refused(values, tmp_path):
     with pytest.raises(ValueError, match=r"a has 2 levels, 0 \(the finest\) to 1; .* level 2"):
         Zarr(level=2)(written(tmp_path / "a.zarr", values))

@@ -241,6 +241,16 @@ def test_bytes_that_do_not_fit_are_refused_before_they_are_read_again(volume, be
     assert streamed.values.reads == reads
 
 
+def test_floats_are_refused_once_so_many_are_visible_that_they_do_not_fit(volume):
+    """How many they are is not known before they are read."""
+    floats = volume._replace(values=volume.values.astype(np.float32))
+    visible = int((volume.values > 80).sum())
+    streamed = in_bricks(floats, (8, 8, 8), memory=BYTES_PER_VOXEL * visible)
+    with pytest.raises(TooManyVoxelsError, match=r"blobs with (\d+) visible voxels") as told:
+        render(streamed, of_voxels("80.5/white/0,81/white/0.5,255/white/0.9"))
+    assert 0 < int(str(told.value).split()[2]) <= visible
+
+
 def test_what_needs_the_whole_volume_is_refused_where_that_does_not_fit(volume):
     streamed = in_bricks(volume, (8, 8, 8), memory=10_000)
     for need in (

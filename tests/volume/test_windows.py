@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from resample.command.settings import Sharing
 from resample.command.workers import at_work
 from resample.outofcore import samples
 from resample.outofcore.boxes import PartBoxes
+from resample.outofcore.bricks import bricks_in_memory, with_neighbours
 from resample.outofcore.passes import PassContext
 from resample.profiles.orders import ImageSheets
 from resample_volume import windows
@@ -37,7 +39,8 @@ from resample_volume.voxels import blocks
 from resample_volume.voxels.blocks import Lattice, ends_of, lattice_for, passed
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import DepthCue
-from resample_volume.voxels.visible import gradients_at, lattice_of, steepness
+from resample_volume.voxels.streaming import BYTES_PER_VOXEL
+from resample_volume.voxels.visible import BYTES_PER_CANDIDATE, gradients_at, lattice_of, steepness
 from resample_volume.windows import Budget
 from tests.killing import Killing
 from tests.volume.dense import EYE, LAYERS, SIZE, in_bricks, in_windows, smoke
@@ -445,3 +448,27 @@ def test_parts_that_processes_look_at_are_two_bricks_thick(layers, parts):
     assert len(found) == parts
     assert min(len(part) for part in found) * lattice.side >= 8 * min(layers, 2)
     np.testing.assert_array_equal(np.concatenate(found), np.arange(lattice.blocks[0]))
+
+
+@pytest.mark.parametrize("sifts", [False, True])
+def test_memory_of_blocks_is_that_of_bricks_voxels_and_candidates(monkeypatch, sifts):
+    """Candidates may turn out to be transparent: all voxels of blocks that are scanned count."""
+    side, sizes = 4, np.array([9, 5, 70])
+    bricks = SimpleNamespace(
+        shape=(16, 8, 8), side=(8, 8, 8), count=(2, 1, 1), pinned_bytes=100, bytes_each=1000
+    )
+    monkeypatch.setattr(windowed, "bricks_of", lambda _: bricks)
+    source = SimpleNamespace(
+        volume=None, blocks=SimpleNamespace(side=side, blocks=(4, 2, 2)), beside=30, threads=3,
+        volumes=2, sifts=sifts,
+    )  # fmt: skip
+    held = windowed.VoxelBlocks.held
+    assert held(source, np.zeros(0, int), sizes[:0]) == 130
+    one = held(source, np.array([0, 1]), sizes[:2]) - 130  # in the first brick
+    two = held(source, np.array([0, 1, 12]), sizes) - 130  # and in the second
+    bricks_held = bricks_in_memory(with_neighbours(np.ones((2, 1, 1), bool)))
+    each = [14 * BYTES_PER_VOXEL, 70 * BYTES_PER_VOXEL]
+    if sifts:
+        each = [max(bytes_, 2 * side**3 * BYTES_PER_CANDIDATE) for bytes_ in each]
+    for found, voxels in ((one, each[0]), (two, each[1])):
+        assert found == (bricks_held + 3) * 1000 + (3 + 1) * 2 * voxels

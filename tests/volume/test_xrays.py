@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
+from resample_volume.command import rendering
 from resample_volume.command.choices import AppearanceChoices, Projecting
 from resample_volume.inputs import as_volume
 from resample_volume.media.series import Series
@@ -322,6 +324,31 @@ def test_sums_below_0_are_said(capsys):
     assert ended("render", "water.npy", "-o", "out.png", *words) == 0
     said = capsys.readouterr().err
     assert "all sums are below 0; for Hounsfield units take the projection xray" in said
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ((0.0, 0.0), "the picture is black: all sums are 0"),
+        ((-1.0, 0.0), "the picture is black: all sums are below 0"),
+        ((-1.0, 0.1), None),
+        ((np.nan, 0.1), None),
+    ],
+)
+def test_a_black_picture_of_sums_is_said_to_be_one(values, said):
+    frame = SimpleNamespace(value=np.array(values, np.float32))
+    volume = as_volume(np.zeros((4, 4, 4), np.float32))
+    assert rendering._emptiness(frame, volume, Projection.ADDITIVE) == said
+    if said is not None:
+        said = "the picture is black: no ray meets anything that attenuates"
+    assert rendering._emptiness(frame, volume, Projection.XRAY) == said
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_a_picture_without_coverage_is_said_to_be_empty(share):
+    frame = SimpleNamespace(coverage=np.array([0.0, share]))
+    said = rendering._emptiness(frame, None, Projection.COMPOSITE)
+    assert said == (None if share else "the picture is empty: no ray meets anything visible")
 
 
 @pytest.mark.sweep

@@ -7,8 +7,10 @@ from resample.cameras.models import Camera
 from resample.cameras.pixels import distorted_places, pixel_centers
 from resample_warp3d.depth.equation import between, inverse, warp_places
 from resample_warp3d.sheet.filling import bridged
+from resample_warp3d.sheet.kernels import bridging
 from resample_warp3d.types import Hole, Rendered
 from resample_warp3d.warping import warp
+from tests.kernels import run_in_python
 from tests.warp3d.naive_sheet import camera_at
 
 SHAPE = 64, 64
@@ -183,3 +185,28 @@ def test_a_camera_beyond_everything_sees_nothing_of_it():
 def test_a_camera_that_looks_away_sees_what_is_outside():
     given = warp(*scene(), SOURCE, camera_at((0, 0, 0), math.pi))
     assert (given.holes == Hole.OUTSIDE).all()
+
+
+def test_pixels_are_reached_in_narrow_gaps_and_as_far_as_surfaces_may_extend(rng, monkeypatch):
+    """Gaps of up to two pixels in four directions; surfaces along rows and columns."""
+    run_in_python(monkeypatch, bridging)
+    grown, (height, width) = bridging.GROWN, (9, 14)
+    reach = np.zeros((height + 2 * grown, width + 2 * grown), np.uint8)
+    inside = rng.integers(1, grown + 2, (height, width)) * (rng.uniform(size=(height, width)) < 0.2)
+    reach[grown:-grown, grown:-grown] = inside
+    for row in range(height):
+        reached = np.full(width, 9, np.uint8)
+        bridging._find_reached(reach, row, reached)
+        for column in range(width):
+            r, c = row + grown, column + grown
+            gaps = [
+                reach[r + a * dr, c + a * dc] and reach[r - b * dr, c - b * dc]
+                for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1))
+                for a, b in ((1, 1), (1, 2), (2, 1))
+            ]
+            rims = [
+                reach[r + dr * n, c + dc * n] > n
+                for n in range(1, grown + 1)
+                for dr, dc in ((0, 1), (1, 0), (0, -1), (-1, 0))
+            ]
+            assert reached[column] == (any(gaps) or any(rims))

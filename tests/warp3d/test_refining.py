@@ -8,9 +8,10 @@ from resample.files.pictures import Kind, Picture
 from resample_warp3d import warp
 from resample_warp3d.command.inputs import DepthInput
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.depth.refining import conditioning
 from resample_warp3d.depth.refining.conditioning import REFINES, refine
-from resample_warp3d.depth.refining.hardening import window
-from resample_warp3d.depth.refining.inspecting import OVERSHOOT
+from resample_warp3d.depth.refining.hardening import RECIPES, RefinementTask, window
+from resample_warp3d.depth.refining.inspecting import OVERSHOOT, WIDEST, Findings
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
 from resample_warp3d.depth.refining.resizing import enlarged, fitted
 from resample_warp3d.figures.scenes import generated
@@ -373,3 +374,30 @@ def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(rng):
     assert (found[is_lost] == 0).sum() > 100
     assert refined.chosen == "complete"
     np.testing.assert_allclose(1 / refined.image.nearness[is_lost], 5.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("sigma", "scale"), [(0.8, 1), (WIDEST, 1), (2.8, 2), (5.2, 3), (6.8, 3), (7.2, 4)]
+)
+@pytest.mark.parametrize("is_large", [True, False])
+def test_wide_edges_are_hardened_where_they_are_about_2_px_wide(
+    monkeypatch, sigma, scale, is_large
+):
+    """That is in a smaller picture first, unless that has no side of 32 px."""
+    tried = []
+
+    def hardened(task, nearness, *_):
+        tried.append((nearness.shape, task.findings.sigma, task.noise))
+        return nearness, nearness
+
+    monkeypatch.setattr(conditioning, "hardened", hardened)
+    side = (32 if is_large else 31) * max(scale, 2) + 1
+    flat = np.full((side, side + 8), 0.3, np.float32)
+    findings = Findings(0.5, sigma, False, 1.0, 1, 0.0, False)
+    task = RefinementTask(flat[..., None], findings, 0.1, 0.0, RECIPES["snap"])
+    found, _ = conditioning._sharpened(task, flat)
+    np.testing.assert_allclose(found, flat)
+    least = scale if is_large else 1
+    small = (flat.shape[0] // least, flat.shape[1] // least)
+    assert tried[0] == (small, pytest.approx(sigma / least), pytest.approx(0.1 / least))
+    assert tried[-1] == (flat.shape, sigma, 0.1)

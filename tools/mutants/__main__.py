@@ -18,7 +18,7 @@ from pathlib import Path
 from platformdirs import user_cache_dir
 
 from tools.mutants import reach, running
-from tools.mutants.sites import Site, sample
+from tools.mutants.sites import Site, sample, sample_at
 
 ROOT = Path(__file__).parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.json")
@@ -134,6 +134,7 @@ def _options() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--count", type=int, default=200, help="mutants of the sample")
     add("--seed", type=int, default=1, help="seed of the sample")
+    add("--at", metavar="COMMIT", help="sample of the sources of a commit, as far as they last")
     add("--stratum", action="append", help="take these strata only")
     add("--only", action="append", metavar="ID", help="try these mutants again")
     add("--again", action="store_true", help="try those again that were not killed")
@@ -158,7 +159,8 @@ def main(words: list[str] | None = None) -> int:
         for line in asked.results.open():
             result = json.loads(line)
             known[result["id"]] = result
-    sites = sample(ROOT, asked.count, asked.seed)
+    drawn = (asked.count, asked.seed)
+    sites = sample_at(asked.at, ROOT, *drawn) if asked.at else sample(ROOT, *drawn)
     sites = [site for site in sites if not asked.stratum or site.stratum in asked.stratum]
     equivalent = {each["mutant"]: each["reason"] for each in json.loads(EQUIVALENT.read_text())}
     wanted = [site for site in sites if site.text not in equivalent]

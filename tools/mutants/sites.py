@@ -3,6 +3,8 @@
 import ast
 import hashlib
 import re
+import subprocess
+import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cached_property
@@ -304,6 +306,23 @@ def sample(root: Path, count: int, seed: int) -> list[Site]:
         most = max(FEWEST, round(count * lines[stratum] / total))
         picked += _drawn(found[stratum], most, np.random.default_rng([seed, *stratum.encode()]))
     return picked
+
+
+def sample_at(commit: str, root: Path, count: int, seed: int) -> list[Site]:
+    """The sample of the sources of a commit, without what has changed since then.
+
+    An edit can change a sample, as its places are drawn by number; scores are of one sample.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["git", "archive", commit, *PACKAGES]
+        packed = subprocess.run(command, cwd=root, check=True, capture_output=True).stdout
+        subprocess.run(["tar", "-x", "-C", folder], input=packed, check=True)
+        drawn = sample(Path(folder), count, seed)
+    now = {}
+    for file in {site.file for site in drawn}:
+        if (root / file).exists():
+            now |= {site.id: site for site in sites(file, (root / file).read_bytes())}
+    return [now[site.id] for site in drawn if site.id in now]
 
 
 def _drawn(known: list[Site], count: int, rng: np.random.Generator) -> list[Site]:
