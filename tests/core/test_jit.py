@@ -281,6 +281,7 @@ def compiled_and_loaded(process):
     return [int(count) for count in printed.split()[-2:]]
 
 
+@pytest.mark.sweep
 @compiled_only
 def test_of_processes_that_want_one_kernel_at_once_one_compiles_it(tmp_path):
     processes = [wanting(tmp_path) for _ in range(3)]

@@ -121,6 +121,7 @@ print(json.dumps(told))
 """
 
 
+@pytest.mark.sweep
 @pytest.mark.slow
 def test_a_fault_is_killed_by_a_case_that_fails_and_survives_where_none_does(tmp_path):
     root = tmp_path / "toy"

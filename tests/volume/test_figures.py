@@ -148,6 +148,7 @@ def test_turns_go_from_near_to_far(layer):
     assert (np.diff(depth) >= 0).all()
 
 
+@pytest.mark.sweep
 def test_figures_1_and_2_count_what_they_draw(shelf, tmp_path):
     schematic.make(tmp_path, shelf, quick=True)
     rows, content = numbers(tmp_path, "figure-1-2")
@@ -253,6 +254,7 @@ def test_pictures_err_as_the_rays_say(errors, model):
     assert row["picture_error"] == pytest.approx(row["footprint_error"], rel=0.1, abs=1e-5)
 
 
+@pytest.mark.sweep
 def test_figures_3_and_4_write_the_errors(tmp_path):
     footprints.make(tmp_path, VolumeFolder(), quick=True)
     rows, content = numbers(tmp_path, "figure-3-4")
@@ -291,6 +293,7 @@ def test_axis_sheets_pop_at_45_degrees(scene):
     assert curve.azimuth[np.argmax(curve.rms)] == pytest.approx(45.0, abs=0.6)  # a step
 
 
+@pytest.mark.sweep
 def test_figure_7_writes_views_of_every_order(tmp_path, monkeypatch):
     short = replace(popping.QUICK, first=44.0, last=46.0)
     monkeypatch.setattr(popping, "QUICK", short)
@@ -373,6 +376,7 @@ def test_the_least_value_comes_as_near_to_the_count_as_can_be():
     assert abs((volume.values >= least).sum() - 500) == np.abs(counts - 500).min()
 
 
+@pytest.mark.sweep
 def test_figure_9_has_three_views_of_each_volume_that_is_there(shelf, tmp_path, monkeypatch):
     some = {name: timing.PAPER[name] for name in ("lobster", "skull", "checker-box")}
     monkeypatch.setattr(timing, "PAPER", some)
