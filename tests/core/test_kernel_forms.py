@@ -14,6 +14,7 @@ from resample.engine.rays.painting import paint_rays
 from resample.engine.slabs.painting import paint_summed_runs
 from resample.engine.subpixels import grid, grid_of
 from resample.painting.choices import Primitive
+from resample.painting.preparing import style_of
 from resample.painting.splines import spline_of
 from resample.profiles.orders import ImageSheets, Rays
 from resample.types import Classifier, Lamp, LatticeField, Style
@@ -173,7 +174,7 @@ def test_steps_are_painted_by_the_kernels_of_whole_pictures(choices: Any, kernel
 # It compiles what nothing else does; records ask `grid_of`, and kernels `grid`.
 @pytest.mark.sweep
 def test_a_grid_is_found_without_a_kernel_and_is_that_of_the_kernel() -> None:
-    style = Resampler()._style(np.eye(3), None)
+    style = style_of(Resampler(), np.eye(3), None)
     assert isinstance(style, Style)
     for spacing in (0.0, 1e-9, 0.01, 0.3, 0.5999999, 1.0, 7.0, np.inf, np.nan):
         for given in (spacing, np.float32(spacing)):
