@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.scores.record import processor
+
 ROOT = Path(__file__).parents[1]
 PAUSE = 0.01  # s between turns, so that spinning threads of the last contender go to sleep
 LEAST = 2  # rounds in which even the slowest contender takes part
@@ -152,7 +154,7 @@ def machine() -> dict[str, str]:
     return {
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "commit": _commit(),
-        "processor": f"{_processor()}, {_cores()} cores",
+        "processor": f"{processor()}, {_cores()} cores",
         "memory": f"{_memory():.1f} GiB",
         "system": platform.platform(),
         "Python": platform.python_version(),
@@ -164,15 +166,6 @@ def machine() -> dict[str, str]:
 def _cores() -> int:
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def _memory() -> float:

@@ -34,7 +34,7 @@ from benchmarks.scores.cloud_truth import (
     truth,
 )
 from benchmarks.scores.judging import AbsentError, Booleans, Call, Finding, Floats, Judge, db
-from benchmarks.scores.pictures import View, looking, read_png, write_camera
+from benchmarks.scores.pictures import View, look_at, read_png, write_camera
 
 POINTS = 120_000
 SQUARES = (1, 2, 3, 5, 9, 13)  # px
@@ -133,7 +133,7 @@ def _score_distance(
         aside = np.linalg.norm(points - surface.at, axis=1)
         target = points[np.argmin(points @ ahead + 0.3 * aside)]
     eye = target - ahead * FOCAL * surface.spacing / px
-    view = View(looking(eye, target, surface.up), eye, FOCAL, (SIZE[0] / 2, SIZE[1] / 2))
+    view = View(look_at(eye, target, surface.up), eye, FOCAL, (SIZE[0] / 2, SIZE[1] / 2))
     rays = 12 if distance == "far" else 6
     true, share = truth(view, surface.cell, rays, surface.mesh)
     inside, outside = share > 0.999, share < 0.001
@@ -225,7 +225,7 @@ def check(judge: Judge) -> Iterator[Finding]:  # noqa: ARG001  as other groups' 
     ball = np.asarray(trimesh.creation.icosphere(6, radius=RADIUS).triangles) + BALL
     corners = [[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]]
     eye = np.array([2.2, -2.6, 2.2])
-    view = View(looking(eye, (0, 0, 0.9), (0, 0, 1)), eye, 300.0, (SIZE[0] / 2, SIZE[1] / 2))
+    view = View(look_at(eye, (0, 0, 0.9), (0, 0, 1)), eye, 300.0, (SIZE[0] / 2, SIZE[1] / 2))
     depth = depths(np.r_[ball, np.array(corners) * FLOOR], view, 1)
     ways = rays_of(view, 1).reshape(-1, 3)
     exact = ball_and_floor(eye, ways)[0].reshape(depth.shape)

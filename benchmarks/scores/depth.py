@@ -103,7 +103,7 @@ def views(judge: Judge) -> None:
     truths = {}
     for name, pose in VIEWS.items():
         shot = Shot(matrix, pose, size)
-        truths[name] = scene.render(shot)[0], scene.seen(shot, home) > 0.999
+        truths[name] = scene.render(shot)[0], scene.visible(shot, home) > 0.999
     for kind, given in damaged(depth).items():
         if judge.quick and kind not in QUICK:
             continue
@@ -138,7 +138,7 @@ class Ball:
         x = ((np.arange(self.side * rays) + 0.5) / rays - self.side / 2) / self.side
         return np.stack(np.broadcast_arrays(x, x[:, None], 1.0), -1)
 
-    def seen(self, pose: Floats) -> Booleans:
+    def visible(self, pose: Floats) -> Booleans:
         """Which px of a new view show what the source, at the origin, sees of the ball."""
         eye = -pose[:3, :3].T @ pose[:3, 3]
         ways = self.ways(1) @ pose[:3, :3]
@@ -174,7 +174,7 @@ def leaks(judge: Judge) -> None:
             [np.sin(turn), 0, np.cos(turn)],
         ]
         pose[:3, 3] = -pose[:3, :3] @ (ball.center - 4 * pose[2, :3])
-        within = cv2.distanceTransform(ball.seen(pose).astype(np.uint8), cv2.DIST_L2, 5)
+        within = cv2.distanceTransform(ball.visible(pose).astype(np.uint8), cv2.DIST_L2, 5)
         inner = within > 1.5
         picture, call = moved(judge, matrix, pose)
         peers = {name: wrong(theirs) for name, theirs in by_peers(color, held, matrix, pose)}
@@ -197,7 +197,7 @@ def stereo(judge: Judge) -> None:
         eye = ("--from", "right") if source == "right" else ()
         words = ("--disparity-scale", 256, *eye, "-o", "out.png")
         call = judge.call("warp3d", "stereo", "color.png", "depth.png", *words)
-        seen = scene.seen(eyes[goal], eyes[source]) > 0.999
+        seen = scene.visible(eyes[goal], eyes[source]) > 0.999
         pose = eyes[goal].pose @ np.linalg.inv(eyes[source].pose)
         true, near = shots[goal][0], matrix[0, 0] * EYES / held
         peers = {
@@ -232,7 +232,7 @@ def check(judge: Judge) -> Iterator[Finding]:
     (color, depth), (moved_color, moved_depth) = scene.render(home), scene.render(aside)
     u, v, ahead = projected(depth, home.matrix, aside.pose)
     row, column = (np.clip(np.floor(each), 0, side - 1).astype(int) for each in (v, u))
-    seen = scene.seen(aside, home) > 0.999
+    seen = scene.visible(aside, home) > 0.999
     off = float(np.median(np.abs(ahead / moved_depth[row, column] - 1)[seen[row, column]]))
     text = f"projected depths and those of the new view: median difference {off:.1e}"
     yield Finding(text, off < 5e-3)
@@ -241,7 +241,7 @@ def check(judge: Judge) -> Iterator[Finding]:
     yield Finding(f"8 rays to 16: {score:.1f} dB", score > 35)
     place = np.float32(u - 0.5), np.float32(v - 0.5)
     back = cv2.remap(np.float32(moved_color), *place, cv2.INTER_LINEAR)
-    both = scene.seen(home, aside) > 0.999
+    both = scene.visible(home, aside) > 0.999
     score, beside = db(back, color, both), db(np.roll(back, 1, 1), color, both)
     text = f"the new view, looked up at the projected places: {score:.1f} dB"
     yield Finding(f"{text}; a px beside: {beside:.1f} dB", score > beside + 3)

@@ -109,7 +109,7 @@ class Scene:
         render(self.shapes, self.texture, *camera, rays, color, depth)
         return color, depth
 
-    def seen(self, shot: Shot, source: Shot) -> Floats:
+    def visible(self, shot: Shot, source: Shot) -> Floats:
         """The share of each pixel's area that another camera sees."""
         share = np.zeros(shot.size[::-1])
         ours, theirs = (shot.inverse, shot.turn, shot.eye), (source.matrix, source.turn, source.eye)

@@ -19,7 +19,7 @@ from benchmarks.scores.gaussian_truth import (
     write_plain,
 )
 from benchmarks.scores.judging import Call, Finding, Floats, Judge, db
-from benchmarks.scores.pictures import View, looking, shown, write_camera
+from benchmarks.scores.pictures import View, look_at, shown, write_camera
 
 SIZE = (800, 600)
 SCENES = ("guitar", "biker")
@@ -34,7 +34,7 @@ def view_of(gaussians: Gaussians, size: tuple[int, int]) -> View:
     ahead = np.array([0.6, -0.3, 0.75])
     eye = middle - ahead / np.linalg.norm(ahead) * radius * 2.6
     center = (size[0] / 2, size[1] / 2)
-    return View(looking(eye, middle, (0, -1, 0)), eye, 1.1 * size[1], center)
+    return View(look_at(eye, middle, (0, -1, 0)), eye, 1.1 * size[1], center)
 
 
 def drawn(

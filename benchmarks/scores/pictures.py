@@ -25,7 +25,7 @@ class View(NamedTuple):
         return self._replace(focal=self.focal / factor, center=center)
 
 
-def looking(eye: ArrayLike, at: ArrayLike, up: ArrayLike) -> Floats:
+def look_at(eye: ArrayLike, at: ArrayLike, up: ArrayLike) -> Floats:
     """Rows right, down and ahead of a camera at `eye` that looks at `at`."""
     ahead = np.asarray(at, np.float64) - np.asarray(eye)
     ahead /= np.linalg.norm(ahead)

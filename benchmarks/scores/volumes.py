@@ -15,7 +15,7 @@ import OpenImageIO
 
 from benchmarks.scores.judging import AbsentError, Call, Finding, Floats, Judge, db
 from benchmarks.scores.kernels.fine_rays import MARSCHNER_LOBB, RINGS, SIDE, sampled
-from benchmarks.scores.pictures import View, looking, read_png, write_camera
+from benchmarks.scores.pictures import View, look_at, read_png, write_camera
 from benchmarks.scores.volume_files import Spacing, Values, read_nrrd, write_nrrd, write_ome
 from benchmarks.scores.volume_truth import POINTS, Points, Vtk, ball, fine, wall_area
 
@@ -46,7 +46,7 @@ def view_of(
     away = distance * float(np.linalg.norm(voxels * spacing))
     eye = (voxels - 1) / 2 * spacing - ahead * away
     focal = per * away / float(np.cbrt(np.prod(spacing)))
-    return View(looking(eye, eye + ahead, (0, 0, 1)), eye, focal, (size / 2, size / 2))
+    return View(look_at(eye, eye + ahead, (0, 0, 1)), eye, focal, (size / 2, size / 2))
 
 
 def drawn(
