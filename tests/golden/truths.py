@@ -271,7 +271,7 @@ def mesh() -> Any:
     return naive_mesh(cube(scenes.photograph(64)), eye, SIDE, rays=RAYS)
 
 
-def room() -> Any:
+def depth_room() -> Any:
     """The generated scene from where the depth image goes, NaN where that does not show it."""
     from resample_warp3d.figures.scenes import generated
 
@@ -330,7 +330,7 @@ TRUTHS: dict[str, Callable[[], Any]] = {
     "texture, backward map": on_backward_map,
     "texture, filtered": lambda: on_mirrored_plane(scenes.FLOOR),
     "texture, mesh": mesh,
-    "depth image": room,
+    "depth image": depth_room,
     "cloud": lambda: ball(40.0),
     "cloud, far": lambda: ball(12.0),
 }
