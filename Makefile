@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases test-faults fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -43,6 +43,9 @@ test-lowest test-prereleases: $(BIN)/uv
 # What a first picture takes after `pip install` of the wheel, in an empty environment; ARGS="--without numba" leaves packages out.
 first-pictures: wheel
 	$(BIN)/python tools/first_pictures.py $(wildcard dist/*.whl) $(ARGS)
+# Commands that are killed, on full disks, without streams, with little memory, two at a time; checks of memory in C.
+test-faults: $(VENV)/.dev
+	$(PYTEST) tests/faults $(ARGS)
 # Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
 fuzz: SECONDS ?= 600
 fuzz: $(VENV)/.dev
