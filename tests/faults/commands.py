@@ -5,7 +5,7 @@ import re
 import struct
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +17,19 @@ from resample.files.saving import write_picture
 from tests.processes import PATIENCE
 
 COMMANDS: Mapping[str, str] = {  # by what they write, whose name goes at the end
-    "volume.png": "volume render ct.npy --size 96 -o",
-    "volume.exr": "volume render ct.npy --size 96 --camera 30,20,1.5 -o",
-    "volume.gif": "volume animate ct.npy --size 48 --frames 4 -o",
-    "store.ome.zarr": "volume convert --chunk 16 ct.npy",
-    "tree.nii.gz": "volume generate vessel-tree:size=32 -o",
-    "turned.jpg": "texture rotate photo.png --degrees 7 --background white -o",
-    "small.tif": "texture resize photo.png --size 61x47 -o",
-    "flight.webp": "texture animate photo.png --size 64x48 --frames 3 -o",
-    "moved.png": "warp3d render photo.png z.npy --fov 60 --move .1,0,0 -o",
-    "eye.png": "warp3d stereo photo.png z.npy --fov 60 -o",
-    "sway": "warp3d animate photo.png z.npy --fov 60 --frames 3 -o",
-    "cloud.png": "points render cloud.ply --size 96 -o",
+    "volume.png": "resample_volume render ct.npy --size 96 -o",
+    "volume.exr": "resample_volume render ct.npy --size 96 --camera 30,20,1.5 -o",
+    "volume.gif": "resample_volume animate ct.npy --size 48 --frames 4 -o",
+    "store.ome.zarr": "resample_volume convert --chunk 16 ct.npy",
+    "tree.nii.gz": "resample_volume generate vessel-tree:size=32 -o",
+    "turned.jpg": "resample_texture rotate photo.png --degrees 7 --background white -o",
+    "small.tif": "resample_texture resize photo.png --size 61x47 -o",
+    "flight.webp": "resample_texture animate photo.png --size 64x48 --frames 3 -o",
+    "moved.png": "resample_warp3d render photo.png z.npy --fov 60 --move .1,0,0 -o",
+    "eye.png": "resample_warp3d stereo photo.png z.npy --fov 60 -o",
+    "sway": "resample_warp3d animate photo.png z.npy --fov 60 --frames 3 -o",
+    "cloud.png": "resample_points render cloud.ply --size 96 -o",
+    "same.png": "resample compare photo.png -R photo.png -o",
 }
 WRITTEN = re.compile(rb"20\d\d:\d\d:\d\d \d\d:\d\d:\d\d")  # the date in TIFF and EXR
 Tree = dict[str, bytes | None]  # content of files by their path, None for folders
@@ -51,24 +52,25 @@ def write_inputs(folder: Path) -> None:
     (folder / "cloud.ply").write_bytes(head.encode() + points)
 
 
-def words_of(target: str) -> list[str]:
-    """A command as the system takes it."""
-    application, *words = COMMANDS[target].split()
-    return [sys.executable, "-m", f"resample_{application}", *words, target]
+def words_of(target: str, command: str = "", within: Sequence[str] = ()) -> list[str]:
+    """A command as the system takes it; `command` is its target if this one is elsewhere."""
+    return [*within, sys.executable, "-m", *COMMANDS[command or target].split(), target]
+
+
+def began(
+    folder: Path, target: str, command: str = "", within: Sequence[str] = (), **how: Any
+) -> "subprocess.Popen[str]":
+    """Begin a command in a folder."""
+    how = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, **how}
+    words = words_of(target, command, within)
+    return subprocess.Popen(words, cwd=folder, stdin=subprocess.DEVNULL, **how)
 
 
 def run(folder: Path, target: str, **how: Any) -> "subprocess.CompletedProcess[str]":
     """Run a command in a folder to its end."""
-    how = {"capture_output": True, "text": True, **how}
-    return subprocess.run(
-        words_of(target), cwd=folder, check=False, timeout=PATIENCE, stdin=subprocess.DEVNULL, **how
-    )
-
-
-def began(folder: Path, target: str, **how: Any) -> "subprocess.Popen[str]":
-    """Begin a command in a folder."""
-    how = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True, **how}
-    return subprocess.Popen(words_of(target), cwd=folder, stdin=subprocess.DEVNULL, **how)
+    command = began(folder, target, **how)
+    printed, said = command.communicate(timeout=PATIENCE)
+    return subprocess.CompletedProcess(command.args, command.returncode, printed, said)
 
 
 def content(path: Path) -> Tree:

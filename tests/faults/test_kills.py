@@ -5,6 +5,7 @@ import shutil
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,9 +32,11 @@ def known(tmp_path, target):
     return whole, time.perf_counter() - begin
 
 
-def signalled(folder: Path, target: str, seconds: float, number: int, is_late: bool) -> int:
+def signalled(
+    folder: Path, target: str, seconds: float, number: int, is_late: bool, **how: Any
+) -> int:
     """Send a signal to a command after so many seconds, or as soon as it writes; its status."""
-    command, begin, before = began(folder, target), time.perf_counter(), hidden(folder)
+    command, begin, before = began(folder, target, **how), time.perf_counter(), hidden(folder)
     while command.poll() is None:
         if time.perf_counter() - begin > seconds or (is_late and hidden(folder) != before):
             time.sleep(seconds % 0.005)
@@ -78,3 +81,20 @@ def test_a_stopped_command_says_so_and_leaves_nothing_behind(tmp_path, target, k
         left = content(tmp_path / target)
         assert left == whole or is_part(left, whole)
         assert [name for name in hidden(tmp_path) if not name.endswith(".frames")] == []
+
+
+@pytest.mark.parametrize("number", ENDED)
+def test_a_command_is_stopped_while_it_compiles(tmp_path, number):
+    """What it has compiled until then is kept, and whole."""
+    write_inputs(tmp_path)
+    kernels = {"NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "RESAMPLE_KERNELS": "off"}
+    environment, statuses = {**os.environ, **kernels}, []
+    for seconds in (2.0, 3.0, 5.0, 8.0):
+        at = seconds, number
+        statuses.append(signalled(tmp_path, "cloud.png", *at, is_late=False, env=environment))
+        assert content(tmp_path / "cloud.png") == {} or statuses[-1] == 0
+    assert set(statuses) <= {0, *ENDED[number]}
+    assert run(tmp_path, "cloud.png", env=environment).returncode == 0
+    whole = content(tmp_path / "cloud.png")
+    assert run(tmp_path, "cloud.png").returncode == 0
+    assert content(tmp_path / "cloud.png") == whole
