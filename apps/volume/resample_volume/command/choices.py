@@ -290,8 +290,7 @@ class AppearanceChoices(Choices):
         Field(
             gt=0,
             allow_inf_nan=False,
-            description="Attenuation of water in an X-ray, per scene unit (mm). [default: 0.02, "
-            "as near 70 keV]",
+            description="Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
         ),
     ] = None
     invert: Annotated[
@@ -352,6 +351,7 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
+        from resample_volume.data.spacings import mm_of
         from resample_volume.media.appearance import Appearance, Classification, named_transfer
         from resample_volume.media.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
@@ -359,7 +359,7 @@ class AppearanceChoices(Choices):
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
         window, xray = self._window(volume.scale), None
         if projection is Projection.XRAY:
-            xray, window = XRay(self.mu_water or MU_WATER, window), None
+            xray, window = XRay((self.mu_water or MU_WATER) * mm_of(volume), window), None
         transfer = named_transfer(self.transfer, volume, projection, window)
         framing = None
         if self.transfer == "auto" and projection in MEASURING:  # shares the camera of the others

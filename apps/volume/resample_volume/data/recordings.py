@@ -18,14 +18,18 @@ class SeveralTimesError(ValueError):
     """There are several times and none was chosen."""
 
 
+class SeveralChannelsError(ValueError):
+    """There are several channels and none was chosen."""
+
+
 def how(what: str, count: int) -> str:
     """Return the hint how to choose one of several.
 
     >>> how("time", 3)
-    'choose one by time, 0 to 2 (--time 0; in Python openvolume_of(..., time=0))'
+    'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'
     """
     last = count - 1
-    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python openvolume_of(..., {what}=0))"
+    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python open_volume(..., {what}=0))"
 
 
 def alone(recording: Recording) -> Volume:
@@ -116,7 +120,7 @@ def volume_of(recording: Recording, values: Any, name: str) -> Volume:
     place = (recording.spacing, recording.origin, recording.direction)
     units, note = recording.units, recording.note
     found = Volume(values, *place, name, units, note=note, space=recording.space)
-    return found._replace(thickness=recording.thickness)
+    return found._replace(thickness=recording.thickness, length=recording.length)
 
 
 def _number(recording: Recording, axis: int, given: int | None) -> int:
@@ -124,7 +128,7 @@ def _number(recording: Recording, axis: int, given: int | None) -> int:
     what, count = ("time", "channel")[axis], int(recording.values.shape[axis])
     listed = f"{recording.name} has {count} {what}s"
     if given is None and count > 1:
-        kind = ValueError if axis else SeveralTimesError
+        kind = SeveralChannelsError if axis else SeveralTimesError
         raise kind(f"{listed}; a volume is one of them: {how(what, count)}")
     if given is not None and not -count <= given < count:
         raise ValueError(f"{listed}, 0 to {count - 1}; there is no {what} {given}")

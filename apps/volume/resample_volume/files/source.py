@@ -12,8 +12,9 @@ from resample.files.stores.opening import Address, is_address
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
-from resample_volume.classification.surveys import findings, survey
+from resample_volume.classification.surveys import findings, label_count, survey
 from resample_volume.data.recordings import volume_at
+from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.thresholds import otsu
 from resample_volume.data.values import Stored, is_streamed, values_of
 from resample_volume.files.formats.metaimage import write_metaimage
@@ -111,7 +112,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     if colors is not None:
         values = np.moveaxis(colors, -1, 0)
     facts = (colors is not None, volume.note, volume.space)
-    return Recording(values[np.newaxis], *volume[1:6], *facts)
+    return Recording(values[np.newaxis], *volume[1:6], *facts, length=volume.length)
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
@@ -209,11 +210,12 @@ def generate(spec: str) -> Volume:
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Describe a volume, in plain Python values.
 
-    Result: `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range`
-    (lowest and highest finite value, or None), `scale` (on which bins are even), `nan` and
-    `infinite` (counts), `units` (words), `robust_range` (without padding and strays, or None),
-    `padding` (its values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3`
-    classes), `findings` (lines), and `histogram` (counts over the robust range).
+    Result: `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows),
+    `length_unit` (mm, µm, Å; empty: unknown), `range` (lowest and highest finite value, or None),
+    `scale` (on which bins are even), `nan` and `infinite` (counts), `units` (words), `robust_range`
+    (without padding and strays, or None), `padding` (its values), `padded` and `stray` (counts),
+    `thresholds` (between `2` and between `3` classes), `findings` (lines), and `histogram` (counts
+    over the robust range).
     """
     if bins < 1:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
@@ -221,6 +223,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     if volume.values.dtype.kind == "f":
         nan = sum(int(np.isnan(part).sum()) for part in values_of(volume.values).parts())
     any_known, at = bool(known.levels.value.size), partial(value_at, scale=volume.scale)
+    labels = label_count(volume)
+    seeming = f"{labels} whole numbers in regions: are they labels? (--labels)" if labels else ""
     counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
     is_whole = volume.values.dtype.kind in "iu"
     spans = [at(np.array(span)).tolist() for span in (known.whole, known.span)]
@@ -232,6 +236,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "spacing": volume.spacing.tolist(),
         "origin": volume.origin.tolist(),
         "direction": volume.direction.tolist(),
+        "length_unit": unit_of_space(volume),
         "range": ends[0] if any_known else None,
         "nan": nan,
         "infinite": known.infinite,
@@ -242,7 +247,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "padded": known.padded,
         "stray": known.stray,
         "thresholds": {str(n): at(np.array(otsu(known.levels, n))).tolist() for n in (2, 3)},
-        "findings": [volume.note] * bool(volume.note) + findings(known),
+        "findings": [line for line in (volume.note, assumed(volume), seeming) if line]
+        + findings(known),
         "histogram": counts,
     }
 

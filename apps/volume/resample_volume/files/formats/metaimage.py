@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from resample.lengths import times, unit_of_length
 from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import (
     Check,
@@ -24,7 +25,7 @@ from resample_volume.files.parsing.texts import (
     whole,
 )
 from resample_volume.files.parsing.voxels import VoxelData, voxels
-from resample_volume.types import Recording, Volume
+from resample_volume.types import UNKNOWN, VOXEL, Recording, Volume
 
 TYPES = {
     "met_char": "int8",
@@ -106,14 +107,15 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
     if len(sizes) != 4:
         check_shape(sizes, name)
     spacing, origin = _first(value, SPACINGS, 3), _first(value, ORIGINS, 3)
+    unit, by = unit_of_length(value.get("distanceunits", ""))
     matrix = _first(value, MATRICES, axes * axes)
     steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
     known = header(
         sizes[:3],
         np.dtype(kind).newbyteorder(">" if _is_big(value) else "<"),
         name,
-        spacing=spacing if spacing.size else (1, 1, 1),
-        origin=origin if origin.size else (0, 0, 0),
+        spacing=times(spacing, by) if spacing.size else (1, 1, 1),
+        origin=times(origin, by) if origin.size else (0, 0, 0),
         direction=steps,
     )
     parts = whole(path, value.get("elementnumberofchannels", "1"))
@@ -125,6 +127,7 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
         is_color=is_color((parts,), known.dtype),
         pixel=f"vector of {kind}",
         units="hu" if is_hounsfield(value.get("units", "")) else "",
+        length=unit or (UNKNOWN if spacing.size else VOXEL),
     )
 
 

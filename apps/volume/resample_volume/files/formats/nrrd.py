@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.lengths import times, unit_of_length
 from resample.types import Doubles
 from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import (
@@ -23,6 +24,7 @@ from resample_volume.files.parsing.headers import (
     recording,
 )
 from resample_volume.files.parsing.texts import (
+    NOTHING,
     Fields,
     check_nrrd_numbers,
     files_named,
@@ -31,7 +33,7 @@ from resample_volume.files.parsing.texts import (
     whole,
 )
 from resample_volume.files.parsing.voxels import VoxelData, voxels
-from resample_volume.types import Recording, Volume
+from resample_volume.types import UNKNOWN, VOXEL, Recording, Volume
 
 TYPES = {
     "int8": ("signed char", "int8", "int8_t"),
@@ -60,6 +62,7 @@ SIGNS = {
 NUMBER = r"[^\s,()]+"
 VECTOR = re.compile(rf"none|\(\s*{NUMBER}(?:\s*,\s*{NUMBER})*\s*\)", re.IGNORECASE)
 IDENTITY = np.eye(3)
+WORD = re.compile(r'"([^"]*)"')
 
 
 class _Axes(NamedTuple):
@@ -152,6 +155,8 @@ def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Vol
     if len(sizes) != 4:
         check_shape(sizes, name)
     spacing, origin, direction = _place(value, axes, path)
+    by, length = _unit(value, axes, path)
+    spacing, origin = times(spacing, by), times(origin, by)
     known = header(sizes[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
     parts = 1 if axes.part is None else axes.size[axes.part]
     listed = LISTED & set(value.get("kinds", "").lower().split())
@@ -162,7 +167,37 @@ def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Vol
         is_color=is_color((parts,), known.dtype) and not listed,
         pixel=f"vector of {kind.name}",
         units="hu" if any(map(is_hounsfield, units)) else "",
+        length=length,
+        note=_assumed(value, axes),
     )
+
+
+def _unit(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[float, str]:
+    """Return the unit of lengths, and the factor to it."""
+    if not value.keys() & {"space directions", "spacings"}:
+        return 1.0, VOXEL
+    words = WORD.findall(value.get("space units", ""))
+    if not words:
+        words = WORD.findall(value.get("units", ""))[: len(axes.size)]
+        words = [words[axis] for axis in axes.space[:3] if axis < len(words)]
+    units = {unit_of_length(word) for word in words} - {("", 1.0)}
+    if len(units) > 1:
+        raise ValueError(f"{path.name}: its lengths are in {', '.join(words)}; give one unit")
+    unit, by = next(iter(units), (UNKNOWN, 1.0))
+    return by, unit
+
+
+def _assumed(value: Mapping[str, str], axes: _Axes) -> str:
+    """Tell along which axes no distance of voxels is stated, if along some."""
+    if "space directions" in value:
+        return ""
+    words = value.get("spacings", "").lower().split()
+    missing = [n for n, axis in enumerate(axes.space[:3]) if words and words[axis] in NOTHING]
+    listed = " and ".join("xyz"[n] for n in missing)
+    lines = [f"no spacing along {listed} is stated; 1 is assumed"] * bool(missing)
+    if "axis maxs" in value and (missing or not words):
+        lines.append("axis maxs do not give it, as in ITK")
+    return "; ".join(lines)
 
 
 def _dtype(value: Mapping[str, str], path: Path) -> np.dtype[Any]:
