@@ -75,8 +75,8 @@ class ReadOptions(Choices):
         str | None,
         Hyphen,
         Field(
-            description="Distances between voxels along x, y and z, such as 1,1,1.4. "
-            "[default: those in the file, otherwise 1,1,1]"
+            description="Distances between voxels along x, y and z, such as 1,1,1.4 or "
+            "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]"
         ),
     ] = None
     memory: Annotated[

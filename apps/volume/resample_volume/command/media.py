@@ -166,9 +166,11 @@ def _channels(
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]
-    words = (
-        _looks_in(recording) if text is None else [(w.strip(), None) for w in BETWEEN.split(text)]
-    )
+    words: list[tuple[str, str | None]] = []
+    if text is None:
+        words = _looks_in(recording)
+    else:
+        words = [(word.strip(), None) for word in BETWEEN.split(text)]
     if len(words) != count or count == 1:
         raise ValueError(
             f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
@@ -192,7 +194,7 @@ def _channels(
 def _looks_in(recording: Recording) -> list[tuple[str, str | None]]:
     """Return look and window of each channel, as its file says."""
     if len(recording.looks) != recording.values.shape[1]:
-        volume_at(recording, 0, None)  # says that one has to be chosen
+        volume_at(recording, None, None)  # says that one has to be chosen
     shown, words = [], []
     for n, look in enumerate(recording.looks):
         window = look.window and f"{look.window[0]:.17g}..{look.window[1]:.17g}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from resample.lengths import times, unit_of_length
 from resample_volume.data.recordings import is_color
+from resample_volume.data.spacings import in_unit, unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -62,7 +63,7 @@ def read_metaimage(path: Path, name: str, check: Check) -> Recording:
 
 def write_metaimage(path: Path, volume: Volume) -> None:
     """Write a volume with its geometry to one compressed file."""
-    kind = volume.values.dtype
+    volume, kind = in_unit(volume, "mm"), volume.values.dtype
     packer, packed = zlib.compressobj(6), []
     for plane in volume.values:
         packed.append(packer.compress(np.ascontiguousarray(plane, kind.newbyteorder("<")).data))
@@ -78,6 +79,7 @@ def write_metaimage(path: Path, volume: Volume) -> None:
         f"Offset = {_listed(volume.origin)}",
         "CenterOfRotation = 0 0 0",
         f"ElementSpacing = {_listed(volume.spacing)}",
+        *([f"DistanceUnits = {unit_of_space(volume)}"] if unit_of_space(volume) else []),
         f"DimSize = {' '.join(map(str, volume.values.shape[::-1]))}",
         f"ElementType = {NAMES[kind.name]}",
         "ElementDataFile = LOCAL",

@@ -111,7 +111,11 @@ def _parsed_header(fields: Any, file: str, name: str) -> tuple[VolumeHeader, tup
     check_shape(shape, name)
     spacing, origin, direction = _place(fields, axes, file)
     known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
-    return known._replace(times=times, length="Å" if fields["cell"].any() else VOXEL), axes
+    missing = [axis for axis, side in zip("xyz", fields["cell"], strict=True) if not side]
+    note = f"no size of the cell along {' and '.join(missing)}: voxels of 1 Å are assumed"
+    if len(missing) in (0, 3):
+        note = ""
+    return known._replace(times=times, length=VOXEL if len(missing) == 3 else "Å", note=note), axes
 
 
 def _type(fields: Any, file: str) -> np.dtype[Any]:

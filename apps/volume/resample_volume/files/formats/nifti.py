@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import is_color
+from resample_volume.data.spacings import in_unit, unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -92,7 +93,7 @@ def read_nifti(path: Path, name: str, check: Check) -> Recording:
 
 def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
     """Write a volume with its geometry as NIfTI-1."""
-    kind = volume.values.dtype
+    volume, kind = in_unit(volume, "mm"), volume.values.dtype
     steps = TO_LPS @ volume.direction
     sign = -1.0 if np.linalg.det(steps) < 0 else 1.0
     origin = TO_LPS @ volume.origin
@@ -101,7 +102,7 @@ def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
     head["dim"] = (3, *volume.values.shape[::-1], 1, 1, 1, 1)
     head["datatype"], head["bitpix"] = CODES[kind.name], 8 * kind.itemsize
     head["pixdim"] = (sign, *volume.spacing, 0, 0, 0, 0)
-    head["slope"], head["units"] = 1, MILLIMETERS
+    head["slope"], head["units"] = 1, MILLIMETERS if unit_of_space(volume) else 0
     head["qform"] = head["sform"] = SCANNER
     head["quatern"] = _quaternion(steps * (1, 1, sign))
     head["qoffset"] = origin

@@ -16,6 +16,7 @@ import numpy as np
 from resample.lengths import times, unit_of_length
 from resample.types import Doubles
 from resample_volume.data.recordings import is_color
+from resample_volume.data.spacings import unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -100,6 +101,7 @@ def write_nrrd(path: Path, volume: Volume) -> None:
     """Write a volume with its geometry, compressed."""
     kind = volume.values.dtype
     steps = (volume.spacing * volume.direction).T
+    unit = unit_of_space(volume).replace("µ", "u").replace("Å", "angstrom")
     lines = (
         "NRRD0004",
         f"type: {WRITTEN[kind.name]}",
@@ -111,6 +113,7 @@ def write_nrrd(path: Path, volume: Volume) -> None:
         "endian: little",
         "encoding: gzip",
         f"space origin: {_vector(volume.origin)}",
+        *([f"space units: {' '.join([f'{unit!r}'] * 3)}".replace("'", '"')] if unit else []),
     )
     with path.open("wb") as file:
         file.write("\n".join(lines).encode() + b"\n\n")

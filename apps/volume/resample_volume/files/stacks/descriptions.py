@@ -81,6 +81,11 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
         note = "times and channels are not sorted in a folder: all pages are slices" * is_several
         place = {name: getattr(found, name) for name in ("spacing", "origin", "length", "line")}
         return StackFacts(note=note, **place)
+    if (
+        min(found.times, found.channels, found.slices or count) < 1
+        or not np.isfinite(found.line).all()
+    ):
+        raise ValueError(f"{name}: its sizes or its calibration are no numbers; correct its header")
     said = found.times * found.channels * (found.slices or count)
     if said != count or (parts > 1 and found.channels > 1):
         raise ValueError(
