@@ -504,6 +504,14 @@ add("OME-TIFF", "TiffData", "a page twice", lambda folder: described(
 add("OME-TIFF", "SizeZ", "more than there are", lambda folder: described(
     folder, XML.format("XYZCT", FIVE.replace('SizeZ="5"', 'SizeZ="9"'), "")
 ), refused="has 5 pages and says that they are")  # fmt: skip
+add("OME-TIFF", "BinaryOnly", "sizes in another file", lambda folder: Truth(
+    described(folder, '<OME><BinaryOnly MetadataFile="a.companion.ome" UUID="a"/></OME>'), COUNTS,
+    spacing=(1, 1, 1),
+), told="its OME-XML holds no image, so that it states no sizes")  # fmt: skip
+add("OME-TIFF", "Image", "two", lambda folder: described(
+    folder, XML.format("XYZCT", FIVE, "").replace("</OME>", "") + XML.format(
+        "XYZCT", FIVE, "").partition("2016-06\">")[2]
+), refused="holds 2 images of OME")  # fmt: skip
 add("OME-TIFF", "DOCTYPE", "with an entity", lambda folder: described(
     folder, '<!DOCTYPE a [<!ENTITY b "c">]>' + XML.format("XYZCT", FIVE, "")
 ), refused="DOCTYPE|defines")  # fmt: skip

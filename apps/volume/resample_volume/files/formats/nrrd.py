@@ -113,7 +113,7 @@ def write_nrrd(path: Path, volume: Volume) -> None:
         "endian: little",
         "encoding: gzip",
         f"space origin: {_vector(volume.origin)}",
-        *([f"space units: {' '.join([f'{unit!r}'] * 3)}".replace("'", '"')] if unit else []),
+        *([f'space units: "{unit}" "{unit}" "{unit}"'] if unit else []),
     )
     with path.open("wb") as file:
         file.write("\n".join(lines).encode() + b"\n\n")

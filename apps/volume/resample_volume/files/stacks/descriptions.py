@@ -81,12 +81,10 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
         note = "times and channels are not sorted in a folder: all pages are slices" * is_several
         place = {name: getattr(found, name) for name in ("spacing", "origin", "length", "line")}
         return StackFacts(note=note, **place)
-    if (
-        min(found.times, found.channels, found.slices or count) < 1
-        or not np.isfinite(found.line).all()
-    ):
+    sizes = (found.times, found.channels, found.slices or count)
+    if min(sizes) < 1 or not np.isfinite(found.line).all():
         raise ValueError(f"{name}: its sizes or its calibration are no numbers; correct its header")
-    said = found.times * found.channels * (found.slices or count)
+    said = math.prod(sizes)
     if said != count or (parts > 1 and found.channels > 1):
         raise ValueError(
             f"{name} has {count} pages and says that they are {found.times} times, "
@@ -101,11 +99,13 @@ def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:
 
     check_xml_text(name, text)
     try:
-        root = ElementTree.fromstring(text.encode())  # noqa: S314  no entities, as checked
+        root = ElementTree.fromstring(text)  # noqa: S314  no entities, as checked
     except ElementTree.ParseError as error:
         raise ValueError(f"{name}: its OME-XML is damaged: {error}") from None
     every = root.findall(".//{*}Image/{*}Pixels")
-    if len(every) != 1:
+    if not every:
+        return StackFacts(note="its OME-XML holds no image, so that it states no sizes")
+    if len(every) > 1:
         raise ValueError(f"{name} holds {len(every)} images of OME; write one of them to a file")
     pixels = every[0]
     size = {axis: _whole(pixels, f"Size{axis}", 1, name) for axis in "ZCT"}
