@@ -34,7 +34,8 @@ from resample_volume.files.source import (
 )
 from resample_volume.types import Recording, Volume
 
-Opened, Found = TypeVar("Opened", Volume, Recording), TypeVar("Found")
+Opened = TypeVar("Opened", Volume, Recording)
+Found = TypeVar("Found")
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
@@ -218,8 +219,8 @@ def stored(source: ReadOptions, name: str) -> Recording:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
             values = Single(volume.values)
-            facts = {"note": volume.note, "space": volume.space, "length": volume.length}
-            return Recording(values, *volume[1:6], **facts)
+            found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
+            return found._replace(length=volume.length)
     streamed = open_streamed(*_named(source, name))
     return held(source, name) if streamed is None else _changed(source, streamed)
 

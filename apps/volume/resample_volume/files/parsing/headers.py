@@ -149,8 +149,8 @@ def recording(
         every = values.reshape(known.times, *space, known.parts)
         every = every.transpose(0, 4, 1, 2, 3)
     places = (known.spacing, known.origin, known.direction)
-    facts = (known.name, known.units, known.is_color, known.note)
-    return Recording(every, *places, *facts, length=known.length)
+    found = Recording(every, *places, known.name, known.units, known.is_color)
+    return found._replace(note=known.note, length=known.length)
 
 
 def existing_file(path: Path) -> Path:

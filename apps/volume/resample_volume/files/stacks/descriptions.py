@@ -79,8 +79,7 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
     if not is_alone:
         is_several = found.times * found.channels > 1
         note = "times and channels are not sorted in a folder: all pages are slices" * is_several
-        place = {name: getattr(found, name) for name in ("spacing", "origin", "length", "line")}
-        return StackFacts(note=note, **place)
+        return found._replace(times=1, channels=1, slices=0, looks=(), pages=(), note=note)
     sizes = (found.times, found.channels, found.slices or count)
     if min(sizes) < 1 or not np.isfinite(found.line).all():
         raise ValueError(f"{name}: its sizes or its calibration are no numbers; correct its header")

@@ -101,8 +101,8 @@ class Zarr:
         holes = holes_of(array, name)
         values = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
-        facts = {"space": layout.space, "length": known.length, "looks": _looks(layout)}
-        told = Recording(values, *place, name, layout.units, layout.is_color, **facts)
+        told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
+        told = told._replace(length=known.length, looks=_looks(layout))
         missing = holes.message(array.fill_value)
         if not number:
             return told._replace(note=missing)
@@ -153,8 +153,8 @@ class Zarr:
         )
         times, parts = size.get("t", 1), size.get("c", 1)
         length = spacing_of(self.spacing)[1] if self.spacing else layout.unit or UNKNOWN
-        facts = {"parts": parts, "is_color": layout.is_color, "length": length}
-        return known._replace(times=times, **facts)
+        known = known._replace(times=times, parts=parts, length=length)
+        return known._replace(is_color=layout.is_color)
 
 
 def with_level(reader: Any, level: int) -> Any:
