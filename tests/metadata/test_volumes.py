@@ -14,7 +14,8 @@ import tifffile
 from resample.lengths import ratio
 from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.files.readers import Raw
-from resample_volume.files.source import open_volume
+from resample_volume.files.source import open_recording, open_volume
+from resample_volume.types import ChannelLook
 from tests.metadata.corpus import Outcome, Variant
 from tests.metadata.volumes import (
     COUNTS,
@@ -147,6 +148,9 @@ add("NRRD", "spacings", "missing", lambda folder: Truth(
 add("NRRD", "spacings", "negative", lambda folder: nrrd(
     folder, "spacings: 0.75 0.5 -2.5\n"
 ), refused="must be positive and finite")  # fmt: skip
+add("NRRD", "old min", "-1000, of quantized values", lambda folder: Truth(
+    nrrd(folder, f"{AXES}old min: -1000\nold max: 3000\n")
+), told="old min and old max are not applied")  # fmt: skip
 add("NRRD", "sample units", "HU", lambda folder: Truth(
     nrrd(folder, f'{AXES}sample units: "HU"\n'), units="hu"
 ))  # fmt: skip
@@ -182,6 +186,9 @@ add("MetaImage", "ElementSpacing", "negative", lambda folder: metaimage(
 add("MetaImage", "ElementSpacing", "missing", lambda folder: Truth(
     metaimage(folder, "", ElementSpacing=""), spacing=(1, 1, 1)
 ), told="no spacing is stated")  # fmt: skip
+add("MetaImage", "ElementToIntensityFunctionSlope", "2", lambda folder: by_itk(
+    metaimage(folder, "ElementToIntensityFunctionSlope = 2\n")
+), told="ElementToIntensityFunctionSlope is not applied")  # fmt: skip
 for word, unit, by in (("mm", "mm", 1), ("um", "µm", 1), ("cm", "mm", 10)):
     add("MetaImage", "DistanceUnits", word, lambda folder, word=word, unit=unit, by=by: Truth(
         metaimage(folder, f"DistanceUnits = {word}\n"), spacing=by * SPACING, unit=unit
@@ -525,6 +532,7 @@ for field, case, told, truth in (
     ("unit", "inch", {"unit": "inch"}, MICRON_STACK._replace(spacing=25.4 * SPACING, unit="mm")),
     ("ResolutionUnit", "cm", {"unit": None, "resolutionunit": "CENTIMETER"},
      MICRON_STACK._replace(spacing=10 * SPACING, unit="mm")),
+    ("zunit", "mm", {"spacing": 0.0025, "zunit": "mm"}, MICRON_STACK),
     ("xorigin", "10", {"xorigin": 10, "yorigin": 20, "zorigin": 2},
      MICRON_STACK._replace(origin=-SPACING * (10, 20, 2))),
     ("c0", "-32768", {"cf": 0, "c0": -32768, "c1": 1},
@@ -549,9 +557,49 @@ add("TIFF", "XResolution", "per cm", lambda folder: Truth(
     tiff(folder, resolution=(1000, 1000), resolutionunit="CENTIMETER", metadata=None), COUNTS,
     spacing=(1, 1, 1),
 ), told="its resolution of 1000 x 1000 pixels per cm is not used")  # fmt: skip
+for case, values in (("bytes", COUNTS.astype(np.uint8)), ("16 bits", COUNTS)):
+    add("TIFF", "PhotometricInterpretation", f"MinIsWhite, {case}", lambda folder, values=values:
+        Truth(tiff(folder, values, metadata=None, photometric="miniswhite"),
+              np.iinfo(values.dtype).max - values, spacing=(1, 1, 1))
+    )  # fmt: skip
+add("TIFF", "Orientation", "6", lambda folder: Truth(
+    tiff(folder, metadata=None, extratags=[(274, "H", 1, 6, False)]), COUNTS, spacing=(1, 1, 1)
+), told="their orientation tag, 6, is not applied")  # fmt: skip
 add("TIFF", "XResolution", "missing", lambda folder: Truth(
     tiff(folder, metadata=None), COUNTS, spacing=(1, 1, 1)
 ), told="no spacing is stated")  # fmt: skip
+
+
+# Times and channels
+
+FILMS = np.random.default_rng(7).integers(0, 60000, (2, 5, 3, 6, 7)).astype(np.uint16)  # t, z, c
+BY_TIMES = FILMS.transpose(0, 2, 1, 3, 4)
+COLORS = {"Name": ["a", "b", "c"], "Color": [0x0000FFFF, 0x00FF00FF, -16776961]}
+LOOKS = tuple(ChannelLook(*pair) for pair in (("a", "#0000ff"), ("b", "#00ff00"), ("c", "#ff0000")))
+for axes in ("TZC", "TCZ", "ZTC", "ZCT", "CTZ", "CZT"):
+    add("OME-TIFF", "DimensionOrder", f"XY{axes[::-1]}", lambda folder, axes=axes: Truth(
+        ome_tiff(folder, FILMS.transpose(*map("TZC".index, axes), 3, 4), f"{axes}YX"),
+        BY_TIMES, unit="µm",
+    ))  # fmt: skip
+add("OME-TIFF", "Channel Color", "blue, green, red", lambda folder: Truth(
+    ome_tiff(folder, FILMS, "TZCYX", Channel=COLORS), BY_TIMES, unit="µm", looks=LOOKS
+))  # fmt: skip
+add("ImageJ TIFF", "channels, slices, frames", "3, 5, 2", lambda folder: Truth(
+    imagej(folder, FILMS, "TZCYX"), BY_TIMES, unit="µm"
+))  # fmt: skip
+FIVE_AXES = (1, 1, *SPACING[::-1])
+SHOWN = [
+    {"label": "a", "color": "0000FF", "window": {"start": 1, "end": 9}, "active": False},
+    {"label": "b", "color": "00FF00"},
+    {"label": "c", "color": "ff0000"},
+]
+add("OME-Zarr", "omero", "color, window, active, label", lambda folder: Truth(
+    ome_zarr(folder, BY_TIMES, axes="tczyx", scale=FIVE_AXES, omero={"channels": SHOWN}),
+    BY_TIMES, unit="µm", looks=(ChannelLook("a", "#0000ff", (1, 9), False), *LOOKS[1:]),
+))  # fmt: skip
+add("OME-Zarr", "omero", "of a single channel", lambda folder: MICRONS._replace(
+    path=ome_zarr(folder, omero={"channels": SHOWN[:1]})
+), told="color #0000ff and window .1.0, 9.0. of its channel are not used")  # fmt: skip
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)
@@ -561,6 +609,12 @@ def test_a_field_is_obeyed_told_or_refused(variant, tmp_path):
         with pytest.raises(ValueError, match=variant.says) as caught:
             open_volume(truth)
         assert "\n" not in str(caught.value)
+        return
+    if np.ndim(truth.values) == 5:
+        every = open_recording(truth.path)
+        np.testing.assert_array_equal(every.values, truth.values)
+        np.testing.assert_allclose(every.spacing, truth.spacing)
+        assert every.looks == truth.looks
         return
     bare = truth.path.name == "a.raw"
     found = open_volume(truth.path, Raw("7x6x5", ">i2") if bare else None)

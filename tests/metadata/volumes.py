@@ -27,12 +27,13 @@ class Truth(NamedTuple):
     """What a file holds."""
 
     path: Path
-    values: Any = VALUES  # (Z, Y, X); None: those of ITK, with its places
+    values: Any = VALUES  # (Z, Y, X) or (T, C, Z, Y, X); None: not compared, nor are places
     spacing: Any = SPACING
     origin: Any = (0.0, 0.0, 0.0)
     turn: Any = np.eye(3)
-    unit: str = ""  # of lengths; ITK's are mm
+    unit: str = ""  # of lengths; empty: not compared, mm
     units: str | None = None  # of values; None: not compared
+    looks: Any = ()  # of channels
 
 
 def saved(path: Path, content: bytes | str) -> Path:

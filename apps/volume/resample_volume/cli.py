@@ -63,14 +63,8 @@ FAR_APPEARANCE = VOXELS.model_copy(update={"camera": "30,20,0.8"})
 FEW_PIXELS = f"{flags.SIZE} Small, as methods differ where voxels are small on screen."
 MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
-UNLISTED = (
-    "histogram",
-    "thresholds",
-    "findings",
-    "levels",
-    "looks",
-    "length_unit",
-)  # which are shown in another way
+OF_LISTS = ("histogram", "thresholds", "findings", "levels", "looks")
+UNLISTED = (*OF_LISTS, "length_unit")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {"checker-box": "30,25,0.9", "vessel-tree": "30,15,1"}  # cameras; all of one dtype
 

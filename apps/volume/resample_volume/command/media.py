@@ -23,6 +23,7 @@ from resample_volume.command.inputs import (
     with_memory,
 )
 from resample_volume.data.recordings import SeveralChannelsError, volume_at, with_times_first
+from resample_volume.data.spacings import assumed
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.types import Recording
 
@@ -139,10 +140,13 @@ def appearance_over_time(
     series: "Series", look: AppearanceChoices, resampler: Resampler
 ) -> Appearance:
     """Return one look for all times of a series, without labels; print the statistics."""
+    every = series.all()
     for line in findings(series.known):
         say(line)
+    if line := assumed(every):
+        note(line)
     bare = look.model_copy(update={"labels": None, "label": ()})
-    chosen = bare.appearance(series.all(), resampler)
+    chosen = bare.appearance(every, resampler)
     return series.appearance(chosen, resampler.projection)
 
 

@@ -119,6 +119,9 @@ def volume_of(recording: Recording, values: Any, name: str) -> Volume:
     """Return a volume of values, placed as a recording."""
     place = (recording.spacing, recording.origin, recording.direction)
     units, note = recording.units, recording.note
+    if len(recording.looks) == 1:
+        told = f"color {recording.looks[0].color} and window {recording.looks[0].window}"
+        note = "; ".join(filter(None, [note, f"{told} of its channel are not used (--transfer)"]))
     found = Volume(values, *place, name, units, note=note, space=recording.space)
     return found._replace(thickness=recording.thickness, length=recording.length)
 

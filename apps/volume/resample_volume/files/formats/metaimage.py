@@ -46,6 +46,7 @@ NAMES = {TYPES[name]: name.upper() for name in reversed(TYPES)}
 SPACINGS = ("elementspacing", "elementsize")
 ORIGINS = ("offset", "origin", "position")
 MATRICES = ("transformmatrix", "rotation", "orientation")
+SCALE = "ElementToIntensityFunctionSlope"
 PIECE = 1 << 22  # bytes compressed at a time
 
 
@@ -130,6 +131,7 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
         pixel=f"vector of {kind}",
         units="hu" if is_hounsfield(value.get("units", "")) else "",
         length=unit or (UNKNOWN if spacing.size else VOXEL),
+        note=f"{SCALE} is not applied, as in ITK" if SCALE.lower() in value else "",
     )
 
 

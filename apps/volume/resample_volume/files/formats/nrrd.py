@@ -191,13 +191,15 @@ def _unit(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[float, str
 
 
 def _assumed(value: Mapping[str, str], axes: _Axes) -> str:
-    """Tell along which axes no distance of voxels is stated, if along some."""
+    """Tell along which axes no distance of voxels is stated, and that values were quantized."""
+    quantized = {"old min", "oldmin", "old max", "oldmax"} & value.keys()
+    lines = ["values are as quantized: old min and old max are not applied"] * bool(quantized)
     if "space directions" in value:
-        return ""
+        return "".join(lines)
     words = value.get("spacings", "").lower().split()
     missing = [n for n, axis in enumerate(axes.space[:3]) if words and words[axis] in NOTHING]
     listed = " and ".join("xyz"[n] for n in missing)
-    lines = [f"no spacing along {listed} is stated; 1 is assumed"] * bool(missing)
+    lines += [f"no spacing along {listed} is stated; 1 is assumed"] * bool(missing)
     if "axis maxs" in value and (missing or not words):
         lines.append("axis maxs do not give it, as in ITK")
     return "; ".join(lines)

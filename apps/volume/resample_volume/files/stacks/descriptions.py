@@ -34,6 +34,7 @@ class Page(NamedTuple):
     description: str
     resolution: tuple[float, float]  # pixels per unit along x and y; 0: none
     unit: str  # of the resolution: none, in or cm
+    orientation: int = 1  # by its tag
 
 
 class StackFacts(NamedTuple):
@@ -67,6 +68,14 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
 
     `parts`: numbers of a pixel. `is_alone`: whether all pages are in its file.
     """
+    found = _sizes(page, count, parts, name, is_alone=is_alone)
+    if page.orientation == 1:
+        return found
+    told = f"slices are as stored: their orientation tag, {page.orientation}, is not applied"
+    return found._replace(note="; ".join(filter(None, [found.note, told])))
+
+
+def _sizes(page: Page, count: int, parts: int, name: str, *, is_alone: bool) -> StackFacts:
     if "<OME" in page.description:
         found = _of_ome(page.description, count, parts, name)
     elif page.description.startswith("ImageJ="):
@@ -205,13 +214,18 @@ def _of_imagej(page: Page, count: int) -> StackFacts:
     if number("cf", 0):
         note = "its calibration of values is no line and is not applied"
         facts = facts._replace(line=(0.0, 1.0), note=note)
-    unit, by = unit_of_length(told.get("unit", COMMON.get(page.unit, PIXELS)))
+    units = [told.get("unit", COMMON.get(page.unit, PIXELS))]
+    units += [told.get(f"{axis}unit", units[0]) for axis in "yz"]
+    unit, by = unit_of_length(units[0])
     if not min(page.resolution) > 0 or (not unit and "spacing" not in told):
         return facts
     across = [float(f"{1 / each:.{DIGITS}g}") for each in page.resolution]
     if unit and "spacing" not in told:
         facts = facts._replace(note=FLAT)
     steps = [times(step, by) for step in (*across, abs(number("spacing", across[0])))]
+    for axis, (own, factor) in enumerate(map(unit_of_length, units)):
+        if own and unit:
+            steps[axis] = times(times(steps[axis] / by, factor), ratio(own, unit))
     first = [number(f"{axis}origin", 0) for axis in "xyz"]
     origin = tuple(0.0 - start * step for start, step in zip(first, steps, strict=True))
     return facts._replace(spacing=tuple(steps), origin=origin, length=unit or UNKNOWN)

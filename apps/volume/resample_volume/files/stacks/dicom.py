@@ -379,6 +379,8 @@ def _note(slices: list[_Slice], places: Doubles) -> str:
     first, lines = slices[0], []
     if _is_negative(first.dataset) and _units(first.dataset):
         lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
+    if "ModalityLUTSequence" in first.dataset:
+        lines.append("ModalityLUTSequence is not applied: values are as stored")
     if not (np.isfinite(places).all() and len(places) > 1) and not _between(*first[1:3]):
         lines.append("no distance of slices is stated; 1 mm is assumed")
     return "; ".join(lines)

@@ -16,6 +16,7 @@ from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import VolumeHeader
 from resample_volume.files.stacks.descriptions import Page
 
+PHOTOMETRIC = "tiff:PhotometricInterpretation"
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 
 
@@ -77,6 +78,8 @@ def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage])
             pixels = image.read_image("unknown")  # as stored
             if pixels is None:
                 raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
+            if pixels.dtype == np.uint16 and not image.spec().get_int_attribute(PHOTOMETRIC, 1):
+                pixels = 65535 - pixels  # lowest values are white; bytes are inverted already
             values[n] = _straight(pixels, image.spec())
     return values if parts > 1 else values[..., 0]
 
@@ -90,7 +93,8 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
             kind = NUMPY.get(str(spec.format), str(spec.format))
             each = [spec.get_float_attribute(f"{axis}Resolution") for axis in "XY"]
             unit = spec.get_string_attribute("ResolutionUnit")
-            told = Page(spec.get_string_attribute("ImageDescription"), (each[0], each[1]), unit)
+            text = spec.get_string_attribute("ImageDescription")
+            told = Page(text, (each[0], each[1]), unit, spec.get_int_attribute("Orientation", 1))
             yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
             n += 1
         image.geterror()  # clears the error that there is no page n
