@@ -498,6 +498,12 @@ add("OME-TIFF", "PhysicalSizeZ", "missing", lambda folder: Truth(
     described(folder, XML.format("XYZCT", f'{SIZES}SizeZ="5" SizeC="1" SizeT="1"', "")), COUNTS,
     spacing=(0.75, 0.5, 0.75), unit="µm",
 ), told="no distance of slices is stated")  # fmt: skip
+NANOMETERS = FIVE.replace('"2.5"', '""').replace('PhysicalSizeZ="" ', "")
+NANOMETERS += ' PhysicalSizeXUnit="nm" PhysicalSizeYUnit="nm"'
+add("OME-TIFF", "PhysicalSizeZ", "missing, others in nm", lambda folder: Truth(
+    described(folder, XML.format("XYZCT", NANOMETERS, "")), COUNTS,
+    spacing=(0.00075, 0.0005, 0.00075), unit="µm",
+), told="no distance of slices is stated")  # fmt: skip
 add("OME-TIFF", "PhysicalSize", "0", lambda folder: described(
     folder, XML.format("XYZCT", FIVE.replace("2.5", "0"), "")
 ), refused="voxels of 0.75 x 0.5 x 0")  # fmt: skip

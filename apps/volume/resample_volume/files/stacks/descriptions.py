@@ -5,6 +5,7 @@ Forms: docs.openmicroscopy.org/ome-model, and ImageJ's source (ij/io/TiffDecoder
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -136,24 +137,23 @@ def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:
 
 def _lengths(pixels: "Element", name: str) -> tuple[tuple[float, ...], str]:
     """Return spacing, and its unit: that of x."""
-    steps, units, given = [], [], [pixels.get(f"PhysicalSize{axis}") for axis in AXES]
+    given = [pixels.get(f"PhysicalSize{axis}") for axis in AXES]
     if None in given[:2]:
         return (1.0, 1.0, 1.0), VOXEL
+    steps: list[float] = []
+    units: list[str] = []
     for axis, word in zip(AXES, given, strict=True):
         unit, by = unit_of_length(pixels.get(f"PhysicalSize{axis}Unit", MICROMETERS))
-        units.append(unit)
         try:
-            steps.append(times(float(word or given[0] or 1), by))
+            steps.append(steps[0] if word is None else times(float(word), by))
         except ValueError:
             raise ValueError(f"{name}: its PhysicalSize{axis} is {word!r:.40}") from None
-    if None in given:
-        units[2] = units[0]
+        units.append(units[0] if word is None else unit)
     if not all(units):
         if len(set(units)) > 1:
             raise ValueError(f"{name}: its PhysicalSizes are in different units; correct them")
         return tuple(steps), UNKNOWN
-    by_x = [times(step, ratio(unit, units[0])) for step, unit in zip(steps, units, strict=True)]
-    return tuple(by_x), units[0]
+    return _in_first(units, steps), units[0]
 
 
 def _look(channel: "Element") -> ChannelLook:
@@ -214,21 +214,26 @@ def _of_imagej(page: Page, count: int) -> StackFacts:
     if number("cf", 0):
         note = "its calibration of values is no line and is not applied"
         facts = facts._replace(line=(0.0, 1.0), note=note)
-    units = [told.get("unit", COMMON.get(page.unit, PIXELS))]
-    units += [told.get(f"{axis}unit", units[0]) for axis in "yz"]
-    unit, by = unit_of_length(units[0])
-    if not min(page.resolution) > 0 or (not unit and "spacing" not in told):
+    words = [told.get("unit", COMMON.get(page.unit, PIXELS))]
+    words += [told.get(f"{axis}unit", words[0]) for axis in "yz"]
+    units, factors = zip(*map(unit_of_length, words), strict=True)
+    if not min(page.resolution) > 0 or (not units[0] and "spacing" not in told):
         return facts
-    across = [float(f"{1 / each:.{DIGITS}g}") for each in page.resolution]
-    if unit and "spacing" not in told:
+    if units[0] and "spacing" not in told:
         facts = facts._replace(note=FLAT)
-    steps = [times(step, by) for step in (*across, abs(number("spacing", across[0])))]
-    for axis, (own, factor) in enumerate(map(unit_of_length, units)):
-        if own and unit:
-            steps[axis] = times(times(steps[axis] / by, factor), ratio(own, unit))
+    across = [float(f"{1 / each:.{DIGITS}g}") for each in page.resolution]
+    steps = _in_first(units, map(times, (*across, abs(number("spacing", across[0]))), factors))
     first = [number(f"{axis}origin", 0) for axis in "xyz"]
     origin = tuple(0.0 - start * step for start, step in zip(first, steps, strict=True))
-    return facts._replace(spacing=tuple(steps), origin=origin, length=unit or UNKNOWN)
+    return facts._replace(spacing=steps, origin=origin, length=units[0] or UNKNOWN)
+
+
+def _in_first(units: Sequence[str], lengths: Iterable[float]) -> tuple[float, ...]:
+    """Return lengths in the first of their units; unchanged if one is unknown."""
+    if not all(units):
+        return tuple(lengths)
+    by = (ratio(unit, units[0]) for unit in units)
+    return tuple(map(times, lengths, by))
 
 
 def _of_tags(page: Page) -> StackFacts:
