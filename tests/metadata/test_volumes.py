@@ -95,6 +95,9 @@ add("NRRD", "centerings", "cell", lambda folder: by_itk(
 add("NRRD", "centerings", "node", lambda folder: Truth(
     nrrd(folder, f"{AXES}centerings: node node node\naxis mins: 1 2 3\n"), origin=(1, 2, 3)
 ))  # fmt: skip
+add("NRRD", "centerings", "two", lambda folder: nrrd(
+    folder, f"{AXES}centerings: node node\n"
+), refused="its centers are 2, not one per axis")  # fmt: skip
 add("NRRD", "axis maxs", "without spacings", lambda folder: by_itk(
     nrrd(folder, "axis mins: 1 2 3\naxis maxs: 5.5 4.5 13\n")
 ), told="axis maxs do not give it, as in ITK; no spacing is stated")  # fmt: skip

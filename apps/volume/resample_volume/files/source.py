@@ -28,6 +28,7 @@ from resample_volume.types import Recording, Volume
 if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr
 
+LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 OWN = {  # suffixes of readers that are imported only for such files
     "npz": (".npz",),
@@ -79,34 +80,22 @@ def open_volume(
     """
     if time is not None or channel is not None:
         return volume_at(open_recording(name, reader), time, channel)
-    if is_address(name):
-        return _distant(reader)(Address(str(name)))
-    name = _unprefixed(name)
-    path = Path(name)
-    if path.exists() or reader is not None:
-        found = reader or find_reader(_not_empty(path))
-        volume = found(path)
+    place, found = _located(name, reader)
+    if found is not None:
+        volume: Volume = found(place)
         return volume._replace(space=getattr(found, "space", volume.space))
-    if str(name).partition(":")[0] in GENERATED:
-        return generate(str(name))
-    if _suffix(path.name, _readers()[0]):
-        raise FileNotFoundError(f"{path}: there is no such file")
-    raise FileNotFoundError(
-        f"{path}: there is no such file; generated volumes are {', '.join(GENERATED)}"
-    )
+    if str(place).partition(":")[0] in GENERATED:
+        return generate(str(place))
+    known = "" if _suffix(place.name, _readers()[0]) else f"; generated volumes are {LISTED}"
+    raise FileNotFoundError(f"{place}: there is no such file{known}")
 
 
 def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     """Open all times and channels by name."""
-    if is_address(name):
-        return _distant(reader).recorded(Address(str(name)))
-    name = _unprefixed(name)
-    path = Path(name)
-    if path.exists() or reader is not None:
-        found = reader or find_reader(_not_empty(path))
-        if isinstance(found, Recorder):
-            recording = found.recorded(path)
-            return recording._replace(space=getattr(found, "space", recording.space))
+    place, found = _located(name, reader)
+    if isinstance(found, Recorder):
+        recording = found.recorded(place)
+        return recording._replace(space=getattr(found, "space", recording.space))
     volume = open_volume(name, reader)
     values, colors = volume.values[np.newaxis], volume.colors
     if colors is not None:
@@ -117,26 +106,24 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
     """Open a recording whose values stay in their file; None if it must be read as a whole."""
-    if is_address(name):
-        return _distant(reader).streamed(Address(str(name)))
-    path = Path(_unprefixed(name))
-    if not path.exists():
-        return None
-    found = reader or find_reader(path)
-    if not isinstance(found, Streamer):
-        return None
-    return found.streamed(path)
+    place, found = _located(name, reader)
+    return found.streamed(place) if isinstance(found, Streamer) else None
 
 
 def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, Any]]:
     """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one."""
+    place, found = _located(name, reader)
+    return found.levels(place) if isinstance(found, Streamer) else []
+
+
+def _located(name: str | Path, reader: Reader | None) -> tuple[Any, Any]:
+    """Return a path or address, and its reader; None if there is no such file."""
     if is_address(name):
-        return _distant(reader).levels(Address(str(name)))
+        return Address(str(name)), _distant(reader)
     path = Path(_unprefixed(name))
-    if not path.exists():
-        return []
-    found = reader or find_reader(path)
-    return found.levels(path) if isinstance(found, Streamer) else []
+    if reader is None and path.exists():
+        reader = find_reader(path)
+    return path, reader
 
 
 def _distant(reader: Reader | None) -> "Zarr":
@@ -150,19 +137,14 @@ def _distant(reader: Reader | None) -> "Zarr":
     return reader
 
 
-def _not_empty(path: Path) -> Path:
-    """Return the path of a non-empty file; an empty one has no format."""
-    if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, _readers()[0]):
-        raise ValueError(f"{path} is empty")
-    return path
-
-
 def find_reader(path: str | Path) -> Reader:
     """Find the reader for a file's longest known suffix, or for a folder or an address."""
     if is_address(path):
         return _distant(None)
     path = Path(path)
     readers, broken = _readers()
+    if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, readers):
+        raise ValueError(f"{path} is empty")
     if path.is_dir():
         from resample.files.stores.opening import is_store
 
@@ -194,7 +176,7 @@ def generate(spec: str) -> Volume:
     """Generate a volume by name and parameters, `checker-box:size=64`."""
     name, _, text = spec.partition(":")
     if name not in GENERATED:
-        raise ValueError(f"unknown volume {name!r}; generated are {', '.join(GENERATED)}")
+        raise ValueError(f"unknown volume {name!r}; generated are {LISTED}")
     known = registry.parameters(GENERATED[name])
     chosen: dict[str, Any] = {}
     for part in text.split(",") if text else ():

@@ -238,7 +238,7 @@ def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, 
     vectors = _vectors(value, path)
     steps = [vectors[axis] for axis in axes.space[:3]] if vectors else []
     if not steps:
-        return _along_axes(value, axes)
+        return _along_axes(value, axes, path)
     if any(step is None for step in steps):
         raise ValueError(f"{path.name}: its space directions are none along x, y or z")
     name = value.get("space", "").lower()
@@ -251,7 +251,9 @@ def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, 
     return length, origin, unit.T
 
 
-def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles, Doubles]:
+def _along_axes(
+    value: Mapping[str, str], axes: _Axes, path: Path
+) -> tuple[Doubles, Doubles, Doubles]:
     """Do the same for a file without a space, from spacings and starts of axes."""
 
     def numbers(key: str) -> Doubles:
@@ -262,6 +264,8 @@ def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles
     spacing, low, high = numbers("spacings"), numbers("axis mins"), numbers("axis maxs")
     count = np.array(axes.size, np.float64)[axes.space[:3]]
     words = value.get("centers", value.get("centerings", "")).lower().split()
+    if len(words) not in (0, len(axes.size)):
+        raise ValueError(f"{path.name}: its centers are {len(words)}, not one per axis")
     nodes = np.array([words[axis] == "node" if words else False for axis in axes.space[:3]])
     told = np.where(np.isfinite(spacing), spacing, (high - low) / np.maximum(count - nodes, 1))
     origin = low + np.where(nodes, 0, told / 2)
