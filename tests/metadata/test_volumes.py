@@ -302,6 +302,9 @@ add("MRC", "cellb", "120 degrees", lambda folder: Truth(
 add("MRC", "cella", "0", lambda folder: Truth(
     mrc(folder, cell=(0, 0, 0)), spacing=(1, 1, 1)
 ), told="no spacing is stated")  # fmt: skip
+add("MRC", "cella", "0 along z", lambda folder: Truth(
+    mrc(folder, cell=(*(SPACING * (7, 6, 5))[:2], 0)), spacing=(0.75, 0.5, 1), unit="Å"
+), told="no size of the cell along z: voxels of 1 Å are assumed")  # fmt: skip
 BOHR = 0.529177210903
 
 
@@ -343,6 +346,9 @@ for field, case, tags, truth in (
 add("DICOM", "PhotometricInterpretation", "MONOCHROME1, HU", lambda folder: CT._replace(
     path=dicom(folder, PhotometricInterpretation="MONOCHROME1")
 ), told="MONOCHROME1: low values are meant to be white")  # fmt: skip
+add("DICOM", "ModalityLUTSequence", "a table", lambda folder: CT._replace(
+    path=dicom(folder, ModalityLUTSequence=[])
+), told="ModalityLUTSequence is not applied")  # fmt: skip
 add("DICOM", "ImagePositionPatient", "a slice missing", lambda folder: CT._replace(
     path=dicom(folder, gap=(0, 1, 2, 4, 5)), values=None
 ), told="is a slice missing")  # fmt: skip
@@ -608,7 +614,7 @@ add("OME-Zarr", "omero", "color, window, active, label", lambda folder: Truth(
 ))  # fmt: skip
 add("OME-Zarr", "omero", "of a single channel", lambda folder: MICRONS._replace(
     path=ome_zarr(folder, omero={"channels": SHOWN[:1]})
-), told="color #0000ff and window .1.0, 9.0. of its channel are not used")  # fmt: skip
+), told="color #0000ff and window .1.0, 9.0. of its channel: not used")  # fmt: skip
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)

@@ -11,6 +11,7 @@ from resample_volume.data.parts import slabs
 from resample_volume.types import Recording, Volume
 
 COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
+UNTOLD = (("#ffffff", None), ("", None))  # colors and windows of a single channel
 PARTS = (3, 4)  # numbers of a color: red, green, blue and perhaps opacity
 
 
@@ -119,9 +120,10 @@ def volume_of(recording: Recording, values: Any, name: str) -> Volume:
     """Return a volume of values, placed as a recording."""
     place = (recording.spacing, recording.origin, recording.direction)
     units, note = recording.units, recording.note
-    if len(recording.looks) == 1:
-        told = f"color {recording.looks[0].color} and window {recording.looks[0].window}"
-        note = "; ".join(filter(None, [note, f"{told} of its channel are not used (--transfer)"]))
+    if len(recording.looks) == 1 and recording.looks[0][1:3] not in UNTOLD:
+        _, color, window, _ = recording.looks[0]
+        told = f"color {color}" if window is None else f"color {color} and window {window}"
+        note = "; ".join(filter(None, [note, f"{told} of its channel: not used (--transfer)"]))
     found = Volume(values, *place, name, units, note=note, space=recording.space)
     return found._replace(thickness=recording.thickness, length=recording.length)
 
