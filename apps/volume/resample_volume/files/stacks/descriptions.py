@@ -24,8 +24,6 @@ MICROMETERS = "µm"  # of OME, if it names no unit
 PIXELS = "pixel"  # of ImageJ, likewise
 USUAL = (1.0, 72.0, 96.0)  # dots per inch, of no scanner
 COMMON = {"in": "inch", "inch": "inch", "cm": "cm"}  # units of tags
-
-
 FLAT = "no distance of slices is stated; that of columns is assumed"
 
 
