@@ -606,7 +606,7 @@ FIVE_AXES = (1, 1, *SPACING[::-1])
 SHOWN = [
     {"label": "a", "color": "0000FF", "window": {"start": 1, "end": 9}, "active": False},
     {"label": "b", "color": "00FF00"},
-    {"label": "c", "color": "ff0000"},
+    {"label": "c", "color": "#ff000080"},
 ]
 add("OME-Zarr", "omero", "color, window, active, label", lambda folder: Truth(
     ome_zarr(folder, BY_TIMES, axes="tczyx", scale=FIVE_AXES, omero={"channels": SHOWN}),

@@ -80,7 +80,8 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
         image = Multiscale.model_validate(first)
         own = Own.model_validate(attributes.get(OWN, {}))
         part = "omero"
-        looks = tuple(Omero.model_validate(told.get("omero", {})).channels)
+        omero = told.get("omero", {}) if space == SPACE else {}  # pictures have no looks
+        looks = tuple(Omero.model_validate(omero).channels)
     except ValidationError as error:
         raise ValueError(f"{name}, {part}: {one_line(error)}") from None
     axes, factor, unit = _axes(image.axes, name, space)

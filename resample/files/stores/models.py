@@ -51,7 +51,7 @@ class Channel(BaseModel):
     """Look of a channel, as OMERO has it."""
 
     label: str = ""
-    color: Annotated[str, Field(pattern="^[0-9A-Fa-f]{6}$")] | None = None
+    color: Annotated[str, Field(pattern="^#?[0-9A-Fa-f]{6}([0-9A-Fa-f]{2})?$")] | None = None
     window: Window | None = None
     active: bool = True
 

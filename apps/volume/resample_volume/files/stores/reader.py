@@ -247,7 +247,7 @@ def _looks(layout: Layout) -> tuple[ChannelLook, ...]:
     found = []
     for one in layout.looks:
         window = None if one.window is None else (one.window.start, one.window.end)
-        color = f"#{one.color.lower()}" if one.color else ""
+        color = f"#{one.color.strip('#')[:6].lower()}" if one.color else ""
         found.append(ChannelLook(one.label, color, window, one.active))
     return tuple(found)
 
