@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from typing import TextIO
 
 from resample.words import visible
@@ -19,6 +20,9 @@ NAMES = ("stdin", "stdout", "stderr")
 LOUDNESS = "RESAMPLE_LOG"  # name of an environment variable
 LEVELS = ("debug", "info", "warning")
 Color = tuple[float, float, float]  # linear light
+
+# Notes of a command, and whether they are printed.
+_notes: ContextVar[dict[str, bool] | None] = ContextVar("_notes", default=None)
 
 SPLAT_COLOR: Color = (0.8, 0.02, 0.02)  # linear red, the paper's Figure 8a
 COLORS: dict[str, Color] = {"black": (0.0, 0.0, 0.0), "white": (1.0, 1.0, 1.0)}
@@ -74,6 +78,24 @@ def say(text: str) -> None:
     write_message(f"resample: {visible(text)}\n")
 
 
+def note(text: str) -> None:
+    """Print a line, in a command once and at its end, if it succeeds."""
+    notes = _notes.get()
+    if notes is None:
+        say(text)
+    elif text not in notes:
+        notes[text] = False
+
+
+def say_notes() -> None:
+    """Print the notes of a command that are not yet printed."""
+    notes = _notes.get() or {}
+    for text, is_said in notes.items():
+        if not is_said:
+            say(text)
+            notes[text] = True
+
+
 class _Listener(logging.Handler):
     """Logging handler that prints the library's messages."""
 
@@ -92,9 +114,12 @@ def listening() -> Iterator[None]:
     before = log.level
     log.addHandler(listener)
     log.setLevel(level.upper())
+    token = _notes.set({})
     try:
         yield
+        say_notes()
     finally:
+        _notes.reset(token)
         log.setLevel(before)
         log.removeHandler(listener)
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from resample.command.settings import Serving
-from resample.console import say
+from resample.console import say, say_notes
 from resample.view.messages import LONGEST, message_of
 from resample.view.modules import PAGE, TYPES, parts
 from resample.view.sessions import PageSession
@@ -178,6 +178,7 @@ def show(view_of: Callable[[], Viewable], page: Serving) -> None:
     require_parts()
     view = view_of()
     view.check()
+    say_notes()
     serve(view, host=page.host, port=page.port, browser=page.browser)
 
 

@@ -65,6 +65,13 @@ def _picture(name: str, shape: tuple[int, int, int], kind: str = "uint8") -> byt
     return _made(name, write)
 
 
+OME = (
+    '<OME><Image><Pixels DimensionOrder="XYZCT" SizeZ="6" SizeC="1" SizeT="1" PhysicalSizeX="0.5" '
+    'PhysicalSizeY="500" PhysicalSizeYUnit="nm"><Channel Color="-1"/><TiffData IFD="1" FirstZ="0"/>'
+    '<TiffData IFD="0" FirstZ="1"/></Pixels></Image></OME>'
+)
+
+
 def _animated(name: str) -> bytes:
     from PIL import Image
 
@@ -73,13 +80,13 @@ def _animated(name: str) -> bytes:
     return _made(name, lambda path: frames[0].save(path, **choices))
 
 
-def _pages() -> bytes:
+def _pages(description: str = "") -> bytes:
     from PIL import Image
 
     frames = [Image.fromarray(part) for part in VALUES]
-    return _made(
-        "a.tif", lambda path: frames[0].save(path, save_all=True, append_images=frames[1:])
-    )
+    told: dict[str, Any] = {"tiffinfo": {270: description, 282: 2.0, 283: 4.0}}
+    choices: dict[str, Any] = {"save_all": True, "append_images": frames[1:], **told}
+    return _made("a.tif", lambda path: frames[0].save(path, **choices))
 
 
 def _itk(name: str) -> bytes:
@@ -211,6 +218,11 @@ def volumes() -> list[Case]:
             {"a.npz": _npz(x=np.arange(8), y=np.arange(7), z=[0, 1, 2, 3, 4, 6], v=VALUES)},
         ),
         Case("volume", {"a.tif": _pages()}),
+        Case("volume", {"a.tif": _pages(OME)}),
+        Case(
+            "volume",
+            {"a.tif": _pages("ImageJ=1.53t\nslices=6\nunit=um\nspacing=2.5\nc0=1\nc1=2\n")},
+        ),
         Case("volume", {"a.vti": _vti("Ascii")}),
         Case("volume", {"a.vti": _vti("Appended")}),
         Case("volume", {"a.zarr.zip": _zarr()}),

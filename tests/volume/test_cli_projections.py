@@ -18,6 +18,7 @@ from tests import commands
 BOX = "checker-box:size=16,block=4"  # values 64 and 192
 TREE = "vessel-tree:size=24"
 SMALL = ["--size", "32"]
+SIZED = ("--spacing", "1x1x1")  # so that nothing is assumed
 POST = ["--classify", "post"]
 SHEETS = [*POST, "--order", "image-sheets"]
 HIT = ["--projection", "first-hit", "--iso"]
@@ -186,7 +187,7 @@ def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, caps
     values[:, :, 6:], values[0, 0, 0] = np.nan, np.inf
     np.save("half.npy", values)
     np.save("even.npy", np.full((8, 8, 8), 9, np.int16))
-    assert ended("render", f"{name}.npy", "-o", "out.exr", *SMALL, *words) == 0
+    assert ended("render", f"{name}.npy", "-o", "out.exr", *SMALL, *words, *SIZED) == 0
     assert np.isfinite(read_image("out.exr")).all()
     assert capsys.readouterr().err == ""
 

@@ -301,10 +301,20 @@ def test_places_of_dicom(turn, values, tmp_path):
 def test_values_of_dicom(kind, scale, form, values, tmp_path):
     scales = {"RescaleSlope": scale[0], "RescaleIntercept": scale[1]}
     given = (values % 200).astype(kind)
-    series(tmp_path, given, PhotometricInterpretation=form, **scales)
+    modality = "CT" if form == "MONOCHROME2" else "MR"
+    series(tmp_path, given, PhotometricInterpretation=form, Modality=modality, **scales)
     found, image = Dicom()(tmp_path), by_itk(tmp_path)
     assert found.values.dtype == sitk.GetArrayViewFromImage(image).dtype
     agrees(found, image)
+
+
+def test_hounsfield_units_are_kept_where_low_values_are_shown_white(values, tmp_path):
+    """The interpretation is of what is shown; ITK inverts values, too, so that air were bone."""
+    scales = {"RescaleSlope": 1, "RescaleIntercept": -1024}
+    series(tmp_path, values, PhotometricInterpretation="MONOCHROME1", **scales)
+    found = Dicom()(tmp_path)
+    assert np.array_equal(found.values, values.astype(np.int32) - 1024)
+    assert "MONOCHROME1" in found.note
 
 
 def test_slices_of_letters_without_numbers_are_sorted_by_their_places(values, tmp_path):

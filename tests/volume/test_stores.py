@@ -566,7 +566,7 @@ def test_a_full_disk_leaves_no_store(capsys, monkeypatch):
 
     monkeypatch.setattr("resample_volume.files.stores.writing.halved", full)
     np.save("a.npy", np.zeros((4, 4, 130), np.uint8))
-    error = refused(app, capsys, "convert", "a.npy", "b.ome.zarr")
+    error = refused(app, capsys, "convert", "a.npy", "b.ome.zarr", "--spacing", "1x1x1")
     assert error == ("resample: error: b.ome.zarr: cannot be written: No space left on device\n")
 
 

@@ -63,7 +63,8 @@ FAR_APPEARANCE = VOXELS.model_copy(update={"camera": "30,20,0.8"})
 FEW_PIXELS = f"{flags.SIZE} Small, as methods differ where voxels are small on screen."
 MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
-UNLISTED = ("histogram", "thresholds", "findings", "levels")  # which are shown in another way
+OF_LISTS = ("histogram", "thresholds", "findings", "levels", "looks")
+UNLISTED = (*OF_LISTS, "length_unit")  # which are shown in another way
 DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
 DEMO = {"checker-box": "30,25,0.9", "vessel-tree": "30,15,1"}  # cameras; all of one dtype
 
@@ -302,6 +303,8 @@ def animate(
         recording = None
         if source.time is None and not added.channels:
             recording = over_time(source, volume)
+            if recording is not None and recording.looks and recording.values.shape[0] == 1:
+                recording = None  # channels are shown together
         film = filming.film_of(script, recording, flight, paint, about, start_workers)
         crew = start_workers()
         again = filming.again(script, film, crew)
@@ -364,11 +367,17 @@ def info(
     as_json
         Print JSON instead of a table.
     """
-    from resample_volume.command.inputs import levels, opened_of_several
+    from resample_volume.command.inputs import levels, of_first_channel, opened_of_several
     from resample_volume.files.source import describe
 
-    shown, (times, channels) = opened_of_several(source, volume, streamed=True)
+    (shown, recording), _ = of_first_channel(
+        source, lambda chosen: opened_of_several(chosen, volume, streamed=True)
+    )
+    parts = 1 if shown.colors is None else shown.colors.shape[-1]
+    times, channels = (1, parts) if recording is None else recording.values.shape[:2]
     facts = describe(shown, bins) | {"times": times, "channels": channels}
+    if recording is not None and recording.looks:
+        facts["looks"] = [look._asdict() for look in recording.looks]
     if sizes := levels(source, volume):
         facts["levels"] = sizes
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else _listed(facts))
@@ -436,8 +445,9 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console import progress_bar, say
+    from resample.console import note, progress_bar, say
     from resample_volume.command.inputs import stored
+    from resample_volume.data.spacings import assumed
     from resample_volume.files.stores.writing import (
         Layered,
         bricks_of,
@@ -450,6 +460,8 @@ def convert(
     recording = stored(source, volume)
     if recording.note:
         say(recording.note)
+    if line := assumed(recording):
+        note(line)
     with progress_bar("converting bricks", bricks_of(recording, form)) as progress:
         write_store(output, recording, form, progress)
 
@@ -553,9 +565,14 @@ def _words(text: str) -> list[str]:
 def _listed(facts: dict[str, Any]) -> str:
     """Format facts as lines, the histogram as bars."""
     shown = {key: value for key, value in facts.items() if key not in UNLISTED}
+    for key in ("spacing", "origin"):
+        shown[key] = f"{facts[key]} {facts['length_unit']}".rstrip()
     lines = [f"{key.replace('_', ' '):<12} {value}" for key, value in shown.items()]
     for classes, values in facts["thresholds"].items():
         lines.append(f"{f'{classes} classes':<12} {', '.join(f'{v:.6g}' for v in values)}")
+    for n, look in enumerate(facts.get("looks", ())):
+        words = [look["label"], look["color"], *([look["window"]] if look["window"] else [])]
+        lines.append(f"{f'channel {n}':<12} {', '.join(map(str, filter(None, words)))}")
     for n, level in enumerate(facts.get("levels", ())):
         lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
     return "\n".join([*lines, *facts["findings"], *_bars(facts)]) + "\n"

@@ -88,7 +88,8 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
         return _placed(_array(given), name)
     made = taker(given, part, name)
     placed = _placed(_array(made.values), made.name, *made[1:4])
-    return placed._replace(units=made.units, note=made.note, space=made.space)
+    kept = {name: getattr(made, name) for name in ("units", "note", "space", "length")}
+    return placed._replace(**kept)
 
 
 def _is_part(given: Any) -> bool:

@@ -34,6 +34,7 @@ from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.classification.transfer import Transfer
 from resample_volume.data.recordings import how
+from resample_volume.data.spacings import in_unit, mm_of, unit_of_space
 from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of, with_bricks
 from resample_volume.media.appearance import (
     BY_DEFAULT,
@@ -48,7 +49,7 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.xrays import AS_IT_IS, Tone, XRay, exposed, settled, tone_of
+from resample_volume.media.xrays import AS_IT_IS, MU_WATER, Tone, XRay, exposed, settled, tone_of
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
@@ -99,6 +100,8 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
     from resample_volume.media.lattices import common_lattice
 
+    unit = unit_of_space(media[0][0])
+    media = [(in_unit(volume, unit), look) for volume, look in media]
     whole = common_lattice([volume for volume, _ in media])
     middle = whole.middle
     whole = whole._replace(origin=whole.origin - middle)
@@ -197,7 +200,7 @@ def _measured(
     """Return volume and look of the field that rays measure, and the tone of frames."""
     xray = appearance.xray
     if projection is Projection.XRAY:
-        xray = settled(xray or XRay(), volume)
+        xray = settled(xray or XRay(MU_WATER * mm_of(volume)), volume)
         volume, appearance = exposed(volume, xray), replace(appearance, transfer=LEVELS)
     return volume, appearance, tone_of(xray, projection, is_negative=appearance.invert)
 

@@ -7,6 +7,12 @@ from numpy.typing import NDArray
 
 from resample.types import Doubles
 
+VOXEL, UNKNOWN = "voxel", "unknown"  # scene units of files without spacing, or without unit
+ASSUMED = {
+    VOXEL: "no spacing is stated; voxels of 1 x 1 x 1 are assumed (--spacing sets it)",
+    UNKNOWN: "no unit of length is stated (--spacing states it, such as 1x1x1.4mm)",
+}
+
 
 class Volume(NamedTuple):
     """A scalar field on a regular lattice.
@@ -34,6 +40,7 @@ class Volume(NamedTuple):
     space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
     thickness: float = 0.0  # scene units that opacities refer to; 0: cube root of a voxel's volume
     scale: str = ""  # scale of the values, see `looks.scales`; empty: linear, as measured
+    length: str = ""  # scene unit: mm, µm, ... of `resample.lengths`; or one of `ASSUMED`
 
 
 class Recorded(Protocol):
@@ -45,6 +52,15 @@ class Recorded(Protocol):
     def dtype(self) -> np.dtype[Any]: ...
     def swapaxes(self, first: int, second: int, /) -> "Recorded": ...
     def __getitem__(self, chosen: Any, /) -> Any: ...
+
+
+class ChannelLook(NamedTuple):
+    """Look of a channel, as its file has it."""
+
+    label: str = ""
+    color: str = ""  # #rrggbb
+    window: tuple[float, float] | None = None  # values that are dark and bright
+    is_active: bool = True  # whether it is shown
 
 
 class Recording(NamedTuple):
@@ -60,3 +76,5 @@ class Recording(NamedTuple):
     note: str = ""
     space: str = ""
     thickness: float = 0.0
+    length: str = ""
+    looks: tuple[ChannelLook, ...] = ()  # of its channels, if the file has some

@@ -14,25 +14,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.lengths import ratio, times, unit_of_length
 from resample.memory import amount
 from resample.reading.limits import SIMILAR_FRAMES, limits, refused
 from resample.types import Doubles
 from resample.words import one_line
 
 if TYPE_CHECKING:
-    from resample.files.stores.models import Axis, Dataset, Transformation
+    from resample.files.stores.models import Axis, Channel, Dataset, Transformation
 
 VERSIONS = ("0.4", "0.5")
 KINDS = {"time": "t", "channel": "c"}  # non-spatial axes
 SPACE = "zyx"
-METERS = {
-    "angstrom": 1e-10,
-    "nanometer": 1e-9,
-    "micrometer": 1e-6,
-    "millimeter": 1e-3,
-    "centimeter": 1e-2,
-    "meter": 1.0,
-}
 OWN = "hybrid-resample"  # key of volume properties that the format lacks, in stores that we write
 MOST = 1 << 32  # chunks in the table, of which only used pages take memory
 FEW = 4  # if at most one chunk in so many exists, they are read one by one
@@ -55,18 +48,19 @@ class Layout(NamedTuple):
 
     axes: str  # letters t, c, z, y and x in the order of the arrays
     levels: tuple[Level, ...]  # finest first
-    unit: str = ""  # of length; empty: unknown
+    unit: str = ""  # of length, see `resample.lengths`; empty: unknown
     direction: Doubles | None = None  # (3, 3) as in `Volume`
     units: str = ""  # of values, as in `Volume`
     space: str = ""  # as in `Volume`
     is_color: bool = False  # whether channels are red, green, blue and optional opacity
+    looks: "tuple[Channel, ...]" = ()  # of channels
 
 
 def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> Layout | None:
     """Parse a group's attributes; None if they describe no image."""
     from pydantic import ValidationError
 
-    from resample.files.stores.models import Multiscale, Own
+    from resample.files.stores.models import Multiscale, Omero, Own
 
     told = attributes.get("ome", attributes)
     if not isinstance(told, Mapping) or "multiscales" not in told:
@@ -81,15 +75,19 @@ def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> L
             f"{name} is of OME-Zarr {version:.20}; {' and '.join(VERSIONS)} are supported: convert "
             "it, or name one of its arrays"
         )
+    part = "multiscales"
     try:
         image = Multiscale.model_validate(first)
         own = Own.model_validate(attributes.get(OWN, {}))
+        part = "omero"
+        omero = told.get("omero", {}) if space == SPACE else {}  # pictures have no looks
+        looks = tuple(Omero.model_validate(omero).channels)
     except ValidationError as error:
-        raise ValueError(f"{name}, multiscales: {one_line(error)}") from None
+        raise ValueError(f"{name}, {part}: {one_line(error)}") from None
     axes, factor, unit = _axes(image.axes, name, space)
     levels = tuple(_level(level, image.transformations, factor, name) for level in image.datasets)
     turned = None if own.direction is None else np.array(own.direction, np.float64)
-    return Layout(axes, levels, unit, turned, own.units, own.space, own.color)
+    return Layout(axes, levels, unit, turned, own.units, own.space, own.color, looks)
 
 
 def moved(layout: Layout, number: int) -> Level:
@@ -114,16 +112,16 @@ def _axes(given: "list[Axis]", name: str, space: str) -> tuple[str, Doubles, str
             "beside them time and channel at most"
         )
     units = {letter: axis.unit or "" for letter, axis in zip(letters, given, strict=True)}
-    unit, factor = units["x"], np.ones(len(given))
+    unit, factor = unit_of_length(units["x"])[0], np.ones(len(given))
     for axis, letter in enumerate(letters):
-        own = units[letter]
-        if letter in SPACE and own != unit:
-            if own not in METERS or unit not in METERS:
-                raise ValueError(
-                    f"{name}: lengths along {letter} are in {own or 'no unit'}, along x in "
-                    f"{unit or 'no unit'}; give both the same unit, of {', '.join(METERS)}"
-                )
-            factor[axis] = METERS[own] / METERS[unit]
+        own, by = unit_of_length(units[letter])
+        if letter in SPACE and own and unit:
+            factor[axis] = by * ratio(own, unit)
+        elif letter in SPACE and units[letter] != units["x"]:
+            raise ValueError(
+                f"{name}: lengths along {letter} are in {units[letter] or 'no unit'}, along x in "
+                f"{units['x'] or 'no unit'}; give both the same unit, such as micrometer"
+            )
     return "".join(letters), factor, unit
 
 
@@ -150,7 +148,11 @@ def _level(given: "Dataset", after: "list[Transformation]", factor: Doubles, nam
             start = start + _numbers(
                 step.translation, factor.size, f"{name}/{given.path}, translation"
             )
-    return Level(given.path, factor * scale, factor * start, is_placed)
+    lengths = [
+        np.array([times(length, by) for length, by in zip(each, factor, strict=True)])
+        for each in (scale, start)
+    ]
+    return Level(given.path, lengths[0], lengths[1], is_placed)
 
 
 def _numbers(given: list[float] | None, count: int, where: str) -> Doubles:

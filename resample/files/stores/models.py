@@ -40,6 +40,28 @@ class Multiscale(BaseModel):
     transformations: Annotated[list[Transformation], Field(alias="coordinateTransformations")] = []
 
 
+class Window(BaseModel):
+    """Values that are dark and bright."""
+
+    start: Number
+    end: Number
+
+
+class Channel(BaseModel):
+    """Look of a channel, as OMERO has it."""
+
+    label: str = ""
+    color: Annotated[str, Field(pattern="^#?[0-9A-Fa-f]{6}([0-9A-Fa-f]{2})?$")] | None = None
+    window: Window | None = None
+    active: bool = True
+
+
+class Omero(BaseModel):
+    """Looks of all channels."""
+
+    channels: Annotated[list[Channel], Field(max_length=4096)] = []
+
+
 class Own(BaseModel):
     """Properties that the format lacks; see `writing`."""
 

@@ -75,8 +75,8 @@ class ReadOptions(Choices):
         str | None,
         Hyphen,
         Field(
-            description="Distances between voxels along x, y and z, such as 1,1,1.4. "
-            "[default: those in the file, otherwise 1,1,1]"
+            description="Distances between voxels along x, y and z, such as 1,1,1.4 or "
+            "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]"
         ),
     ] = None
     memory: Annotated[
@@ -290,8 +290,7 @@ class AppearanceChoices(Choices):
         Field(
             gt=0,
             allow_inf_nan=False,
-            description="Attenuation of water in an X-ray, per scene unit (mm). [default: 0.02, "
-            "as near 70 keV]",
+            description="Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
         ),
     ] = None
     invert: Annotated[
@@ -352,6 +351,7 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
+        from resample_volume.data.spacings import mm_of
         from resample_volume.media.appearance import Appearance, Classification, named_transfer
         from resample_volume.media.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
@@ -359,7 +359,7 @@ class AppearanceChoices(Choices):
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
         window, xray = self._window(volume.scale), None
         if projection is Projection.XRAY:
-            xray, window = XRay(self.mu_water or MU_WATER, window), None
+            xray, window = XRay((self.mu_water or MU_WATER) * mm_of(volume), window), None
         transfer = named_transfer(self.transfer, volume, projection, window)
         framing = None
         if self.transfer == "auto" and projection in MEASURING:  # shares the camera of the others

@@ -1,15 +1,16 @@
 """Open volumes named on the command line."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from resample import registry
-from resample.console import progress_bar, say
+from resample.console import note, progress_bar, say
 from resample.memory import allow, amount, available_memory, bytes_of, return_freed_memory
 from resample.memory.mapped import is_in_file
 from resample.outofcore.bricks import SHARE
@@ -19,9 +20,10 @@ from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.surveys import Survey, findings, survey, without_padding
 from resample_volume.command.choices import ReadOptions
 from resample_volume.data.bricks import Bricks
-from resample_volume.data.recordings import SeveralTimesError, how, volume_at
+from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError, how, volume_at
+from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.values import as_array, bricks_of, is_streamed
-from resample_volume.files.parsing.texts import three_numbers
+from resample_volume.files.parsing.texts import spacing_of
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
     find_reader,
@@ -31,6 +33,9 @@ from resample_volume.files.source import (
     open_volume,
 )
 from resample_volume.types import Recording, Volume
+
+Opened = TypeVar("Opened", Volume, Recording)
+Found = TypeVar("Found")
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
@@ -53,8 +58,8 @@ def opened_of_several(
     *,
     streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> tuple[Volume, tuple[int, int]]:
-    """Open a volume, and return the number of times and channels with it.
+) -> tuple[Volume, Recording | None]:
+    """Open a volume, and return its recording, if there are several times or channels.
 
     Of several times the first is taken, with a message, unless another is chosen.
     """
@@ -68,9 +73,19 @@ def opened_of_several(
         volume = volume if streamed else _as_array(volume)
     else:
         volume, held = _read(place, reader, source)
-    parts = 1 if volume.colors is None else volume.colors.shape[-1]
-    count = (1, parts) if held is None else held.values.shape[:2]
-    return scaled(volume._replace(**_changes(source)), source.scale), count
+    return scaled(_changed(source, volume), source.scale), held
+
+
+def of_first_channel(
+    source: ReadOptions, read: Callable[[ReadOptions], Found]
+) -> tuple[Found, ReadOptions]:
+    """Read what shows one volume; of several channels the first, with a message."""
+    try:
+        return read(source), source
+    except SeveralChannelsError:
+        say("the first of several channels is shown (--channel)")
+        source = source.model_copy(update={"channel": 0})
+        return read(source), source
 
 
 def _read(
@@ -169,7 +184,7 @@ def over_time(source: ReadOptions, name: str) -> Recording | None:
         return held(source, name)
     if found.values.shape[:2] == (1, 1):
         return None
-    return found._replace(**_changes(source))
+    return _changed(source, found)
 
 
 def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
@@ -186,13 +201,13 @@ def held(source: ReadOptions, name: str) -> Recording:
     allowed = allowed_memory(source)
     if allowed is not None:
         allow(allowed)
-    return open_recording(*_named(source, name))._replace(**_changes(source))
+    return _changed(source, open_recording(*_named(source, name)))
 
 
 def channels_in_chunks(source: ReadOptions, name: str) -> Recording | None:
     """Open all times and channels of a chunked file, unread; None if it has no chunks."""
     found = open_streamed(*_named(source, name))
-    return None if found is None else found._replace(**_changes(source))
+    return None if found is None else _changed(source, found)
 
 
 def stored(source: ReadOptions, name: str) -> Recording:
@@ -204,9 +219,10 @@ def stored(source: ReadOptions, name: str) -> Recording:
         volume = opened(source, name, streamed=True)
         if volume.colors is None:
             values = Single(volume.values)
-            return Recording(values, *volume[1:6], note=volume.note, space=volume.space)
+            found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
+            return found._replace(length=volume.length)
     streamed = open_streamed(*_named(source, name))
-    return held(source, name) if streamed is None else streamed._replace(**_changes(source))
+    return held(source, name) if streamed is None else _changed(source, streamed)
 
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
@@ -229,15 +245,13 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     return (Path(name) if Path(name).exists() else name), reader
 
 
-def _changes(source: ReadOptions) -> dict[str, Any]:
-    """Return the properties of a volume that override its file's."""
-    changes: dict[str, Any] = {}
+def _changed(source: ReadOptions, found: Opened) -> Opened:
+    """Return a volume with the properties that override its file's."""
     if source.spacing is not None:
-        changes["spacing"] = np.array(three_numbers("spacing", source.spacing))
-        changes["thickness"] = 0.0
-    if source.units is not None:
-        changes["units"] = source.units
-    return changes
+        spacing, length = spacing_of(source.spacing)
+        length = length or unit_of_space(found)
+        found = found._replace(spacing=np.array(spacing), thickness=0.0, length=length)
+    return found if source.units is None else found._replace(units=source.units)
 
 
 def prepared(
@@ -258,6 +272,8 @@ def padding_removed(volume: Volume) -> Volume:
     known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
+    if line := assumed(volume):
+        note(line)
     return without_padding(volume, known)
 
 

@@ -4,13 +4,13 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from resample.console import say
+from resample.console import note, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample.words import choices_in
 from resample_volume.classification.presets import PRESETS
 from resample_volume.classification.scales import scaled
-from resample_volume.classification.surveys import findings
+from resample_volume.classification.surveys import findings, label_count
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import (
     allowed_memory,
@@ -22,7 +22,8 @@ from resample_volume.command.inputs import (
     require_linear,
     with_memory,
 )
-from resample_volume.data.recordings import volume_at, with_times_first
+from resample_volume.data.recordings import SeveralChannelsError, volume_at, with_times_first
+from resample_volume.data.spacings import assumed
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.types import Recording
 
@@ -34,6 +35,7 @@ KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "tran
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
 BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of channels
 HIDDEN = "none"
+LABELS = "--labels FILE --label 1:color=red colors them"
 
 
 class Other(NamedTuple):
@@ -74,18 +76,23 @@ def media(
     Workers scan a store without cached statistics.
     """
     further = others(added.also, source)
-    if added.channels is None:
-        if recording is None:
-            is_streamed = can_stream(look, resampler)
-            volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
-        else:
-            volume = padding_removed(
-                scaled(volume_at(recording, None, source.channel), source.scale)
-            )
-        first = [(volume, look.appearance(volume, resampler))]
-    else:
+    if added.channels is not None:
         first = _channels(source, name, look, added.channels, resampler)
-    return first + beside(further, look, resampler)
+        return first + beside(further, look, resampler)
+    if recording is None:
+        is_streamed = can_stream(look, resampler)
+        try:
+            volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
+        except SeveralChannelsError:
+            if resampler.projection is not Projection.COMPOSITE or look.transfer != "auto":
+                raise
+            first = _channels(source, name, look, None, resampler)
+            return first + beside(further, look, resampler)
+    else:
+        volume = padding_removed(scaled(volume_at(recording, None, source.channel), source.scale))
+    if look.labels is None and (count := label_count(volume)):
+        note(f"{count} whole numbers in regions, as labels, are drawn as amounts ({LABELS})")
+    return [(volume, look.appearance(volume, resampler)), *beside(further, look, resampler)]
 
 
 def beside(
@@ -133,10 +140,13 @@ def appearance_over_time(
     series: "Series", look: AppearanceChoices, resampler: Resampler
 ) -> Appearance:
     """Return one look for all times of a series, without labels; print the statistics."""
+    every = series.all()
     for line in findings(series.known):
         say(line)
+    if line := assumed(every):
+        note(line)
     bare = look.model_copy(update={"labels": None, "label": ()})
-    chosen = bare.appearance(series.all(), resampler)
+    chosen = bare.appearance(every, resampler)
     return series.appearance(chosen, resampler.projection)
 
 
@@ -146,9 +156,9 @@ def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appe
 
 
 def _channels(
-    source: ReadOptions, name: str, look: AppearanceChoices, text: str, resampler: Resampler
+    source: ReadOptions, name: str, look: AppearanceChoices, text: str | None, resampler: Resampler
 ) -> list[VolumeLayer]:
-    """Return the channels of a file, each with its look."""
+    """Return the channels of a file, each with its look; without a text with those of the file."""
     if source.channel is not None:
         raise ValueError(
             "channels sets the looks of all channels and channel shows one; give one of both"
@@ -157,28 +167,45 @@ def _channels(
         raise ValueError("channels give each channel its look; leave transfer out")
     streamed = channels_in_chunks(source, name) if can_stream(look, resampler) else None
     recording = held(source, name) if streamed is None else streamed
-    words = [word.strip() for word in BETWEEN.split(text)]
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]
+    words: list[tuple[str, str | None]] = []
+    if text is None:
+        words = _looks_in(recording)
+    else:
+        words = [(word.strip(), None) for word in BETWEEN.split(text)]
     if len(words) != count or count == 1:
         raise ValueError(
             f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
             f"for each, {HIDDEN} for one that is hidden"
         )
     found: list[VolumeLayer] = []
-    for channel, word in enumerate(words):
+    for channel, (word, window) in enumerate(words):
         if word != HIDDEN:
             volume = volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
             volume = padding_removed(announced(volume))
             transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
-            own = own.model_copy(update={"transfer": transfer})
+            own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
             found.append((volume, own.appearance(volume, resampler)))
     if not found:
         raise ValueError("all channels are hidden; give one a look, such as red")
     return found
+
+
+def _looks_in(recording: Recording) -> list[tuple[str, str | None]]:
+    """Return look and window of each channel, as its file says."""
+    if len(recording.looks) != recording.values.shape[1]:
+        volume_at(recording, None, None)  # says that one has to be chosen
+    shown, words = [], []
+    for n, look in enumerate(recording.looks):
+        window = look.window and f"{look.window[0]:.17g}..{look.window[1]:.17g}"
+        words.append((look.color or "white" if look.is_active else HIDDEN, window))
+        shown.append(f"{look.label or n} {words[-1][0]}")
+    note(f"channels are shown as their file says: {', '.join(shown)} (--channels)")
+    return words
 
 
 def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> AppearanceChoices:

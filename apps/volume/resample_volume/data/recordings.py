@@ -11,6 +11,7 @@ from resample_volume.data.parts import slabs
 from resample_volume.types import Recording, Volume
 
 COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
+UNTOLD = (("#ffffff", None), ("", None))  # colors and windows of a single channel
 PARTS = (3, 4)  # numbers of a color: red, green, blue and perhaps opacity
 
 
@@ -18,14 +19,18 @@ class SeveralTimesError(ValueError):
     """There are several times and none was chosen."""
 
 
+class SeveralChannelsError(ValueError):
+    """There are several channels and none was chosen."""
+
+
 def how(what: str, count: int) -> str:
     """Return the hint how to choose one of several.
 
     >>> how("time", 3)
-    'choose one by time, 0 to 2 (--time 0; in Python openvolume_of(..., time=0))'
+    'choose one by time, 0 to 2 (--time 0; in Python open_volume(..., time=0))'
     """
     last = count - 1
-    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python openvolume_of(..., {what}=0))"
+    return f"choose one by {what}, 0 to {last} (--{what} 0; in Python open_volume(..., {what}=0))"
 
 
 def alone(recording: Recording) -> Volume:
@@ -115,8 +120,12 @@ def volume_of(recording: Recording, values: Any, name: str) -> Volume:
     """Return a volume of values, placed as a recording."""
     place = (recording.spacing, recording.origin, recording.direction)
     units, note = recording.units, recording.note
+    if len(recording.looks) == 1 and recording.looks[0][1:3] not in UNTOLD:
+        _, color, window, _ = recording.looks[0]
+        told = f"color {color}" if window is None else f"color {color} and window {window}"
+        note = "; ".join(filter(None, [note, f"{told} of its channel: not used (--transfer)"]))
     found = Volume(values, *place, name, units, note=note, space=recording.space)
-    return found._replace(thickness=recording.thickness)
+    return found._replace(thickness=recording.thickness, length=recording.length)
 
 
 def _number(recording: Recording, axis: int, given: int | None) -> int:
@@ -124,7 +133,7 @@ def _number(recording: Recording, axis: int, given: int | None) -> int:
     what, count = ("time", "channel")[axis], int(recording.values.shape[axis])
     listed = f"{recording.name} has {count} {what}s"
     if given is None and count > 1:
-        kind = ValueError if axis else SeveralTimesError
+        kind = SeveralChannelsError if axis else SeveralTimesError
         raise kind(f"{listed}; a volume is one of them: {how(what, count)}")
     if given is not None and not -count <= given < count:
         raise ValueError(f"{listed}, 0 to {count - 1}; there is no {what} {given}")

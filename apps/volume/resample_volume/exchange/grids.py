@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.lengths import unit_of_length
 from resample.types import Doubles
 from resample.words import one_line
 from resample_volume.data.recordings import alone
@@ -58,7 +59,10 @@ def of_nibabel(image: Any, part: Any, name: str) -> Volume:
     steps = affine[:3, :3] / np.where(spacing > 0, spacing, 1)
     axes = (2, 1, 0, 3) if is_colored else (2, 1, 0)
     place = (spacing, TO_LPS @ affine[:3, 3], TO_LPS @ steps)
-    return Volume(values.transpose(axes), *place, name, _units(image.header), space="lps")
+    found = Volume(values.transpose(axes), *place, name, _units(image.header), space="lps")
+    given = getattr(image.header, "get_xyzt_units", lambda: ("mm",))()[0]
+    unit, by = unit_of_length(given)
+    return found._replace(spacing=by * spacing, origin=by * place[1], length=unit)
 
 
 def _units(header: Any) -> str:

@@ -8,7 +8,7 @@ from resample.reading.arrays import DamageError, read_npz
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.headers import existing_file, header, stem
 from resample_volume.files.parsing.sections import ArrayQuery, check_part
-from resample_volume.types import Volume
+from resample_volume.types import UNKNOWN, Volume
 
 AXES = ("x", "y", "z")
 
@@ -57,4 +57,5 @@ class Npz:
             )
         values = held[chosen]
         header(values.shape[::-1], values.dtype, name)
-        return rectilinear(values, held["x"], held["y"], held["z"], name)
+        made = rectilinear(values, held["x"], held["y"], held["z"], name)
+        return made._replace(length=UNKNOWN)

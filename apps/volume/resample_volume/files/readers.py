@@ -10,7 +10,7 @@ import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from resample_volume.files.parsing.headers import (
     OneOfAll,
     VolumeHeader,
     accept_any,
-    check_shape,
     check_type,
     existing_file,
     header,
@@ -29,12 +28,9 @@ from resample_volume.files.parsing.headers import (
     stem,
 )
 from resample_volume.files.parsing.sections import ArrayQuery, check_part
-from resample_volume.files.parsing.texts import Numbers, sizes_of, steps_of, three_numbers
+from resample_volume.files.parsing.texts import Numbers, sizes_of, spacing_of, steps_of
 from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
 from resample_volume.types import Recording, Volume
-
-if TYPE_CHECKING:
-    from resample_volume.files.stacks.slices import SlicePage
 
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
 
@@ -185,18 +181,21 @@ class Cube(OneOfAll):
 
 @dataclass(frozen=True)
 class TiffStack(OneOfAll):
-    """A folder of gray pictures, sorted by number, or one multi-page file."""
+    """A folder of gray pictures, sorted by number, or one multi-page file.
 
-    spacing: Numbers = "1x1x1"  # pictures have none
+    Sizes, times and channels are those of OME-TIFF or ImageJ; other pictures have none.
+    """
+
+    spacing: Numbers = ""  # instead of the file's
 
     suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png")
 
     def __post_init__(self) -> None:
-        three_numbers("spacing", self.spacing)
+        spacing_of(self.spacing)
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         from resample_volume.files.stacks import slices
-        from resample_volume.files.stacks.slices import page_order
+        from resample_volume.files.stacks.descriptions import stack_facts
 
         if path.is_dir():
             paths, name = slices.files_with(path, self.suffixes), path.resolve().name
@@ -205,24 +204,22 @@ class TiffStack(OneOfAll):
         if not paths:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
         pages = slices.stack_pages(paths)
-        known = self._header(pages, name)
-        told = pages[0].description if len(paths) == 1 else ""
-        order = page_order(told, len(pages), known.parts, known.name)
-        if order is None:
-            check(known)
-            return recording(slices.stack_values(paths, known), known)
-        sizes, parts = (*known.shape[:2], order.slices), max(known.parts, order.channels)
-        check_shape(sizes, known.name)
-        every = known._replace(shape=sizes, times=order.times, parts=parts)
-        check(every)
-        values = order.sorted(slices.stack_values(paths, known))
-        return recording(values, every, channels_first=known.parts == 1)
-
-    def _header(self, pages: "list[SlicePage]", name: str) -> VolumeHeader:
-        shape = (pages[0].width, pages[0].height, len(pages))
-        known = header(shape, pages[0].dtype, name, spacing=three_numbers("spacing", self.spacing))
-        parts = pages[0].channels
-        return known._replace(parts=parts, is_color=is_color((parts,), known.dtype))
+        first, count = pages[0], len(pages)
+        facts = stack_facts(first.told, count, first.channels, name, is_alone=len(paths) == 1)
+        own = (facts.spacing, facts.length)
+        spacing, length = spacing_of(self.spacing) if self.spacing else own
+        shape = (first.width, first.height, facts.slices or count)
+        known = header(shape, first.dtype, name, spacing=spacing, origin=facts.origin)
+        color, parts = is_color((first.channels,), known.dtype), first.channels * facts.channels
+        known = known._replace(length=length, note=facts.note, is_color=color)
+        known = known._replace(parts=parts, times=facts.times)
+        check(known)
+        every = facts.sorted(slices.stack_values(paths, known, pages))
+        if facts.line != (0, 1):
+            every = np.asarray(facts.line[0] + facts.line[1] * every, np.float32)
+            known = known._replace(dtype=every.dtype, is_color=False)
+        found = recording(every, known, channels_first=first.channels == 1)
+        return found._replace(looks=facts.looks)
 
 
 @dataclass(frozen=True)
@@ -253,14 +250,14 @@ class Raw(OneOfAll):
 
     shape: Numbers = ""  # voxels along x, y, z, and times: (256, 256, 128) or "256x256x128x10"
     dtype: str = ""  # NumPy's name; > or < before it, as in >i2, is the order of its bytes
-    spacing: Numbers = "1x1x1"
+    spacing: Numbers = ""  # 0.2x0.2x1um, or without a unit
     endian: str = ""  # little or big; empty: as dtype says, else little
     offset: int = 0  # bytes before the first voxel
 
     suffixes: ClassVar[tuple[str, ...]] = (".raw", ".raw.gz")
 
     def __post_init__(self) -> None:
-        three_numbers("spacing", self.spacing)
+        spacing_of(self.spacing)
         if self.shape:
             sizes_of(self.shape)
         if self.endian not in ("", *BYTE_ORDERS.values()):
@@ -292,13 +289,10 @@ class Raw(OneOfAll):
         sizes = self.shape or (found[2] if found else "")
         kind = self.dtype or (found[3] if found else "")
         every = sizes_of(sizes)
-        known = header(
-            every[:3],
-            _type(kind, self.endian),
-            found[1] if found else name,
-            spacing=three_numbers("spacing", self.spacing),
-        )
-        return known._replace(times=math.prod(every[3:]))
+        spacing, length = spacing_of(self.spacing)
+        dtype, name = _type(kind, self.endian), found[1] if found else name
+        known = header(every[:3], dtype, name, spacing=spacing)
+        return known._replace(times=math.prod(every[3:]), length=length)
 
 
 @dataclass(frozen=True)
@@ -309,12 +303,12 @@ class Npy(OneOfAll):
     where the last of four axes has 3 or 4 numbers of a color's type, they are colors.
     """
 
-    spacing: Numbers = "1x1x1"  # the file has none
+    spacing: Numbers = ""  # 0.2x0.2x1um, or without a unit; the file has none
 
     suffixes: ClassVar[tuple[str, ...]] = (".npy",)
 
     def __post_init__(self) -> None:
-        three_numbers("spacing", self.spacing)
+        spacing_of(self.spacing)
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         try:
@@ -326,8 +320,9 @@ class Npy(OneOfAll):
         shape = values.shape
         colored = len(shape) == 4 and is_color(shape, values.dtype)
         space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
-        name, spacing = stem(path, self.suffixes), three_numbers("spacing", self.spacing)
-        known = header(space[::-1], values.dtype, name, spacing=spacing)
+        spacing, length = spacing_of(self.spacing)
+        known = header(space[::-1], values.dtype, stem(path, self.suffixes), spacing=spacing)
+        known = known._replace(length=length)
         if colored:
             known = known._replace(parts=shape[3], is_color=True)
         elif len(shape) > 3:

@@ -12,8 +12,9 @@ from resample.files.stores.opening import Address, is_address
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
-from resample_volume.classification.surveys import findings, survey
+from resample_volume.classification.surveys import findings, label_count, survey
 from resample_volume.data.recordings import volume_at
+from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.thresholds import otsu
 from resample_volume.data.values import Stored, is_streamed, values_of
 from resample_volume.files.formats.metaimage import write_metaimage
@@ -27,6 +28,7 @@ from resample_volume.types import Recording, Volume
 if TYPE_CHECKING:
     from resample_volume.files.stores.reader import Zarr
 
+LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 OWN = {  # suffixes of readers that are imported only for such files
     "npz": (".npz",),
@@ -78,64 +80,50 @@ def open_volume(
     """
     if time is not None or channel is not None:
         return volume_at(open_recording(name, reader), time, channel)
-    if is_address(name):
-        return _distant(reader)(Address(str(name)))
-    name = _unprefixed(name)
-    path = Path(name)
-    if path.exists() or reader is not None:
-        found = reader or find_reader(_not_empty(path))
-        volume = found(path)
+    place, found = _located(name, reader)
+    if found is not None:
+        volume: Volume = found(place)
         return volume._replace(space=getattr(found, "space", volume.space))
-    if str(name).partition(":")[0] in GENERATED:
-        return generate(str(name))
-    if _suffix(path.name, _readers()[0]):
-        raise FileNotFoundError(f"{path}: there is no such file")
-    raise FileNotFoundError(
-        f"{path}: there is no such file; generated volumes are {', '.join(GENERATED)}"
-    )
+    if str(place).partition(":")[0] in GENERATED:
+        return generate(str(place))
+    known = "" if _suffix(place.name, _readers()[0]) else f"; generated volumes are {LISTED}"
+    raise FileNotFoundError(f"{place}: there is no such file{known}")
 
 
 def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
     """Open all times and channels by name."""
-    if is_address(name):
-        return _distant(reader).recorded(Address(str(name)))
-    name = _unprefixed(name)
-    path = Path(name)
-    if path.exists() or reader is not None:
-        found = reader or find_reader(_not_empty(path))
-        if isinstance(found, Recorder):
-            recording = found.recorded(path)
-            return recording._replace(space=getattr(found, "space", recording.space))
+    place, found = _located(name, reader)
+    if isinstance(found, Recorder):
+        recording = found.recorded(place)
+        return recording._replace(space=getattr(found, "space", recording.space))
     volume = open_volume(name, reader)
     values, colors = volume.values[np.newaxis], volume.colors
     if colors is not None:
         values = np.moveaxis(colors, -1, 0)
     facts = (colors is not None, volume.note, volume.space)
-    return Recording(values[np.newaxis], *volume[1:6], *facts)
+    return Recording(values[np.newaxis], *volume[1:6], *facts, length=volume.length)
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
     """Open a recording whose values stay in their file; None if it must be read as a whole."""
-    if is_address(name):
-        return _distant(reader).streamed(Address(str(name)))
-    path = Path(_unprefixed(name))
-    if not path.exists():
-        return None
-    found = reader or find_reader(path)
-    if not isinstance(found, Streamer):
-        return None
-    return found.streamed(path)
+    place, found = _located(name, reader)
+    return found.streamed(place) if isinstance(found, Streamer) else None
 
 
 def levels_of(name: str | Path, reader: Reader | None = None) -> list[dict[str, Any]]:
     """Return the levels of a multiscale file, see `Streamer.levels`; empty for a single one."""
+    place, found = _located(name, reader)
+    return found.levels(place) if isinstance(found, Streamer) else []
+
+
+def _located(name: str | Path, reader: Reader | None) -> tuple[Any, Any]:
+    """Return a path or address, and its reader; None if there is no such file."""
     if is_address(name):
-        return _distant(reader).levels(Address(str(name)))
+        return Address(str(name)), _distant(reader)
     path = Path(_unprefixed(name))
-    if not path.exists():
-        return []
-    found = reader or find_reader(path)
-    return found.levels(path) if isinstance(found, Streamer) else []
+    if reader is None and path.exists():
+        reader = find_reader(path)
+    return path, reader
 
 
 def _distant(reader: Reader | None) -> "Zarr":
@@ -149,19 +137,14 @@ def _distant(reader: Reader | None) -> "Zarr":
     return reader
 
 
-def _not_empty(path: Path) -> Path:
-    """Return the path of a non-empty file; an empty one has no format."""
-    if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, _readers()[0]):
-        raise ValueError(f"{path} is empty")
-    return path
-
-
 def find_reader(path: str | Path) -> Reader:
     """Find the reader for a file's longest known suffix, or for a folder or an address."""
     if is_address(path):
         return _distant(None)
     path = Path(path)
     readers, broken = _readers()
+    if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, readers):
+        raise ValueError(f"{path} is empty")
     if path.is_dir():
         from resample.files.stores.opening import is_store
 
@@ -193,7 +176,7 @@ def generate(spec: str) -> Volume:
     """Generate a volume by name and parameters, `checker-box:size=64`."""
     name, _, text = spec.partition(":")
     if name not in GENERATED:
-        raise ValueError(f"unknown volume {name!r}; generated are {', '.join(GENERATED)}")
+        raise ValueError(f"unknown volume {name!r}; generated are {LISTED}")
     known = registry.parameters(GENERATED[name])
     chosen: dict[str, Any] = {}
     for part in text.split(",") if text else ():
@@ -209,11 +192,12 @@ def generate(spec: str) -> Volume:
 def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     """Describe a volume, in plain Python values.
 
-    Result: `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows), `range`
-    (lowest and highest finite value, or None), `scale` (on which bins are even), `nan` and
-    `infinite` (counts), `units` (words), `robust_range` (without padding and strays, or None),
-    `padding` (its values), `padded` and `stray` (counts), `thresholds` (between `2` and between `3`
-    classes), `findings` (lines), and `histogram` (counts over the robust range).
+    Result: `name`, `shape` (x, y, z), `dtype`, `spacing`, `origin`, `direction` (3 rows),
+    `length_unit` (mm, µm, Å; empty: unknown), `range` (lowest and highest finite value, or None),
+    `scale` (on which bins are even), `nan` and `infinite` (counts), `units` (words), `robust_range`
+    (without padding and strays, or None), `padding` (its values), `padded` and `stray` (counts),
+    `thresholds` (between `2` and between `3` classes), `findings` (lines), and `histogram` (counts
+    over the robust range).
     """
     if bins < 1:
         raise ValueError(f"a histogram has at least 1 bin, not {bins}")
@@ -221,6 +205,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     if volume.values.dtype.kind == "f":
         nan = sum(int(np.isnan(part).sum()) for part in values_of(volume.values).parts())
     any_known, at = bool(known.levels.value.size), partial(value_at, scale=volume.scale)
+    labels = label_count(volume)
+    seeming = f"{labels} whole numbers in regions: are they labels? (--labels)" if labels else ""
     counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
     is_whole = volume.values.dtype.kind in "iu"
     spans = [at(np.array(span)).tolist() for span in (known.whole, known.span)]
@@ -232,6 +218,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "spacing": volume.spacing.tolist(),
         "origin": volume.origin.tolist(),
         "direction": volume.direction.tolist(),
+        "length_unit": unit_of_space(volume),
         "range": ends[0] if any_known else None,
         "nan": nan,
         "infinite": known.infinite,
@@ -242,7 +229,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "padded": known.padded,
         "stray": known.stray,
         "thresholds": {str(n): at(np.array(otsu(known.levels, n))).tolist() for n in (2, 3)},
-        "findings": [volume.note] * bool(volume.note) + findings(known),
+        "findings": [line for line in (volume.note, assumed(volume), seeming) if line]
+        + findings(known),
         "histogram": counts,
     }
 

@@ -7,11 +7,13 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
+from resample.lengths import length_text
 from resample.types import Doubles, Floats, Frame, View
 from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.data.spacings import unit_of_space
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
-from resample_volume.space.lines import Stroke, unit_of_space, with_lines
+from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 
@@ -207,7 +209,7 @@ def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) 
     mask[:, -1] *= across - math.floor(across) or 1.0
     left, top = width - margin - mask.shape[1], height - margin - tall
     put_mask(rgba, mask, left, top, is_dark=given.is_dark)
-    words = letters(f"{length:g} {unit_of_space(volume)}".rstrip(), size)
+    words = letters(length_text(length, unit_of_space(volume)), size)
     middle = left + mask.shape[1] / 2
     left, top = round(middle - words.shape[1] / 2), top - words.shape[0] - thick - 2
     put_mask(rgba, words, left, top, is_dark=given.is_dark)

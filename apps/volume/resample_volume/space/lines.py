@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.engine.compositing import VISIBLE
 from resample.types import Doubles, Frame, View
+from resample_volume.data.spacings import unit_of_space
 from resample_volume.picking import Picked
 from resample_volume.types import Volume
 
 LEAST_DEPTH = 1e-6  # fraction of a line's length: nearer parts are cut off in perspective
-MILLIMETRES = "lps"  # the one space of files whose unit is known
 
 
 class Stroke(NamedTuple):
@@ -172,12 +172,7 @@ class Measured(NamedTuple):
 
     distance: float  # scene units, from the first point via the second to the last
     angle: float | None  # degrees 0 to 180 at the second of three points; None for two
-    unit: str  # of the distance: mm, or empty if unknown
-
-
-def unit_of_space(volume: Volume) -> str:
-    """Return the name of a volume's scene units; empty if unknown."""
-    return "mm" if volume.space == MILLIMETRES else ""
+    unit: str  # of the distance: mm, µm, ..., or empty if unknown
 
 
 def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measured:

@@ -16,9 +16,9 @@ from resample.view.views import Settings, chosen, is_free, settings_of
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.surveys import survey
 from resample_volume.command.choices import ReadOptions
-from resample_volume.command.inputs import prepared
+from resample_volume.command.inputs import of_first_channel, prepared
+from resample_volume.data.spacings import unit_of_space
 from resample_volume.slicing import slice_planes
-from resample_volume.space.lines import unit_of_space
 from resample_volume.viewing.painter import VTK, VolumePainter
 from resample_volume.viewing.requests import SHOWN
 from resample_volume.viewing.telling import histogram
@@ -47,9 +47,10 @@ def volume_view(
     `name`: of the volume, as the command takes it. `source`: how it is read. `begin`: options to
     begin with.
     """
-    source = source or ReadOptions()
-    first = VolumePainter(prepared(source, name))
-    volume = first.volume
+    volume, source = of_first_channel(
+        source or ReadOptions(), lambda chosen: prepared(chosen, name)
+    )
+    first = VolumePainter(volume)
 
     def described() -> dict[str, Any]:
         settings = {"fit": "volume", "camera": "30,20,1", **settings_of(begin)}

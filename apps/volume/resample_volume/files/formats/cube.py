@@ -73,7 +73,8 @@ def _header(file: BinaryIO, path: Path, name: str) -> VolumeHeader:
     length = np.linalg.norm(steps, axis=1)
     unit = steps / np.where(length > 0, length, 1)[:, np.newaxis]
     known = header(shape, np.float32, name, spacing=length, origin=scale * origin, direction=unit.T)
-    return known._replace(parts=parts, pixel=f"{parts} orbitals" if atoms < 0 else "")
+    pixel = f"{parts} orbitals" if atoms < 0 else ""
+    return known._replace(parts=parts, pixel=pixel, length="Å")
 
 
 def _words(file: BinaryIO) -> list[bytes]:

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from resample.lengths import times, unit_of_length
 from resample_volume.data.recordings import is_color
+from resample_volume.data.spacings import in_unit, unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -24,7 +26,7 @@ from resample_volume.files.parsing.texts import (
     whole,
 )
 from resample_volume.files.parsing.voxels import VoxelData, voxels
-from resample_volume.types import Recording, Volume
+from resample_volume.types import UNKNOWN, VOXEL, Recording, Volume
 
 TYPES = {
     "met_char": "int8",
@@ -44,6 +46,7 @@ NAMES = {TYPES[name]: name.upper() for name in reversed(TYPES)}
 SPACINGS = ("elementspacing", "elementsize")
 ORIGINS = ("offset", "origin", "position")
 MATRICES = ("transformmatrix", "rotation", "orientation")
+SCALE = "ElementToIntensityFunctionSlope"
 PIECE = 1 << 22  # bytes compressed at a time
 
 
@@ -61,7 +64,7 @@ def read_metaimage(path: Path, name: str, check: Check) -> Recording:
 
 def write_metaimage(path: Path, volume: Volume) -> None:
     """Write a volume with its geometry to one compressed file."""
-    kind = volume.values.dtype
+    volume, kind = in_unit(volume, "mm"), volume.values.dtype
     packer, packed = zlib.compressobj(6), []
     for plane in volume.values:
         packed.append(packer.compress(np.ascontiguousarray(plane, kind.newbyteorder("<")).data))
@@ -77,6 +80,7 @@ def write_metaimage(path: Path, volume: Volume) -> None:
         f"Offset = {_listed(volume.origin)}",
         "CenterOfRotation = 0 0 0",
         f"ElementSpacing = {_listed(volume.spacing)}",
+        *([f"DistanceUnits = {unit_of_space(volume)}"] if unit_of_space(volume) else []),
         f"DimSize = {' '.join(map(str, volume.values.shape[::-1]))}",
         f"ElementType = {NAMES[kind.name]}",
         "ElementDataFile = LOCAL",
@@ -106,14 +110,15 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
     if len(sizes) != 4:
         check_shape(sizes, name)
     spacing, origin = _first(value, SPACINGS, 3), _first(value, ORIGINS, 3)
+    unit, by = unit_of_length(value.get("distanceunits", ""))
     matrix = _first(value, MATRICES, axes * axes)
     steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
     known = header(
         sizes[:3],
         np.dtype(kind).newbyteorder(">" if _is_big(value) else "<"),
         name,
-        spacing=spacing if spacing.size else (1, 1, 1),
-        origin=origin if origin.size else (0, 0, 0),
+        spacing=times(spacing, by) if spacing.size else (1, 1, 1),
+        origin=times(origin, by) if origin.size else (0, 0, 0),
         direction=steps,
     )
     parts = whole(path, value.get("elementnumberofchannels", "1"))
@@ -125,6 +130,8 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
         is_color=is_color((parts,), known.dtype),
         pixel=f"vector of {kind}",
         units="hu" if is_hounsfield(value.get("units", "")) else "",
+        length=unit or (UNKNOWN if spacing.size else VOXEL),
+        note=f"{SCALE} is not applied, as in ITK" if SCALE.lower() in value else "",
     )
 
 

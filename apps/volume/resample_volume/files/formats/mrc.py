@@ -19,7 +19,7 @@ from resample_volume.files.parsing.headers import (
     recording,
 )
 from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
-from resample_volume.types import Recording
+from resample_volume.types import VOXEL, Recording
 
 LENGTH = 1024  # bytes of a header
 FIELDS = {  # name: NumPy's type, and its place
@@ -72,8 +72,9 @@ def read_mrc(path: Path, name: str, check: Check) -> Recording:
     values = voxels(stored, known).reshape(known.times, *sizes)
     turned = [1 + axes[::-1].index(axis) for axis in (2, 1, 0)]
     is_pictures = int(fields["group"]) == PICTURES and int(fields["grid"][2]) == 1
-    note = "a stack of pictures: its slices are those pictures" if is_pictures else ""
-    return recording(values.transpose(0, *turned), known)._replace(note=note)
+    if is_pictures:
+        known = known._replace(note="a stack of pictures: its slices are those pictures")
+    return recording(values.transpose(0, *turned), known)
 
 
 def _fields(start: bytes, name: str) -> Any:
@@ -110,7 +111,11 @@ def _parsed_header(fields: Any, file: str, name: str) -> tuple[VolumeHeader, tup
     check_shape(shape, name)
     spacing, origin, direction = _place(fields, axes, file)
     known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
-    return known._replace(times=times), axes
+    missing = [axis for axis, side in zip("xyz", fields["cell"], strict=True) if not side]
+    note = f"no size of the cell along {' and '.join(missing)}: voxels of 1 Å are assumed"
+    if len(missing) in (0, 3):
+        note = ""
+    return known._replace(times=times, length=VOXEL if len(missing) == 3 else "Å", note=note), axes
 
 
 def _type(fields: Any, file: str) -> np.dtype[Any]:

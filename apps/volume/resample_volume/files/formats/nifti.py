@@ -2,7 +2,7 @@
 
 Its coordinates are RAS; they are converted to LPS, like those of other formats. Of its two
 transforms, the affine one (sform) is used if it is of the scanner, or the only one; spacings are
-those of pixdim.
+those of pixdim, unless its columns have other lengths or are sheared.
 """
 
 import gzip
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import is_color
+from resample_volume.data.spacings import in_unit, unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -25,7 +26,7 @@ from resample_volume.files.parsing.headers import (
 )
 from resample_volume.files.parsing.texts import is_hounsfield
 from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
-from resample_volume.types import Recording, Volume
+from resample_volume.types import UNKNOWN, Recording, Volume
 
 FIELDS = {  # name: NumPy's type in NIfTI-1, its place there, and both in NIfTI-2
     "size": ("i4", 0, "i4", 0),
@@ -66,7 +67,9 @@ COLORS = {128: 3, 2304: 4}  # numbers of a color, each a byte
 COMPLEX = (32, 1792, 2048)
 CODES = {name: code for code, name in TYPES.items()}
 SCANNER = 1  # coordinates of the scanner
+UNITS = {1: ("mm", 1000.0), 2: ("mm", 1.0), 3: ("µm", 1.0)}
 MILLIMETERS = 2
+SAME = 1e-3  # of a voxel, by which transforms may differ
 TO_LPS = np.diag([-1.0, -1.0, 1.0])
 
 
@@ -90,7 +93,7 @@ def read_nifti(path: Path, name: str, check: Check) -> Recording:
 
 def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
     """Write a volume with its geometry as NIfTI-1."""
-    kind = volume.values.dtype
+    volume, kind = in_unit(volume, "mm"), volume.values.dtype
     steps = TO_LPS @ volume.direction
     sign = -1.0 if np.linalg.det(steps) < 0 else 1.0
     origin = TO_LPS @ volume.origin
@@ -99,7 +102,7 @@ def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
     head["dim"] = (3, *volume.values.shape[::-1], 1, 1, 1, 1)
     head["datatype"], head["bitpix"] = CODES[kind.name], 8 * kind.itemsize
     head["pixdim"] = (sign, *volume.spacing, 0, 0, 0, 0)
-    head["slope"], head["units"] = 1, MILLIMETERS
+    head["slope"], head["units"] = 1, MILLIMETERS if unit_of_space(volume) else 0
     head["qform"] = head["sform"] = SCANNER
     head["quatern"] = _quaternion(steps * (1, 1, sign))
     head["qoffset"] = origin
@@ -131,7 +134,14 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
     offset = float(fields["offset"])
     if not LENGTHS[0] <= offset < 1 << 40:
         raise ValueError(f"{path.name}: its voxels begin at {offset:g}; correct vox_offset")
-    spacing, origin, direction = _place(fields)
+    (spacing, origin, direction), note = _place(fields)
+    unit, by = UNITS.get(int(fields["units"]) & 7, (UNKNOWN, 1.0))
+    spacing, origin = by * spacing, by * origin
+    slope, inter = float(fields["slope"]), float(fields["inter"])
+    if not math.isfinite(slope) or not math.isfinite(inter):
+        note.append(
+            f"scl_slope {slope:g} and scl_inter {inter:g} are no scale: values are as stored"
+        )
     known = header(size[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
     order: Literal["<", ">"] = ">" if fields.dtype["dim"].base.byteorder == ">" else "<"
     parts = parts if code in COLORS else shape[4]
@@ -142,6 +152,8 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
         is_color=code in COLORS or is_color((parts,), known.dtype),
         pixel=f"vector of {kind.name}",
         units="hu" if is_hounsfield(_word(fields["intent"])) else "",
+        length=unit,
+        note="; ".join(note),
     )
 
 
@@ -173,21 +185,31 @@ def _word(text: bytes) -> str:
     return text.split(b"\0")[0].decode("latin-1")
 
 
-def _place(fields: Any) -> tuple[Doubles, Doubles, Doubles]:
-    """Return spacing, origin and direction, LPS."""
-    spacing = np.array(fields["pixdim"][1:4], np.float64)
+def _place(fields: Any) -> tuple[tuple[Doubles, Doubles, Doubles], list[str]]:
+    """Return spacing, origin and direction, LPS; and what was chosen, for messages."""
+    spacing = np.array([float(str(size)) for size in fields["pixdim"][1:4]])  # 0.65, not 0.64999998
     affine = np.array(fields["srow"], np.float64)
     q, s = int(fields["qform"]), int(fields["sform"])
     length = np.linalg.norm(affine[:, :3], axis=0)
     steps = affine[:, :3] / np.where(length > 0, length, 1)
-    is_right_angled = np.allclose(steps.T @ steps, np.eye(3), atol=1e-3)
+    is_right_angled = np.allclose(steps.T @ steps, np.eye(3), atol=SAME)
+    of_s = (length, TO_LPS @ affine[:, 3], TO_LPS @ steps)
+    sign = -1.0 if fields["pixdim"][0] < 0 else 1.0
+    turned = _rotation(np.array(fields["quatern"], np.float64)) * (1, 1, sign)
+    of_q = (spacing, TO_LPS @ np.array(fields["qoffset"], np.float64), TO_LPS @ turned)
     if s > 0 and (q <= 0 or (s == SCANNER and is_right_angled)):
-        return spacing, TO_LPS @ affine[:, 3], TO_LPS @ steps
-    if q > 0:
-        sign = -1.0 if fields["pixdim"][0] < 0 else 1.0
-        turned = _rotation(np.array(fields["quatern"], np.float64)) * (1, 1, sign)
-        return spacing, TO_LPS @ np.array(fields["qoffset"], np.float64), TO_LPS @ turned
-    return spacing, np.zeros(3), np.eye(3)
+        is_valid = np.isfinite(spacing).all() and (spacing > 0).all()
+        if not is_valid or np.allclose(length, spacing, rtol=SAME, atol=0):
+            return (spacing, *of_s[1:]), []
+        told = [" x ".join(f"{step:.6g}" for step in steps_) for steps_ in (length, spacing)]
+        return of_s, [f"voxels are {told[0]} by sform, which is used, and {told[1]} by pixdim"]
+    if q <= 0:
+        return (spacing, np.zeros(3), np.eye(3)), []
+    differs = s > 0 and not all(
+        np.allclose(one, other, atol=SAME * spacing.max(), rtol=0)
+        for one, other in ((of_s[1], of_q[1]), (of_s[0] * of_s[2], spacing * of_q[2]))
+    )
+    return of_q, ["sform and qform differ; qform is used, as by ITK"] * differs
 
 
 def _rotation(quaternion: Doubles) -> Doubles:

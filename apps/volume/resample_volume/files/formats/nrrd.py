@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.lengths import times, unit_of_length
 from resample.types import Doubles
 from resample_volume.data.recordings import is_color
+from resample_volume.data.spacings import unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -23,6 +25,7 @@ from resample_volume.files.parsing.headers import (
     recording,
 )
 from resample_volume.files.parsing.texts import (
+    NOTHING,
     Fields,
     check_nrrd_numbers,
     files_named,
@@ -31,7 +34,7 @@ from resample_volume.files.parsing.texts import (
     whole,
 )
 from resample_volume.files.parsing.voxels import VoxelData, voxels
-from resample_volume.types import Recording, Volume
+from resample_volume.types import UNKNOWN, VOXEL, Recording, Volume
 
 TYPES = {
     "int8": ("signed char", "int8", "int8_t"),
@@ -60,6 +63,7 @@ SIGNS = {
 NUMBER = r"[^\s,()]+"
 VECTOR = re.compile(rf"none|\(\s*{NUMBER}(?:\s*,\s*{NUMBER})*\s*\)", re.IGNORECASE)
 IDENTITY = np.eye(3)
+WORD = re.compile(r'"([^"]*)"')
 
 
 class _Axes(NamedTuple):
@@ -97,6 +101,7 @@ def write_nrrd(path: Path, volume: Volume) -> None:
     """Write a volume with its geometry, compressed."""
     kind = volume.values.dtype
     steps = (volume.spacing * volume.direction).T
+    unit = unit_of_space(volume).replace("µ", "u").replace("Å", "angstrom")
     lines = (
         "NRRD0004",
         f"type: {WRITTEN[kind.name]}",
@@ -108,6 +113,7 @@ def write_nrrd(path: Path, volume: Volume) -> None:
         "endian: little",
         "encoding: gzip",
         f"space origin: {_vector(volume.origin)}",
+        *([f'space units: "{unit}" "{unit}" "{unit}"'] if unit else []),
     )
     with path.open("wb") as file:
         file.write("\n".join(lines).encode() + b"\n\n")
@@ -152,6 +158,8 @@ def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Vol
     if len(sizes) != 4:
         check_shape(sizes, name)
     spacing, origin, direction = _place(value, axes, path)
+    by, length = _unit(value, axes, path)
+    spacing, origin = times(spacing, by), times(origin, by)
     known = header(sizes[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
     parts = 1 if axes.part is None else axes.size[axes.part]
     listed = LISTED & set(value.get("kinds", "").lower().split())
@@ -162,7 +170,39 @@ def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Vol
         is_color=is_color((parts,), known.dtype) and not listed,
         pixel=f"vector of {kind.name}",
         units="hu" if any(map(is_hounsfield, units)) else "",
+        length=length,
+        note=_assumed(value, axes),
     )
+
+
+def _unit(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[float, str]:
+    """Return the unit of lengths, and the factor to it."""
+    if not value.keys() & {"space directions", "spacings"}:
+        return 1.0, VOXEL
+    words = WORD.findall(value.get("space units", ""))
+    if not words:
+        words = WORD.findall(value.get("units", ""))[: len(axes.size)]
+        words = [words[axis] for axis in axes.space[:3] if axis < len(words)]
+    units = {unit_of_length(word) for word in words} - {("", 1.0)}
+    if len(units) > 1:
+        raise ValueError(f"{path.name}: its lengths are in {', '.join(words)}; give one unit")
+    unit, by = next(iter(units), (UNKNOWN, 1.0))
+    return by, unit
+
+
+def _assumed(value: Mapping[str, str], axes: _Axes) -> str:
+    """Tell along which axes no distance of voxels is stated, and that values were quantized."""
+    quantized = {"old min", "oldmin", "old max", "oldmax"} & value.keys()
+    lines = ["values are as quantized: old min and old max are not applied"] * bool(quantized)
+    if "space directions" in value:
+        return "".join(lines)
+    words = value.get("spacings", "").lower().split()
+    missing = [n for n, axis in enumerate(axes.space[:3]) if words and words[axis] in NOTHING]
+    listed = " and ".join("xyz"[n] for n in missing)
+    lines += [f"no spacing along {listed} is stated; 1 is assumed"] * bool(missing)
+    if "axis maxs" in value and (missing or not words):
+        lines.append("axis maxs do not give it, as in ITK")
+    return "; ".join(lines)
 
 
 def _dtype(value: Mapping[str, str], path: Path) -> np.dtype[Any]:
@@ -198,7 +238,7 @@ def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, 
     vectors = _vectors(value, path)
     steps = [vectors[axis] for axis in axes.space[:3]] if vectors else []
     if not steps:
-        return _along_axes(value, axes)
+        return _along_axes(value, axes, path)
     if any(step is None for step in steps):
         raise ValueError(f"{path.name}: its space directions are none along x, y or z")
     name = value.get("space", "").lower()
@@ -211,7 +251,9 @@ def _place(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[Doubles, 
     return length, origin, unit.T
 
 
-def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles, Doubles]:
+def _along_axes(
+    value: Mapping[str, str], axes: _Axes, path: Path
+) -> tuple[Doubles, Doubles, Doubles]:
     """Do the same for a file without a space, from spacings and starts of axes."""
 
     def numbers(key: str) -> Doubles:
@@ -222,6 +264,8 @@ def _along_axes(value: Mapping[str, str], axes: _Axes) -> tuple[Doubles, Doubles
     spacing, low, high = numbers("spacings"), numbers("axis mins"), numbers("axis maxs")
     count = np.array(axes.size, np.float64)[axes.space[:3]]
     words = value.get("centers", value.get("centerings", "")).lower().split()
+    if len(words) not in (0, len(axes.size)):
+        raise ValueError(f"{path.name}: its centers are {len(words)}, not one per axis")
     nodes = np.array([words[axis] == "node" if words else False for axis in axes.space[:3]])
     told = np.where(np.isfinite(spacing), spacing, (high - low) / np.maximum(count - nodes, 1))
     origin = low + np.where(nodes, 0, told / 2)

@@ -157,4 +157,4 @@ def _evened(every: Recording, lattice: _Lattice, is_of_cells: bool) -> Recording
     x, y, z = (middles(each, of_cells=is_of_cells) for each in lattice.planes)
     even = rectilinear(volume.values, x, y, z, volume.name)
     values = even.values[np.newaxis, np.newaxis]
-    return Recording(values, *even[1:5], note=even.note)
+    return Recording(values, *even[1:5], note=even.note, length=every.length)

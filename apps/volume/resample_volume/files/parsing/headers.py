@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
-from resample_volume.data.recordings import SeveralTimesError, alone, how
-from resample_volume.types import Recording, Volume
+from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError, alone, how
+from resample_volume.types import UNKNOWN, Recording, Volume
 
 KEPT = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")
 WIDENED = {"bool": "uint8", "float16": "float32"}  # widened without loss
@@ -33,6 +33,8 @@ class VolumeHeader(NamedTuple):
     parts: int = 1  # numbers of a voxel
     is_color: bool = False  # whether these are the parts of a color
     pixel: str = ""  # what the file calls voxels of several numbers
+    length: str = UNKNOWN  # as `Volume` has it
+    note: str = ""
 
     @property
     def size(self) -> int:
@@ -107,7 +109,7 @@ def check_alone(known: VolumeHeader) -> None:
             f"(x, y, z): {how('time', known.times)}"
         )
     if known.parts > 1 and not known.is_color:
-        raise ValueError(
+        raise SeveralChannelsError(
             f"{known.name} has voxels of type {known.pixel or known.dtype.name!r}, {known.parts} "
             f"numbers each; a volume has one real number per voxel: {how('channel', known.parts)}"
         )
@@ -147,7 +149,8 @@ def recording(
         every = values.reshape(known.times, *space, known.parts)
         every = every.transpose(0, 4, 1, 2, 3)
     places = (known.spacing, known.origin, known.direction)
-    return Recording(every, *places, known.name, known.units, known.is_color)
+    found = Recording(every, *places, known.name, known.units, known.is_color)
+    return found._replace(note=known.note, length=known.length)
 
 
 def existing_file(path: Path) -> Path:

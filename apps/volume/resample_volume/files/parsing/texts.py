@@ -13,8 +13,10 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.lengths import SCALES, times, unit_of_length
 from resample.reading.limits import check_items, neighbour
 from resample.words import parts_of
+from resample_volume.types import VOXEL
 
 LONGEST_LINE = 1000  # bytes; lines of numbers are shorter
 MOST_LINES = 10_000  # of a header
@@ -44,6 +46,7 @@ BATCH = 1 << 16  # words parsed at a time
 PIECE = 1 << 20  # bytes of one piece of text
 LONGEST_WORD = 1000
 FORTRAN = re.compile(rb"(?<=[\d.])[dD]?(?=[+-]\d+$)|(?<=[\d.])[dD](?=\d+$)")  # of 1D-5, 1.0-101
+SPACING = re.compile(r"(.*[\d.])\s*((?!x)[^\W\d_]+)")  # with a unit
 Numbers = str | tuple[float, ...]  # three of them, x, y, z: (1, 1, 1.4) or "1x1x1.4"
 
 
@@ -265,6 +268,22 @@ def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:
     if len(found) != 3 or not all(0 < number < float("inf") for number in found):
         raise ValueError(f"{what} is three positive numbers like 1,1,1.4 (x, y, z), not {numbers}")
     return found
+
+
+def spacing_of(spacing: Numbers) -> tuple[tuple[float, ...], str]:
+    """Parse a spacing such as 1x1x1.4 or 0.2x0.2x1um; also return its unit, as `Volume` has it.
+
+    Without a spacing, it is 1 x 1 x 1 voxels.
+    """
+    if spacing == "":
+        return (1.0, 1.0, 1.0), VOXEL
+    found = SPACING.fullmatch(spacing) if isinstance(spacing, str) else None
+    if found is None or not found[2]:
+        return three_numbers("spacing", spacing), ""
+    unit, by = unit_of_length(found[2])
+    if not unit:
+        raise ValueError(f"{found[2]!r:.20} is no unit of length; give {', '.join(SCALES)}")
+    return tuple(times(number, by) for number in three_numbers("spacing", found[1])), unit
 
 
 def steps_of(spacing: Numbers) -> tuple[float, ...]:

@@ -26,7 +26,7 @@ from resample_volume.files.stacks.tags import (
     text,
     whole,
 )
-from resample_volume.types import Volume
+from resample_volume.types import VOXEL, Volume
 
 EVEN_GAPS = 0.01  # tolerance of slice distances, of their mean
 TILTED = 1e-3  # of a step, by which slices may lie aside of each other and stand upright
@@ -97,7 +97,8 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    known = known._replace(parts=parts, is_color=parts > 1, units=units)
+    known = known._replace(parts=parts, is_color=parts > 1, units=units, note=_note(slices, places))
+    known = known._replace(length="mm" if _is_sized(slices[0]) else VOXEL)
     check_alone(known)
     require_memory(known.size, name)
     check_unpacked(name, sum(file.stat().st_size for file in files), known.size)
@@ -194,7 +195,7 @@ def _slice(path: Path, dataset: Any, frame: int) -> _Slice:
         away = numbers(offsets, "GridFrameOffsetVector", count)
         place = place + away[frame] * np.cross(*axes)
     elif frame and not any("PlanePositionSequence" in each for each in _groups(dataset, frame)):
-        place = place + frame * _between(dataset, frame) * np.cross(*axes)
+        place = place + frame * (_between(dataset, frame) or 1.0) * np.cross(*axes)
     slope = float(_numbers(dataset, frame, SLOPE, (1,))[0])
     intercept = float(_numbers(dataset, frame, INTERCEPT, (0,))[0])
     return _Slice(path, dataset, frame, place, axes, slope, intercept)
@@ -223,12 +224,12 @@ def _numbers(dataset: Any, frame: int, where: tuple[str, str], otherwise: Any) -
 
 
 def _between(dataset: Any, frame: int) -> float:
-    """Return the distance of slices if their positions do not tell it."""
+    """Return the distance of slices if their positions do not tell it; 0: nothing tells it."""
     for key in ("SpacingBetweenSlices", "SliceThickness"):
         step = _numbers(dataset, frame, ("PixelMeasuresSequence", key), (0,))[0]
         if step > 0 and math.isfinite(step):
             return float(step)
-    return 1.0
+    return 0.0
 
 
 def _sorted(slices: list[_Slice]) -> list[_Slice]:
@@ -324,7 +325,7 @@ def _pixels(path: Path) -> NDArray[Any]:
         pixels = np.asarray(dataset.pixel_array)
         if text(dataset, "PhotometricInterpretation") == "PALETTE COLOR":
             return np.asarray(apply_color_lut(pixels, dataset))
-        if text(dataset, "PhotometricInterpretation") == "MONOCHROME1":  # lowest values are white
+        if _is_negative(dataset) and not _units(dataset):
             most = -1 if dataset.PixelRepresentation else 2**dataset.BitsStored - 1
             return (most - pixels.astype(np.int64)).astype(pixels.dtype)
         return pixels
@@ -350,7 +351,7 @@ def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
     dataset, frame = slices[0].dataset, slices[0].frame
     row, column = slices[0].axes
     down, across = np.resize(_numbers(dataset, frame, PIXELS, _imager(dataset)), 2)
-    normal, step = np.cross(row, column), _between(dataset, frame)
+    normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
     if len(slices) > 1 and np.isfinite(places).all():
         way = (places[-1] - places[0]) / (len(slices) - 1)
         length = float(np.linalg.norm(way))
@@ -359,6 +360,30 @@ def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
             if np.linalg.norm(way / length - normal) > TILTED:
                 normal = way / length
     return np.array([across, down, step]), np.column_stack([row, column, normal])
+
+
+def _is_sized(first: _Slice) -> bool:
+    """Return whether the size of pixels is stated."""
+    unknown = _numbers(first.dataset, first.frame, PIXELS, (math.nan,) * 2)
+    given = first.dataset.get("ImagerPixelSpacing")
+    return bool(np.isfinite(unknown).all()) or given not in (None, "", [])
+
+
+def _is_negative(dataset: Any) -> bool:
+    """Return whether the lowest values are shown white, by the pixels' interpretation."""
+    return text(dataset, "PhotometricInterpretation") == "MONOCHROME1"
+
+
+def _note(slices: list[_Slice], places: Doubles) -> str:
+    """Return what was assumed of slices, for messages."""
+    first, lines = slices[0], []
+    if _is_negative(first.dataset) and _units(first.dataset):
+        lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
+    if "ModalityLUTSequence" in first.dataset:
+        lines.append("ModalityLUTSequence is not applied: values are as stored")
+    if not (np.isfinite(places).all() and len(places) > 1) and not _between(*first[1:3]):
+        lines.append("no distance of slices is stated; 1 mm is assumed")
+    return "; ".join(lines)
 
 
 def _imager(dataset: Any) -> Doubles:
@@ -382,5 +407,7 @@ def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
     x, y = (found.spacing[n] * np.arange(found.values.shape[2 - n]) for n in (0, 1))
     even = rectilinear(found.values, x, y, z, name=found.name)
     direction = np.column_stack([found.direction[:, :2], way])
-    note = f"{even.note}; is a slice missing?"
-    return even._replace(origin=places[0], direction=direction, units=found.units, note=note)
+    note = "; ".join(filter(None, [f"{even.note}; is a slice missing?", found.note]))
+    return even._replace(
+        origin=places[0], direction=direction, units=found.units, note=note, length=found.length
+    )

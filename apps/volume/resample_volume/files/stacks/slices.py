@@ -1,4 +1,4 @@
-"""Read TIFF and PNG stacks, and the order of times, slices and channels in them."""
+"""Read TIFF and PNG stacks."""
 
 import re
 from collections.abc import Iterator
@@ -14,11 +14,10 @@ from resample.reading.native import suppressed_output
 from resample.reading.pictures import check_picture, opened
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import VolumeHeader
+from resample_volume.files.stacks.descriptions import Page
 
+PHOTOMETRIC = "tiff:PhotometricInterpretation"
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
-OME = {"Z": r'SizeZ="(\d+)"', "C": r'SizeC="(\d+)"', "T": r'SizeT="(\d+)"'}
-IMAGEJ = {"Z": r"^slices=(\d+)", "C": r"^channels=(\d+)", "T": r"^frames=(\d+)"}
-IMAGEJ_ORDER = "CZT"  # channels change from page to page
 
 
 class SlicePage(NamedTuple):
@@ -29,7 +28,7 @@ class SlicePage(NamedTuple):
     height: int
     channels: int
     dtype: str
-    description: str = ""
+    told: Page
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
@@ -66,20 +65,23 @@ def stack_pages(paths: list[Path]) -> list[SlicePage]:
     return pages
 
 
-def stack_values(paths: list[Path], known: VolumeHeader) -> NDArray[Any]:
-    """Read values (Z, Y, X), or colors (Z, Y, X, C), of picture files."""
+def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage]) -> NDArray[Any]:
+    """Read values (N, Y, X), or colors (N, Y, X, C), of all pages of picture files."""
     require_memory(known.size, known.name)
     check_unpacked(known.name, sum(path.stat().st_size for path in paths), known.size)
-    values = np.empty((*known.shape[::-1], known.parts), known.dtype)
+    parts = pages[0].channels
+    values = np.empty((len(pages), *known.shape[1::-1], parts), known.dtype)
     with suppressed_output():
-        pages = ((path, image) for path in paths for _, image in _walk(path))
-        for n, (path, image) in enumerate(pages):
+        every = ((path, image) for path in paths for _, image in _walk(path))
+        for n, (path, image) in enumerate(every):
             check_picture(path, image.spec())
             pixels = image.read_image("unknown")  # as stored
             if pixels is None:
                 raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
+            if pixels.dtype == np.uint16 and not image.spec().get_int_attribute(PHOTOMETRIC, 1):
+                pixels = 65535 - pixels  # lowest values are white; bytes are inverted already
             values[n] = _straight(pixels, image.spec())
-    return values if known.parts > 1 else values[..., 0]
+    return values if parts > 1 else values[..., 0]
 
 
 def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
@@ -89,8 +91,11 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
         while image.seek_subimage(n, 0):
             spec = image.spec()
             kind = NUMPY.get(str(spec.format), str(spec.format))
-            header = spec.get_string_attribute("ImageDescription")
-            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, header), image
+            each = [spec.get_float_attribute(f"{axis}Resolution") for axis in "XY"]
+            unit = spec.get_string_attribute("ResolutionUnit")
+            text = spec.get_string_attribute("ImageDescription")
+            told = Page(text, (each[0], each[1]), unit, spec.get_int_attribute("Orientation", 1))
+            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
             n += 1
         image.geterror()  # clears the error that there is no page n
 
@@ -130,48 +135,3 @@ def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
 
 def _last(message: str) -> str:
     return message.strip().rpartition("\n")[2] or "no reason given"
-
-
-class PageOrder(NamedTuple):
-    """Order of pages of several times, slices and channels."""
-
-    times: int
-    channels: int
-    slices: int
-    fastest: str  # Z, C and T in the order in which they change, the first from page to page
-
-    def sorted(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Reshape pages (N, Y, X) to (T, C, Z, Y, X); further axes are kept."""
-        size = {"T": self.times, "C": self.channels, "Z": self.slices}
-        slowest = self.fastest[::-1]
-        split = values.reshape(*(size[axis] for axis in slowest), *values.shape[1:])
-        places = [slowest.index(axis) for axis in "TCZ"]
-        return split.transpose(*places, *range(3, split.ndim))
-
-
-def page_order(description: str, pages: int, parts: int, name: str) -> PageOrder | None:
-    """Parse the page order from a file's description, as of OME and ImageJ.
-
-    `parts`: numbers per pixel: color components are not channels. Result: None if it says nothing,
-    or that all pages are slices of one volume.
-    """
-    if "<OME" in description:
-        found = re.search(r'DimensionOrder="XY([ZCT]{3})"', description)
-        fastest, forms = (found[1] if found else "ZCT"), OME
-    elif description.startswith("ImageJ="):
-        fastest, forms = IMAGEJ_ORDER, IMAGEJ
-    else:
-        return None
-    size = {axis: re.search(form, description, re.MULTILINE) for axis, form in forms.items()}
-    count = {axis: int(match[1]) if match else 1 for axis, match in size.items()}
-    if parts > 1:
-        count["C"] = max(1, count["C"] // parts)
-    if count["C"] * count["T"] == 1:
-        return None
-    said = count["T"] * count["C"] * count["Z"]
-    if said != pages or (parts > 1 and count["C"] > 1):
-        raise ValueError(
-            f"{name} has {pages} pages and says that they are {count['T']} times, {count['C']} "
-            f"channels and {count['Z']} slices; convert it to one file with a page for each"
-        )
-    return PageOrder(count["T"], count["C"], count["Z"], fastest)

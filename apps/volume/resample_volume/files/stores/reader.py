@@ -22,8 +22,8 @@ from resample_volume.files.parsing.headers import (
     header,
     stem,
 )
-from resample_volume.files.parsing.texts import Numbers, three_numbers
-from resample_volume.types import Recording, Volume
+from resample_volume.files.parsing.texts import Numbers, spacing_of
+from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording, Volume
 
 if TYPE_CHECKING:
     import zarr
@@ -48,8 +48,7 @@ class Zarr:
     )
 
     def __post_init__(self) -> None:
-        if self.spacing:
-            three_numbers("spacing", self.spacing)
+        spacing_of(self.spacing)
 
     def __call__(self, path: Place) -> Volume:
         return alone(self.recorded(path, check_alone))
@@ -103,6 +102,7 @@ class Zarr:
         values = Chunked(array, layout.axes, brick=brick, store=path.resolve(), holes=holes)
         place = (known.spacing, known.origin, known.direction)
         told = Recording(values, *place, name, layout.units, layout.is_color, space=layout.space)
+        told = told._replace(length=known.length, looks=_looks(layout))
         missing = holes.message(array.fill_value)
         if not number:
             return told._replace(note=missing)
@@ -142,7 +142,7 @@ class Zarr:
         if layout.direction is not None:
             direction = layout.direction @ direction
         if self.spacing:
-            spacing = np.array(three_numbers("spacing", self.spacing))
+            spacing = np.array(spacing_of(self.spacing)[0])
         known = header(
             tuple(size[letter] for letter in SPACE[::-1]),
             array.dtype,
@@ -152,7 +152,9 @@ class Zarr:
             direction=direction,
         )
         times, parts = size.get("t", 1), size.get("c", 1)
-        return known._replace(times=times, parts=parts, is_color=layout.is_color)
+        length = spacing_of(self.spacing)[1] if self.spacing else layout.unit or UNKNOWN
+        known = known._replace(times=times, parts=parts, length=length)
+        return known._replace(is_color=layout.is_color)
 
 
 def with_level(reader: Any, level: int) -> Any:
@@ -208,7 +210,7 @@ def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
             "and channels before them"
         )
     count = array.ndim
-    return Layout(letters, (Level("", np.ones(count), np.zeros(count), is_placed=True),))
+    return Layout(letters, (Level("", np.ones(count), np.zeros(count), is_placed=True),), VOXEL)
 
 
 def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
@@ -236,6 +238,18 @@ def _coarser(layout: Layout, number: int, level: Level, shape: tuple[int, ...]) 
         f"level {number} of 0 to {len(layout.levels) - 1} ({level.path}{where}) has {size} voxels: "
         f"its pictures are {LOSS.get(number, 'less than 39')} dB from those of level 0"
     )
+
+
+def _looks(layout: Layout) -> tuple[ChannelLook, ...]:
+    """Return the looks of channels, if some have a color."""
+    if not any(one.color for one in layout.looks):
+        return ()
+    found = []
+    for one in layout.looks:
+        window = None if one.window is None else (one.window.start, one.window.end)
+        color = f"#{one.color.strip('#')[:6].lower()}" if one.color else ""
+        found.append(ChannelLook(one.label, color, window, one.active))
+    return tuple(found)
 
 
 def _lengths(level: Level, axes: str) -> "tuple[Any, Any]":

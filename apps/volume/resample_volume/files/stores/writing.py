@@ -1,7 +1,7 @@
 """Write volumes as OME-Zarr 0.5, brick by brick."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
@@ -18,8 +18,9 @@ from resample.files.writing import beside, unwritten
 from resample.outofcore.bricks import Box, Step, boxes_of
 from resample.types import Doubles
 from resample.watching import Progress
+from resample_volume.data.spacings import unit_of_space
 from resample_volume.data.values import values_of
-from resample_volume.types import Recording
+from resample_volume.types import ChannelLook, Recording
 
 if TYPE_CHECKING:
     import zarr
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 SMALLEST = 64  # voxels along the longest axis of the last level
 VERSION = "0.5"
 COMPRESSIONS = ("zstd", "blosc", "none")
+UDUNITS = {"mm": "millimeter", "µm": "micrometer", "Å": "angstrom"}
 NAMES = {"t": "time", "c": "channel", "z": "space", "y": "space", "x": "space"}
 
 
@@ -215,11 +217,6 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
                 yield done / total
 
 
-def _box_reader(recording: Recording, time: int, part: int) -> Callable[[Box], NDArray[Any]]:
-    """Return a reader of boxes."""
-    return values_of(recording.values[time, part]).read
-
-
 def _finer(box: Box, per: Step) -> Box:
     """Return the box of the finer level that a box is averaged from."""
     z, y, x = (slice(n * side.start, n * side.stop) for side, n in zip(box, per, strict=True))
@@ -229,7 +226,8 @@ def _finer(box: Box, per: Step) -> Box:
 def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:
     """Return OME-Zarr's attributes of an image, and our own."""
     letters = _letters(recording)
-    unit = {"unit": "millimeter"} if recording.space == "lps" else {}
+    name = UDUNITS.get(unit_of_space(recording), "")
+    unit = {"unit": name} if name else {}
     axes = [
         {"name": axis, "type": NAMES[axis], **(unit if NAMES[axis] == "space" else {})}
         for axis in letters
@@ -241,7 +239,21 @@ def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:
         "space": recording.space,
         "color": recording.is_color,
     }
-    return {"ome": {"version": VERSION, "multiscales": [image]}, OWN: own}
+    whole: dict[str, Any] = {"version": VERSION, "multiscales": [image]}
+    if recording.looks:
+        whole["omero"] = {"channels": [_channel(look) for look in recording.looks]}
+    return {"ome": whole, OWN: own}
+
+
+def _channel(look: ChannelLook) -> dict[str, Any]:
+    """Return the look of a channel as OMERO has it."""
+    told: dict[str, Any] = {"label": look.label, "active": look.is_active}
+    if look.color:
+        told["color"] = look.color.removeprefix("#").upper()
+    if look.window is not None:
+        low, high = look.window
+        told["window"] = {"start": low, "end": high, "min": low, "max": high}
+    return told
 
 
 def _datasets(recording: Recording, shapes: list[Step]) -> list[dict[str, Any]]:

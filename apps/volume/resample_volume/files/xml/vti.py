@@ -60,7 +60,8 @@ def read_vtr(path: Path, wanted: ArrayQuery, name: str) -> Volume:
     axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
     x, y, z = (middles(vtk_to_numpy(axis), of_cells=chosen.is_of_cells) for axis in axes)
     values = part_of(values, chosen, wanted, name)
-    return rectilinear(values.reshape(known.shape[::-1]), x, y, z, name)
+    made = rectilinear(values.reshape(known.shape[::-1]), x, y, z, name)
+    return made._replace(length=known.length)
 
 
 def grid_of(path: Path, reader_name: str) -> Any:
