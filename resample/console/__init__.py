@@ -9,6 +9,8 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
 from typing import TextIO
 
 from resample.words import visible
@@ -72,6 +74,19 @@ def _lead_nowhere(number: int) -> None:
 def say(text: str) -> None:
     """Print one line for the user to stderr."""
     write_message(f"resample: {visible(text)}\n")
+
+
+def say_of(path: Path, text: str) -> None:
+    """Print one line about a file, or nothing if the same was said of another in its folder."""
+    first = _first_of(path.absolute().parent, text)
+    if first.setdefault("name", path.name) == path.name:
+        say(f"{path.name}: {text}")
+
+
+@lru_cache(1 << 10)
+def _first_of(folder: Path, text: str) -> dict[str, str]:  # noqa: ARG001 - the key
+    """Name of the file of a folder of which something is said; empty at first."""
+    return {}
 
 
 class _Listener(logging.Handler):
