@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.facts.colors import is_encoded
+from resample.files.facts.metadata import orientation_of, upright
 from resample.lazy import renamed
 from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
@@ -161,9 +162,9 @@ def read_image(path: str | Path, page: int = 0, encoding: str = "auto") -> Float
 
 
 def read_channels(path: str | Path, page: int = 0) -> dict[str, Floats]:
-    """Read all channels of a file by name, (H, W) each, as stored."""
+    """Read all channels of a file by name, (H, W) each, upright, with values as stored."""
     file = open_file(path, page)
-    data = file.values()
+    data = upright(file.values(), orientation_of(file.path, file.source.spec()))
     return {name: data[..., n] for n, name in enumerate(file.encoding.names)}
 
 

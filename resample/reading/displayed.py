@@ -75,7 +75,7 @@ class DisplayedInput:
             color = [n - begin for n in range(begin, end) if n != own.alpha_channel]
             most = np.iinfo(rows.dtype).max if rows.dtype.kind == "u" else 1
             rows[..., color] = most - rows[..., color]
-        if self.outside:
+        if self.outside and rows.dtype.kind == "f":
             y, x, is_outside = own.y - top - first, own.x - left, np.ones(rows.shape[:2], np.bool_)
             is_outside[max(0, y) : max(0, y + own.height), max(0, x) : max(0, x + own.width)] = (
                 False
