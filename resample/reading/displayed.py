@@ -73,14 +73,11 @@ class DisplayedInput:
             return None
         if _is_white(own):
             color = [n - begin for n in range(begin, end) if n != own.alpha_channel]
-            most = np.iinfo(rows.dtype).max if rows.dtype.kind == "u" else 1
-            rows[..., color] = most - rows[..., color]
+            rows[..., color] = (65535 if rows.dtype.kind == "u" else 1) - rows[..., color]
         if self.outside and rows.dtype.kind == "f":
-            y, x, is_outside = own.y - top - first, own.x - left, np.ones(rows.shape[:2], np.bool_)
-            is_outside[max(0, y) : max(0, y + own.height), max(0, x) : max(0, x + own.width)] = (
-                False
-            )
-            rows[is_outside] = self.outside
+            y, x, is_inside = own.y - top - first, own.x - left, np.zeros(rows.shape[:2], np.bool_)
+            is_inside[max(0, y) : max(0, y + own.height), max(0, x) : max(0, x + own.width)] = True
+            rows[~is_inside] = self.outside
         return np.asarray(rows / np.float32(self._exposure) if self._exposure != 1 else rows)
 
     def read_image(self, *where: Any) -> NDArray[Any] | None:
@@ -102,7 +99,7 @@ def displayed(source: Any, path: str | Path) -> Any:
     spec = source.spec()
     if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) == CIELAB:
         raise ValueError(f"{path} is in CIELAB, which is not read; convert it to RGB")
-    if _is_white(spec) and spec.format not in ("uint8", "uint16"):
+    if _is_white(spec) and spec.format != "uint16":
         raise ValueError(
             f"{path} is of the kind MinIsWhite, whose white is not known for {spec.format}; write "
             "it as MinIsBlack"

@@ -163,7 +163,10 @@ def opened(path: str | Path, page: int = 0) -> Any:
         raise OSError(f"{path} is not a picture that can be read: {complaint_of(OpenImageIO)}")
     if page and not source.seek_subimage(page, 0):
         raise OSError(f"{path} has no page {page + 1}: {complaint_of(source)}")
-    return displayed(source, path)
+    seen = displayed(source, path)
+    if seen is not source:  # it is decoded as a whole
+        check_picture(path, source.spec())
+    return seen
 
 
 def is_avif(path: str | Path) -> bool:

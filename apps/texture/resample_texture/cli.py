@@ -214,7 +214,7 @@ def info(
     For example:
 
         resample-texture info sample:bricks
-        resample-texture info photo.tif
+        resample-texture info sample:page
         resample-texture info sample:test-card --json
 
     Parameters

@@ -27,6 +27,7 @@ USUAL_GAMMA = 40_000, 50_000  # 1 / 2.2 is 45,455 in a PNG file
 LINEAR_GAMMA = 95_000, 105_000
 NEAR = 3  # levels by which a profile of sRGB differs from another
 FLOATS = (".tif", ".tiff")  # whose floats may be anything
+CHRM = 8 + 32 + 4  # bytes of a chunk
 SPACES = ("tiff:ColorSpace", "jpeg:ColorSpace")
 SQUARE = 0.01  # by which square pixels are wider than high
 
@@ -57,7 +58,7 @@ def colors_of(path: Path, spec: Any) -> str:
     found, primaries = _chunks_of(path), spec.getattribute("chromaticities")
     if b"sRGB" in found:
         return ""
-    if b"cHRM" in found:
+    if len(found.get(b"cHRM", b"")) == CHRM:
         white_first = np.frombuffer(found[b"cHRM"][8:-4], ">u4", 8) / 100_000
         primaries = np.roll(white_first, -2)
     gamma = int.from_bytes(found[b"gAMA"][8:-4]) if b"gAMA" in found else USUAL_GAMMA[1]
