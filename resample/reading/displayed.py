@@ -12,7 +12,7 @@ from resample.reading.native import plain, suppressed_output
 
 EXPOSURE = re.compile(rb"^EXPOSURE\s*=\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)", re.MULTILINE)
 TURNED = re.compile(rb"^([+-]X) \d+ ([+-]Y) \d+$", re.MULTILINE)
-TURNS = {(b"+X", b"+Y"): 8, (b"-X", b"-Y"): 6}  # Exif's numbers, which OpenImageIO 3.2 exchanges
+TURNS = {b"+X+Y": 8, b"-X-Y": 6}  # Exif's numbers, which OpenImageIO 3.2 exchanges
 HEADER = 1 << 16  # bytes within which a Radiance file's header ends
 WHITE, CIELAB = 0, 8  # photometric interpretations of TIFF: zero is white; L*a*b*
 
@@ -124,7 +124,7 @@ def _is_white(spec: Any) -> bool:
 
 def _radiance(source: Any, path: str | Path) -> tuple[float, int]:
     """Exposure, by which a Radiance file's values have been multiplied, and orientation."""
-    orientation = source.spec().get_int_attribute("Orientation", 1)
+    orientation = int(source.spec().get_int_attribute("Orientation", 1))
     if source.format_name() != "hdr":
         return 1.0, orientation
     with Path(path).open("rb") as file:
@@ -133,4 +133,4 @@ def _radiance(source: Any, path: str | Path) -> tuple[float, int]:
     order = TURNED.match(rest)
     exposure = math.prod(float(found) for found in EXPOSURE.findall(texts))
     exposure = exposure if 0 < exposure < math.inf else 1.0
-    return exposure, TURNS.get(order.groups(), orientation) if order else orientation
+    return exposure, TURNS.get(order[1] + order[2], orientation) if order else orientation

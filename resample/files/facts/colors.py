@@ -116,7 +116,7 @@ def is_srgb(profile: bytes) -> bool:
     from PIL import Image, ImageCms
 
     mode = {b"GRAY": "L", b"RGB ": "RGB"}.get(profile[16:20], "")
-    ramp = np.arange(0, 256, 17, np.uint8)
+    ramp = np.arange(0, 256, 17).astype(np.uint8)
     colors = ramp if mode == "L" else np.stack(np.meshgrid(ramp, ramp, ramp), axis=3)
     image = Image.fromarray(colors.reshape(len(ramp), -1, *colors.shape[3:]))
     try:
