@@ -355,6 +355,11 @@ TIFFS = [
             ("16 bits", DEEP_ALPHA),
         )
     ),
+    *(
+        Variant("TGA", "image descriptor", case, "obeyed",
+                partial(_by_pillow, "RGB", ".tga", orientation=orientation))
+        for case, orientation in (("rows run up", -1), ("rows run down", 1))
+    ),
     Variant("JPEG", "CMYK", "8 bits", "told", partial(_by_pillow, "CMYK", ".jpg"), "CMYK"),
     Variant("JPEG", "components", "gray", "obeyed", partial(_by_pillow, "L", ".jpg", quality=98)),
     *(

@@ -211,6 +211,8 @@ TEXTS = [
          partial(_text, "in.xyz", _table("\t", PLACE, comma=True))),
         ("PTS", "count", "before the points",
          partial(_text, "in.pts", _table(" ", PLACE, title=f"{COUNT}"))),
+        ("PTS", "decimal comma", "after a count",
+         partial(_text, "in.pts", _table(" ", PLACE, title=f"{COUNT}", comma=True))),
         ("CSV", "separator", "comma", partial(_text, "in.csv", _table(",", PLACE))),
         ("CSV", "separator", "comma and blank", partial(_text, "in.csv", _table(", ", PLACE))),
         ("CSV", "separator", "semicolon", partial(_text, "in.csv", _table(";", PLACE))),

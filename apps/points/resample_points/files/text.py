@@ -1,5 +1,6 @@
 """Read clouds from columns of text: XYZ, PTS, CSV."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ COLUMNS = {
 }
 COLORS_FIRST = "x y z r g b value"
 WITH_NORMALS = "x y z nx ny nz"
+SEPARATORS = re.compile(r"[\s;,]+")
 UNIT = 0.02  # most by which lengths of normals differ from 1
 
 
@@ -55,11 +57,10 @@ def read_pts(path: Path) -> Cloud:
 def _has_decimal_commas(text: str) -> bool:
     """Whether commas are within numbers, by the first line of numbers."""
     for line in text.splitlines():
-        words = line.split(";") if ";" in line else line.split()
-        if len(words) > 2 and all(NUMBER.fullmatch(word.strip()) for word in words):
-            return "," in line
-        if line[:1].isdecimal():
-            return False
+        parts = [part for part in SEPARATORS.split(line) if part]
+        if len(parts) > 2 and all(NUMBER.fullmatch(part) for part in parts):
+            words = line.split(";") if ";" in line else line.split()
+            return len(words) > 2 and all(NUMBER.fullmatch(word.strip()) for word in words)
     return False
 
 
