@@ -127,8 +127,14 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
     is_linear = not kind.is_encoded and kind.bits <= 8 * np.dtype(form).itemsize
+    if about.says_linear and kind.bits == 8 and suffix != ".png":
+        is_linear = False  # only PNG can say so of 8 bits
     is_light = look.is_light and not (about.number or (is_linear and kind.bits < 32))
     about = _with_colors(path, picture, about, is_same=kind.is_encoded == (is_whole and is_light))
+    if tells and about.says_linear and is_linear and suffix in TIFF:
+        say(
+            f"{path.name} cannot say that its values are linear light, as its source does; .png can"
+        )
     if tells:
         tell_colors(path, about, is_guessed=suffix == ".exr" or (is_whole and is_light))
     if is_whole:

@@ -518,6 +518,17 @@ MARKS = [
     ),
 ]  # fmt: skip
 
+LINEAR = [
+    Variant("PNG", f"{field}, linear", f"to {target}", "obeyed",
+            partial(_marked, before, target, levels=np.full((8, 8, 3), 55, np.uint8)))
+    for field, before in (("gAMA", gamma(100_000)), ("cICP", _cicp(1, 8, 0, 1)))
+    for target in (".jpg", ".webp", ".avif", ".tif")
+]  # fmt: skip
+MARKS += [
+    Variant("PNG", "gAMA, linear", "16 bits, to .tif", "told",
+            partial(_marked, gamma(100_000), ".tif", levels=DEEP), "linear light"),
+]  # fmt: skip
+
 # ------------------------------------------------------ where light alone is used, as in 3D views
 
 LIGHT_ONLY = [
@@ -582,7 +593,7 @@ FILMS = [
         ("sample_aspect_ratio", "2 : 1", {"sample_aspect_ratio": Fraction(2)}, "2 times as wide"),
     )
 ]  # fmt: skip
-VARIANTS = [*READ, *MARKS, *LIGHT_ONLY, *LOOPS, WIDE_FRAMES, *FILMS]
+VARIANTS = [*READ, *MARKS, *LINEAR, *LIGHT_ONLY, *LOOPS, WIDE_FRAMES, *FILMS]
 
 
 @pytest.mark.parametrize("one", READ, ids=str)
@@ -638,6 +649,15 @@ def test_colors_of_a_copy_are_those_of_its_source(one, tmp_path, capsys):
         np.testing.assert_array_equal(
             *(OpenImageIO.ImageBuf(str(path)).get_pixels() for path in copied)
         )
+
+
+@pytest.mark.parametrize("one", LINEAR, ids=str)
+def test_linear_light_is_encoded_where_files_cannot_say_so(one, tmp_path):
+    copied: Copied = one.write(tmp_path)
+    write_picture(copied.target, read_picture(copied.source, as_data=True), WriteOptions())
+    with Image.open(copied.target) as image:
+        levels = np.asarray(image.convert("RGB"), np.float64)
+    np.testing.assert_allclose(levels, 255 * shown(np.array(55 / 255)), atol=2)
 
 
 @pytest.mark.parametrize("one", LIGHT_ONLY, ids=str)
