@@ -10,6 +10,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from functools import lru_cache
+from pathlib import Path
 from typing import TextIO
 
 from resample.words import visible
@@ -94,6 +96,19 @@ def say_notes() -> None:
         if not is_said:
             say(text)
             notes[text] = True
+
+
+def say_of(path: Path, text: str) -> None:
+    """Print one line about a file, or nothing if the same was said of another in its folder."""
+    first = _first_of(path.absolute().parent, text)
+    if first.setdefault("name", path.name) == path.name:
+        say(f"{path.name}: {text}")
+
+
+@lru_cache(1 << 10)
+def _first_of(folder: Path, text: str) -> dict[str, str]:  # noqa: ARG001 - the key
+    """Name of the file of a folder of which something is said; empty at first."""
+    return {}
 
 
 class _Listener(logging.Handler):

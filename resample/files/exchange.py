@@ -90,6 +90,7 @@ def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | Non
 
     found = picture_at(place_of(path))
     if found.is_plain:
+        found.tell_colors()
         return found.load().data, found.is_encoded
     return read_picture(found.path).data, None
 

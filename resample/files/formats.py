@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from resample.colors import to_srgb
 from resample.console import Color, say
-from resample.files.facts.metadata import AS_FLOATS, JPEG, TIFF, FileMetadata
+from resample.files.facts.metadata import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.types import Floats
@@ -17,6 +17,7 @@ SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
 BY_PILLOW = {".webp": "webp", ".avif": "avif"}  # its names of what it is built with
 QUALITY = {".jpg": 95, ".jpeg": 95, ".webp": 90, ".avif": 85}  # unless given
 NO_LOSS = "lossless"
+PHOTO = "; for a photo give --encoding srgb"
 LOSSLESS = ("none", "rle", "zips", "zip", "piz")  # compressions of EXR
 
 
@@ -119,18 +120,52 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
     if suffix in (".png", *JPEG, *BY_PILLOW) and count - kind.has_alpha not in (1, 3):
         raise ValueError(f"{path}: {count} channels do not fit into {suffix}; take .exr or .tif")
     form = _form(suffix, kind, about, look)
+    is_whole = form != "float32"
     if about.geo is not None:
         if tells and about.geo.has_place and suffix not in TIFF:
             say(f"{path.name} cannot store the picture's georeference; .tif can")
         if not fits(about.geo.missing, form):
             about = about._replace(geo=about.geo._replace(nodata=""))
     is_linear = not kind.is_encoded and kind.bits <= 8 * np.dtype(form).itemsize
+    if about.says_linear and kind.bits == 8 and suffix != ".png":
+        is_linear = False  # only PNG can say so of 8 bits
     is_light = look.is_light and not (about.number or (is_linear and kind.bits < 32))
-    if form != "float32":
+    about = _with_colors(path, picture, about, is_same=kind.is_encoded == (is_whole and is_light))
+    if tells and about.says_linear and is_linear and suffix in TIFF:
+        say(
+            f"{path.name} cannot say that its values are linear light, as its source does; .png can"
+        )
+    if tells:
+        tell_colors(path, about, is_guessed=suffix == ".exr" or (is_whole and is_light))
+    if is_whole:
         data = _integers(picture, form, is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
     return StoredPage(data, kind, about, look, is_light)
+
+
+def tell_colors(path: Path, about: FileMetadata, *, is_guessed: bool) -> None:
+    """Say what a file cannot store of its source's colors, and what is assumed of them."""
+    if about.assumed and is_guessed:
+        say(f"{path.name}: its source's {about.assumed}{PHOTO * ('bits' in about.assumed)}")
+    if about.colors:
+        say(f"{path.name} cannot store the source's {about.colors}: its colors are taken for sRGB")
+
+
+def _with_colors(
+    path: Path, picture: Picture, about: FileMetadata, *, is_same: bool
+) -> FileMetadata:
+    """Metadata with what a file can store of the colors; `colors` is what it cannot.
+
+    `is_same`: values are encoded, or linear, as in the source.
+    """
+    suffix, count = path.suffix.lower(), len(picture.kind.channels) - picture.kind.has_alpha
+    colors = PROFILE_SPACES.get(about.profile[16:20], 0)
+    is_held = is_same and suffix != ".exr" and colors == (3 if suffix in BY_PILLOW else count)
+    profile, marks = about.profile * is_held, about.marks * (is_same and suffix == ".png")
+    is_named = suffix == ".exr" and any(name == "chromaticities" for name, _, _ in about.spoken)
+    lost = "" if profile or marks or is_named else about.colors
+    return about._replace(profile=profile, marks=marks, colors=lost)
 
 
 def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:

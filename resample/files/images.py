@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.files.facts.metadata import is_display_referred
+from resample.files.facts.colors import is_encoded
+from resample.files.facts.metadata import orientation_of, upright
 from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
 from resample.types import Floats
@@ -45,7 +46,12 @@ class LightEncoding(NamedTuple):
         """
         alpha = self.names.index("A") if "A" in self.names else None
         color = [n for n in range(len(self.names)) if n != alpha]
-        if self.is_encoded and 0 < self.levels < (size or data.size):  # faster than powers
+        is_multiplied = self.is_encoded and not self.is_straight and alpha is not None
+        if is_multiplied and self.levels:  # levels of displays, by alpha
+            opacity = data[..., alpha, None]
+            data[..., color] /= np.where(opacity > 0, opacity, 1)
+            data[..., color] = from_srgb(data[..., color]) * opacity
+        elif self.is_encoded and 0 < self.levels < (size or data.size):  # faster than powers
             light = from_srgb((np.arange(self.levels + 1) / self.levels).astype(np.float32))
             for row in data:
                 row[:, color] = light[(row[:, color] * self.levels + 0.5).astype(np.uint16)]
@@ -125,15 +131,12 @@ def open_file(path: str | Path, page: int = 0, encoding: str = "auto") -> Pictur
     spec = source.spec()
     form = str(spec.format)
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
-    is_integer = form not in ("half", "float", "double")
-    if is_integer and encoding != "auto":
-        is_encoded = encoding == "srgb"
-    elif form == "uint16" and "lin" not in space:
-        is_encoded = is_display_referred(Path(path), spec)
+    if form in ("half", "float", "double"):
+        has_curve = "srgb" in space
     else:
-        is_encoded = "srgb" in space or (is_integer and "lin" not in space)
+        has_curve = encoding == "srgb" if encoding != "auto" else is_encoded(Path(path), spec)
     is_straight = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
-    light = LightEncoding(tuple(spec.channelnames), is_encoded, is_straight, MOST.get(form, 0))
+    light = LightEncoding(tuple(spec.channelnames), has_curve, is_straight, MOST.get(form, 0))
     return PictureFile(Path(path), source, form, light)
 
 
@@ -150,9 +153,9 @@ def read_image(path: str | Path, page: int = 0, encoding: str = "auto") -> Float
 
 
 def read_channels(path: str | Path, page: int = 0) -> dict[str, Floats]:
-    """Read all channels of a file by name, (H, W) each, as stored."""
+    """Read all channels of a file by name, (H, W) each, upright, with values as stored."""
     file = open_file(path, page)
-    data = file.values()
+    data = upright(file.values(), orientation_of(file.path, file.source.spec()))
     return {name: data[..., n] for n, name in enumerate(file.encoding.names)}
 
 

@@ -14,11 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.console import say_of
+from resample.files.facts.colors import oddities_of
 from resample.files.facts.geotiff import moved
 from resample.files.facts.metadata import (
     TURNS,
     FileMetadata,
     about_file,
+    orientation_of,
     page_tags,
     turn,
     upright,
@@ -174,6 +177,8 @@ class LoadablePicture:
         file = self._file
         if file is not None:
             check_picture(file.path, file.source.spec(), 4)
+        if not (self.as_data or self.page):
+            self.tell_colors()
         kind, channels = alpha_last(self.header.kind)
         data, done = np.empty((height, width, len(channels)), self._form), 0
         for strip in self._strips(file):
@@ -215,7 +220,18 @@ class LoadablePicture:
         """The file, opened; None for zarr."""
         if isinstance(self.path, Address) or self.stored is not None:
             return None
-        return open_file(self.path, self.page, self.encoding)
+        file = open_file(self.path, self.page, self.encoding)
+        for odd in oddities_of(file.source.spec()) if self.page == 0 else ():
+            say_of(self.path, f"its {odd}")
+        return file
+
+    def tell_colors(self) -> None:
+        """Say which colors are lost, or assumed, where light alone is used."""
+        about = self.header.about
+        lost = f"colors are taken for sRGB, not {about.colors}" if about.colors else ""
+        for each in filter(None, (lost, about.assumed)):
+            assert isinstance(self.path, Path)  # stores say nothing of colors
+            say_of(self.path, f"its {each}")
 
     def _levels(self, file: PictureFile | None) -> Iterator[NDArray[Any]]:
         """Levels of a file as stored, in the order of the kind's channels."""
@@ -313,15 +329,16 @@ def _header(
     about = about_file(file.path, spec, pages[page] if page < len(pages) else {})
     if bool(FORMS.get(file.form)) and "lin" in spec.get_string_attribute("oiio:ColorSpace").lower():
         about = about._replace(says_linear=True)
-    orientation = int(spec.get_int_attribute("Orientation", 1))
+    orientation = orientation_of(file.path, spec)
     file.source.close()
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     is_encoded = file.encoding.is_encoded and (bits < 32 or form == "float32")
     kind = Kind(shown(names), bits, is_encoded)
     if as_data and _is_number(form, names, about):
         kind, about = Kind(names, 32, is_encoded=False), about._replace(number=form)
-    is_known = orientation in TURNS
-    return Header(file.shape, kind, about, orientation if is_known else 1, file.has_half_light)
+    if encoding != "auto" or about.number:
+        about = about._replace(assumed="")
+    return Header(file.shape, kind, about, orientation, file.has_half_light)
 
 
 def _is_number(form: str, names: tuple[str, ...], about: FileMetadata) -> bool:

@@ -227,7 +227,8 @@ class _Rows:
 
     def put(self, picture: Picture) -> None:
         """Write the next rows."""
-        page = page_of(self.path, picture, self.options, tells=self.target is None)
+        tells = self.target is None and not self.is_next
+        page = page_of(self.path, picture, self.options, tells=tells)
         shape = self.height, *page.data.shape[1:]
         if self.target is None:
             self.stored = WrittenPage(page.about, shape, page.data.dtype.name)
@@ -329,10 +330,8 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     spec.alpha_channel = kind.channels.index("A") if kind.has_alpha else -1
     if page.options.half:
         spec.channelformats = ("half",) * 4 + (form,) * (count - 4)
-    is_same = kind.is_encoded == (is_whole and page.is_light)
-    has_profile = describe(
-        spec, page.about, suffix, is_encoded=is_same, colors=count - kind.has_alpha
-    )
+    has_profile = bool(page.about.profile)
+    describe(spec, page.about, suffix)
     if is_whole:
         spec.attribute("oiio:UnassociatedAlpha", 1)
         if not has_profile:

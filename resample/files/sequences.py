@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.console import say
+from resample.console import say, say_of
 from resample.files.animations import Stored
 from resample.files.chunked import is_in_store
-from resample.files.facts.metadata import TIFF, is_animated_png, page_tags
+from resample.files.facts.chunks import is_animated_png
+from resample.files.facts.colors import coded_colors, is_srgb, stretched
+from resample.files.facts.metadata import TIFF, page_tags
 from resample.files.facts.tags import Directory, Tag
 from resample.files.films import (
     FRAME_BYTES,
@@ -35,6 +37,7 @@ from resample.files.formats import (
     check_output,
     flattened,
     levels,
+    tell_colors,
 )
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
@@ -62,6 +65,7 @@ class Frames(NamedTuple):
     seconds: tuple[float, ...]  # display time of each
     pages: tuple[int, ...] | None = None  # for TIFF: directories that are pictures
     encoding: str = "auto"  # of integers in pages, see `resample.files.images.open_file`
+    plays: int = 0  # how often an animation is shown; 0: without end
 
     def read(self) -> Iterator[Picture]:
         """Read pictures one after the other."""
@@ -87,8 +91,8 @@ def _frames_of(path: Place, encoding: str) -> Frames | None:
     if suffix in FILMS:
         return Frames(path, _film_times(path))
     if suffix in ANIMATED and (suffix not in (".png", ".apng") or is_animated_png(path)):
-        seconds = _animated_times(path)
-        return Frames(path, seconds) if len(seconds) > 1 else None
+        seconds, plays = _animated_times(path)
+        return Frames(path, seconds, plays=plays) if len(seconds) > 1 else None
     pages = _pages(path, page_tags(path)) if suffix in TIFF else ()
     return Frames(path, (USUAL,) * len(pages), pages, encoding) if len(pages) > 1 else None
 
@@ -111,17 +115,24 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
 
 
 def write_frames(
-    path: Path, pictures: Iterable[Picture], seconds: Sequence[float], look: WriteOptions
+    path: Path,
+    pictures: Iterable[Picture],
+    seconds: Sequence[float],
+    look: WriteOptions,
+    plays: int = 0,
 ) -> None:
-    """Write a sequence of pictures to one file."""
+    """Write a sequence of pictures to one file; `plays` as in `Frames`, which films have not."""
     suffix = path.suffix.lower()
     if suffix in TIFF:
         write_pages(path, pictures, look)
         return
-    screens = (_screen(path, picture, look) for picture in pictures)
+    screens = (_screen(path, picture, look, tells=n == 0) for n, picture in enumerate(pictures))
     shades = itertools.islice(screens, len(seconds))
     with replacing(path) as temporary:
-        _WRITERS[suffix](temporary, shades, seconds)
+        if suffix == ".mp4":
+            _write_film(temporary, shades, seconds)
+        else:
+            _ANIMATED[suffix](temporary, shades, seconds, plays)
 
 
 def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
@@ -133,7 +144,8 @@ def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
     return tuple(n for n, bit in enumerate(bits) if not bit & (SMALLER | MASK))
 
 
-def _animated_times(path: Path) -> tuple[float, ...]:
+def _animated_times(path: Path) -> tuple[tuple[float, ...], int]:
+    """Seconds of each frame, and how often all are shown."""
     from PIL import Image
 
     with decoding(path):
@@ -143,14 +155,18 @@ def _animated_times(path: Path) -> tuple[float, ...]:
             check_unpacked(str(path), path.stat().st_size, frame)
             count = getattr(image, "n_frames", 1)
             check_animation(str(path), path.stat().st_size, frame, count)
-            seconds = []
+            seconds, loop = list[float](), image.info.get("loop")
+            if image.info.get("icc_profile") and not is_srgb(image.info["icc_profile"]):
+                say_of(path, "its colors are taken for sRGB, not its profile's")
             for n in range(count if count > 1 else 0):
                 image.seek(n)
                 image.load()
                 seconds.append(float(image.info.get("duration", 0.0)) / 1000.0 or USUAL)
         if path.suffix.lower() == ".gif" and not path.read_bytes().rstrip(b"\0").endswith(b";"):
             say(f"{path.name} is cut off after {max(count, 1)} frames")
-    return tuple(seconds)
+    repeats = 0 if loop is None else int(loop)  # GIF's count does not include the first time
+    is_gif, is_endless = path.suffix.lower() == ".gif", loop == 0
+    return tuple(seconds), 0 if is_endless else repeats + is_gif
 
 
 def _animated_frames(path: Path) -> Iterator[Picture]:
@@ -181,6 +197,11 @@ def _film_times(path: Path) -> tuple[float, ...]:
         stream = film.streams.video[0]
         if film.streams.audio:
             say(f"{path.name}: sound is not copied")
+        seen = stream.codec_context
+        colors = coded_colors((seen.color_primaries, seen.color_trc))
+        lost = [f"colors are taken for sRGB, not {colors}"] if colors else []
+        for each in (*lost, *stretched(float(stream.sample_aspect_ratio or 1))):
+            say_of(path, f"its {each}")
         rate, base = stream.average_rate, stream.time_base or Fraction(1, TICKS)
         times = [
             packet.dts if packet.pts is None else packet.pts
@@ -219,8 +240,10 @@ def _colors_of(frame: Any) -> dict[str, Any]:
     return {"src_colorspace": Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601}
 
 
-def _screen(path: Path, picture: Picture, look: WriteOptions) -> NDArray[np.uint8]:
+def _screen(path: Path, picture: Picture, look: WriteOptions, *, tells: bool) -> NDArray[np.uint8]:
     """Display levels (H, W, 3 or 4) of a picture."""
+    if tells:
+        tell_colors(path, picture.about, is_guessed=look.is_light)
     if look.background is not None:
         picture = flattened(picture, look.background)
     if path.suffix.lower() == ".mp4" and picture.kind.has_alpha:
@@ -234,14 +257,19 @@ def _screen(path: Path, picture: Picture, look: WriteOptions) -> NDArray[np.uint
     return np.ascontiguousarray(shades, np.uint8)
 
 
-def _write_gif(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+def _write_gif(
+    path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float], plays: int
+) -> None:
     times = [10 * max(2, round(100.0 * second)) for second in seconds]
     images = map(_with_palette, frames)
-    choices = {"duration": times, "disposal": 2, "optimize": False}
-    next(images).save(path, save_all=True, loop=0, append_images=images, **choices)
+    choices: dict[str, Any] = {"duration": times, "disposal": 2, "optimize": False}
+    choices |= {} if plays == 1 else {"loop": max(plays - 1, 0)}  # without it, shown once
+    next(images).save(path, save_all=True, append_images=images, **choices)
 
 
-def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+def _write_webp(
+    path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float], plays: int
+) -> None:
     """Write an animated WebP.
 
     The encoder crops the transparent border of a frame, and then may flag the file as opaque.
@@ -255,7 +283,7 @@ def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequen
 
     times, all_images = [round(1000.0 * second) for second in seconds], images()
     choices = {"duration": times, "quality": 90}
-    next(all_images).save(path, save_all=True, loop=0, append_images=all_images, **choices)
+    next(all_images).save(path, save_all=True, loop=plays, append_images=all_images, **choices)
     if any(clear):
         with path.open("r+b") as file:
             head = file.read(21)
@@ -264,7 +292,9 @@ def _write_webp(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequen
                 file.write(bytes([head[20] | WEBP_ALPHA]))
 
 
-def _write_apng(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
+def _write_apng(
+    path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float], plays: int
+) -> None:
     """Write an animated PNG; Pillow iterates over the frames twice."""
     with TemporaryDirectory() as folder:
         kept = []
@@ -275,7 +305,7 @@ def _write_apng(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequen
         stored = Stored(kept)
         first, others = next(iter(stored)), Stored(kept[1:])
         choices = {"duration": times, "disposal": 1, "blend": 0}
-        first.save(path, format="PNG", save_all=True, loop=0, append_images=others, **choices)
+        first.save(path, format="PNG", save_all=True, loop=plays, append_images=others, **choices)
 
 
 def _image(levels: NDArray[np.uint8]) -> Any:
@@ -329,12 +359,11 @@ def _rate(seconds: Sequence[float]) -> float:
     return min(1000.0, len(seconds) / total) if total > 0.0 else 1.0 / USUAL
 
 
-_WRITERS = {
+_ANIMATED = {
     ".gif": _write_gif,
     ".webp": _write_webp,
     ".apng": _write_apng,
     ".png": _write_apng,
-    ".mp4": _write_film,
 }
 
 

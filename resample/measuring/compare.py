@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import Background, as_levels, over, to_srgb
-from resample.files.images import read_image
+from resample.files.pictures import read_picture
 from resample.files.writing import replacing
 from resample.measuring.quality import measure
 from resample.types import Floats
@@ -68,10 +68,10 @@ def measure_files(
     Result: a row of `resample.measuring.quality.measure` for each file, computed on the displayed
     pictures, and the pictures as read, reference first; both by file name.
     """
-    target = read_image(reference)
+    target = read_picture(reference).data
     pictures, rows = {str(reference): target}, []
     for path in paths:
-        picture = pictures[str(path)] = read_image(path)
+        picture = pictures[str(path)] = read_picture(path).data
         if picture.shape[:2] != target.shape[:2]:
             raise ValueError(f"{path} is {_size(picture)} px, {reference} is {_size(target)} px")
         rows.append({"picture": str(path), **measure(shown(picture), shown(target))})

@@ -1,5 +1,6 @@
 """Read AVIF pictures by Pillow, as OpenImageIO reads others."""
 
+import struct
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 ORIENTATION = 274  # Exif tag
 COLORS = ("R", "G", "B", "A")
+HEADER = 1 << 16  # bytes within which the boxes of colors are
 AS_STORED = ("uint8", "unknown")  # OpenImageIO's types of values as they are
 
 
@@ -34,7 +36,8 @@ class AvifInput:
 
         if "avif" not in features.get_supported():
             raise OSError("the installed Pillow cannot read AVIF; make a .png of it")
-        self._image = image = Image.open(BytesIO(Path(path).read_bytes()), formats=["AVIF"])
+        content = Path(path).read_bytes()
+        self._image = image = Image.open(BytesIO(content), formats=["AVIF"])
         count = len(image.getbands())
         self._spec = spec = OpenImageIO.ImageSpec(image.width, image.height, count, "uint8")
         spec.channelnames = COLORS[:count]
@@ -46,6 +49,9 @@ class AvifInput:
         if profile:
             kind = OpenImageIO.TypeDesc(f"uint8[{len(profile)}]")
             spec.attribute("ICCProfile", kind, np.frombuffer(profile, np.uint8))
+        _, box, coded = content[:HEADER].partition(b"colrnclx")
+        if box and len(coded) > 6:
+            spec.attribute("CICP", "int[4]", (*struct.unpack(">3H", coded[:6]), 1))
         self._levels: NDArray[np.uint8] | None = None
         self._complaint = ""
 

@@ -141,9 +141,12 @@ def opened(path: str | Path, page: int = 0) -> Any:
 
     Colors are as stored, not multiplied by alpha.
 
-    Result: OpenImageIO's ImageInput, or for AVIF, which it cannot read, its like.
+    Result: OpenImageIO's ImageInput; or its like for AVIF, which it cannot read, and where pixels
+    are not seen as stored.
     """
     import OpenImageIO
+
+    from resample.reading.displayed import displayed
 
     check_file(path)
     check_unopened(path)
@@ -160,7 +163,10 @@ def opened(path: str | Path, page: int = 0) -> Any:
         raise OSError(f"{path} is not a picture that can be read: {complaint_of(OpenImageIO)}")
     if page and not source.seek_subimage(page, 0):
         raise OSError(f"{path} has no page {page + 1}: {complaint_of(source)}")
-    return source
+    seen = displayed(source, path)
+    if seen is not source:  # it is decoded as a whole
+        check_picture(path, source.spec())
+    return seen
 
 
 def is_avif(path: str | Path) -> bool:

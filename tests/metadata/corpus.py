@@ -38,5 +38,5 @@ def table(variants: list[Variant]) -> str:
         cases.setdefault((one.format, one.field, one.outcome), []).append(one.case)
     lines = ["| Format | Field | | Tried |", "|---|---|---|---|"]
     for (name, field, outcome), tried in sorted(cases.items(), key=lambda pair: pair[0][0].lower()):
-        lines.append(f"| {name} | {field} | {outcome} | {', '.join(tried)} |")
+        lines.append(f"| {name} | {field} | {outcome} | {'; '.join(tried)} |")
     return "\n".join(lines)

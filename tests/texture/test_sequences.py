@@ -12,7 +12,6 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
-from resample.files import sequences
 from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
 from resample.files.sequences import frames_of
@@ -416,4 +415,4 @@ def test_an_animation_has_the_times_of_its_own_frames(tmp_path):
     path, times = tmp_path / "a.gif", (100, 300, 50)
     first, *others = (Image.fromarray(np.full((4, 5), 80 * n, np.uint8)) for n in range(3))
     first.save(path, save_all=True, append_images=others, duration=times)
-    assert sequences._animated_times(path) == pytest.approx([time / 1000 for time in times])
+    assert frames_of(path).seconds == pytest.approx([time / 1000 for time in times])

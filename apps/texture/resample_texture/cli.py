@@ -4,6 +4,8 @@ import sys
 from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
+from cyclopts import Parameter
+
 from resample.command import flags
 from resample.command.applications import fetcher
 from resample.command.flags import OptionTopic, words
@@ -198,6 +200,37 @@ def rectify(
     job.check(picture, target, output)
     page, _ = job.warped(Session(), picture, target, output)
     write_picture(output, page, job.options)
+
+
+@app.command
+def info(
+    image: Picture,
+    /,
+    *,
+    as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
+) -> None:
+    """Print what a picture or film says of itself, and what is assumed of its colors.
+
+    For example:
+
+        resample-texture info sample:bricks
+        resample-texture info sample:page
+        resample-texture info sample:test-card --json
+
+    Parameters
+    ----------
+    image
+        Picture, animation or film.
+    as_json
+        Print JSON instead of a table.
+    """
+    import json
+
+    from resample_texture.command.facts import facts_in
+
+    facts = facts_in(image)
+    lines = (f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
+    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else "".join(lines))
 
 
 @app.command

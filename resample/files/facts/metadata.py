@@ -6,16 +6,16 @@ warp invalidates are removed: thumbnails, sizes, and areas in pixels.
 
 import json
 import struct
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from shutil import copyfileobj
 from types import MappingProxyType
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.files.facts.chunks import PNG_START, chunks, put_into_png
+from resample.files.facts.colors import assumed_of, colors_of, marks_of
 from resample.files.facts.geotiff import TAGS, Geo, geo_of, tags_of
 from resample.files.facts.tags import (
     LONG,
@@ -46,9 +46,6 @@ AS_FLOATS = ("int32", "uint32")  # types that OpenImageIO cannot write, except a
 PROFILE_SPACES = {b"GRAY": 1, b"RGB ": 3}  # number of color channels of a profile
 MARKS = (*range(0xE0, 0xF0), 0xFE)  # of JPEG segments without pixels
 LONGEST_SEGMENT = 65_533 - 6  # bytes of Exif in a JPEG
-PNG_START = b"\x89PNG\r\n\x1a\n"
-DISPLAY_GAMMA = 40_000, 50_000  # 1 / 2.2 is 45,455 in a PNG file
-CICP_SRGB = b"\x0d"  # transfer function
 TURNS = {  # rows and columns exchanged, then rows reversed, then columns
     1: (False, False, False), 2: (False, False, True), 3: (False, True, True),
     4: (False, True, False), 5: (True, False, False), 6: (True, False, True),
@@ -66,6 +63,9 @@ class FileMetadata(NamedTuple):
 
     camera: Directory = MappingProxyType({})  # Exif tags
     profile: bytes = b""  # ICC profile of the encoded values
+    colors: str = ""  # what the file says of its colors, in words; empty for sRGB, or if nothing
+    marks: bytes = b""  # PNG's chunks that say so
+    assumed: str = ""  # what is assumed of colors of which the file says nothing
     geo: Geo | None = None
     spoken: tuple[tuple[str, Any, Any], ...] = ()  # name, type and value in OpenImageIO
     number: str = ""  # integer type of numbers as stored; empty for light or floats
@@ -87,11 +87,15 @@ def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
         for entry in spec.extra_attribs
         if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:"))
     )
+    colors = colors_of(path, spec)
     return FileMetadata(
         _true(camera),
         b"" if profile is None else np.asarray(profile, np.uint8).tobytes(),
-        geo_of(tags),
-        spoken,
+        colors,
+        marks_of(path) if colors else b"",
+        assumed_of(path, spec),
+        geo=geo_of(tags),
+        spoken=spoken,
     )
 
 
@@ -104,6 +108,15 @@ def _as_text(value: Any) -> Any:
         return stored.decode("utf-8")
     except UnicodeDecodeError:
         return stored.decode("latin-1")
+
+
+def orientation_of(path: Path, spec: Any) -> int:
+    """Exif's number of a picture's orientation, which PNG may have behind the pixels."""
+    told = int(spec.get_int_attribute("Orientation", 0))
+    if not told:
+        tag = block_tags(_exif_block(path), (ORIENTATION,), {}).get(ORIENTATION)
+        told = int(tag.values[0]) if isinstance(tag, Tag) else 1
+    return told if told in TURNS else 1
 
 
 def upright(data: NDArray[Any], orientation: int) -> NDArray[Any]:
@@ -123,23 +136,17 @@ def turn(orientation: int, shape: tuple[int, int]) -> Doubles:
     return np.asarray(flips @ crossing, np.float64)
 
 
-def describe(spec: Any, about: FileMetadata, suffix: str, *, is_encoded: bool, colors: int) -> bool:
-    """Pass metadata that OpenImageIO can write; returns whether there is a color profile.
-
-    `is_encoded`: values are, as in the source.
-    """
+def describe(spec: Any, about: FileMetadata, suffix: str) -> None:
+    """Pass metadata that OpenImageIO can write."""
     if suffix == ".exr" or not about.camera:
         shape = spec.height, spec.width, spec.nchannels
         for name, kind, told in about.spoken:
             value = described(told, shape) if name == "ImageDescription" else told
             if name not in ("Exif:ColorSpace", "Exif:PixelXDimension", "Exif:PixelYDimension"):
                 spec.attribute(name, kind, value)
-    fits = is_encoded and PROFILE_SPACES.get(about.profile[16:20]) == colors
-    if fits and suffix != ".exr":
+    if about.profile:
         values = np.frombuffer(about.profile, np.uint8)
         spec.attribute("ICCProfile", f"uint8[{values.size}]", values)
-        return True
-    return False
 
 
 class WrittenPage(NamedTuple):
@@ -160,8 +167,8 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
         return
     about, shape, _ = pages[0]
     tags = _upright_tags(about, shape)
-    if suffix in PNG and (about.camera or about.profile):
-        _put_into_png(path, block_of(tags) if about.camera else b"")
+    if suffix in PNG and (about.camera or about.profile or about.marks):
+        put_into_png(path, block_of(tags) if about.camera else b"", about.marks)
     elif suffix in JPEG and about.camera:
         block = block_of(tags)
         _put_into_jpeg(path, block if len(block) <= LONGEST_SEGMENT else block_of(_shorter(tags)))
@@ -243,9 +250,9 @@ def _exif_block(path: Path) -> bytes:
             if start[:2] == b"\xff\xd8":
                 blocks = (block for block in _segments(file) if block[:6] == b"Exif\0\0")
             elif start[:8] == PNG_START:
-                blocks = _chunks(file, 8, b"eXIf", ">I4s", 4)
+                blocks = chunks(file, 8, b"eXIf", ">I4s", 4)
             elif start[:4] == b"RIFF" and start[8:] == b"WEBP":
-                blocks = _chunks(file, 12, b"EXIF", "<4sI", 0)
+                blocks = chunks(file, 12, b"EXIF", "<4sI", 0)
             elif is_avif(path):
                 blocks = iter([exif_block(path)])
             else:
@@ -256,29 +263,6 @@ def _exif_block(path: Path) -> bytes:
     return block.removeprefix(b"Exif\0\0")
 
 
-def is_animated_png(path: Path) -> bool:
-    """Whether a file is an animated PNG."""
-    with path.open("rb") as file:
-        is_png = file.read(8) == PNG_START
-        return is_png and next(_chunks(file, 8, b"acTL", ">I4s", 4), None) is not None
-
-
-def is_display_referred(path: Path, spec: Any) -> bool:
-    """Whether a file says that its integers are encoded for displays, by a profile or a mark.
-
-    OpenImageIO takes every PNG file for that, so its chunks are read here.
-    """
-    if spec.getattribute("ICCProfile") is not None:
-        return True
-    with path.open("rb") as file:
-        if file.read(8) != PNG_START:
-            return "srgb" in spec.get_string_attribute("oiio:ColorSpace").lower()
-        told = {chunk[4:8]: chunk[8:-4] for chunk in _before_pixels(file)}
-    if b"gAMA" in told and b"sRGB" not in told:
-        return DISPLAY_GAMMA[0] < int.from_bytes(told[b"gAMA"]) < DISPLAY_GAMMA[1]
-    return b"sRGB" in told or told.get(b"cICP", b"")[1:2] == CICP_SRGB
-
-
 def _segments(file: BinaryIO) -> Iterator[bytes]:
     """Contents of a JPEG file's segments up to its pixels."""
     file.seek(2)
@@ -287,50 +271,6 @@ def _segments(file: BinaryIO) -> Iterator[bytes]:
         if lead != 0xFF or marker == 0xDA or size < 2:
             return
         yield file.read(size - 2)
-
-
-def _chunks(file: BinaryIO, place: int, wanted: bytes, form: str, tail: int) -> Iterator[bytes]:
-    """Contents of the chunks of one name in a chunked file."""
-    end = file.seek(0, 2)
-    while place + 8 <= end:
-        file.seek(place)
-        head = struct.unpack(form, file.read(8))
-        name, size = head if isinstance(head[0], bytes) else head[::-1]
-        if name == wanted:
-            yield file.read(size)
-        place += 8 + size + tail + (size % 2 if tail == 0 else 0)
-
-
-def _put_into_png(path: Path, block: bytes) -> None:
-    """Insert an Exif chunk, unless empty, after the header of a PNG file.
-
-    If the file has a color profile, OpenImageIO's other color chunks are removed.
-    """
-    fresh = path.with_name(f"{path.name}.exif")
-    try:
-        with path.open("rb") as source, fresh.open("xb") as target:
-            target.write(source.read(8))
-            header, *others = _before_pixels(source)
-            has_profile = any(chunk[4:8] == b"iCCP" for chunk in others)
-            left_out = (b"eXIf", *((b"sRGB", b"gAMA", b"cHRM") if has_profile else ()))
-            named = b"eXIf" + block
-            length, check = struct.pack(">I", len(block)), struct.pack(">I", zlib.crc32(named))
-            target.write(header + (length + named + check if block else b""))
-            target.writelines(chunk for chunk in others if chunk[4:8] not in left_out)
-            copyfileobj(source, target)
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
-
-
-def _before_pixels(file: BinaryIO) -> Iterator[bytes]:
-    """Chunks of a PNG file from the current position up to its pixels."""
-    while True:
-        head = file.read(8)
-        if len(head) < 8 or head[4:] == b"IDAT":
-            file.seek(-len(head), 1)
-            return
-        yield head + file.read(4 + int(struct.unpack(">I", head[:4])[0]))
 
 
 def _put_into_jpeg(path: Path, block: bytes) -> None:

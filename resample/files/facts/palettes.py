@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.facts.metadata import PNG_START, TIFF
+from resample.files.facts.chunks import PNG_START
+from resample.files.facts.metadata import TIFF
 from resample.files.facts.tags import Tag, read_tags
 from resample.reading.limits import check_unpacked
 from resample.reading.pictures import decoding

@@ -23,11 +23,13 @@ def facts_in(path: Path) -> dict[str, Any]:
         It cannot be read.
     """
     from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
-    from resample_points.files.readers import read_cloud
+    from resample_points.files.las import crs_of
+    from resample_points.files.readers import LASER, read_cloud
 
     if is_gaussians(path):
         return _of_gaussians(read_gaussians(path))
-    return _of_cloud(read_cloud(path))
+    facts = _of_cloud(read_cloud(path))
+    return {**facts, "crs": crs_of(path)} if path.suffix.lower() in LASER else facts
 
 
 def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
@@ -62,18 +64,23 @@ def _bounds(position: NDArray[Any]) -> list[list[float]]:
     """Return the lowest and the highest corner."""
     if not len(position):
         return []
-    return [_rounded(position.min(axis=0)), _rounded(position.max(axis=0))]
+    return [_exact(position.min(axis=0)), _exact(position.max(axis=0))]
 
 
 def _ends(values: NDArray[Any]) -> list[float]:
     """Return the least and the greatest number that is finite."""
     known = values[np.isfinite(values)] if values.dtype.kind == "f" else values
-    return _rounded([known.min(), known.max()]) if known.size else []
+    return _exact([known.min(), known.max()]) if known.size else []
 
 
 def _quantiles(values: NDArray[Any]) -> list[float]:
     """Return the 1 %, 50 % and 99 % quantile."""
     return _rounded(np.quantile(values, QUANTILES))
+
+
+def _exact(numbers: Any) -> list[float]:
+    """Return numbers with all digits that are known: 15 of float64, fewer of others."""
+    return [float(f"{n:.15g}" if n.dtype == np.float64 else str(n)) for n in numbers]
 
 
 def _rounded(numbers: Any) -> list[float]:

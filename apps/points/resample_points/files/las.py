@@ -6,6 +6,7 @@ in an octree: each level adds points between those of the previous levels.
 """
 
 import logging
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -36,6 +37,10 @@ LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # number of layers of an item, by its kin
 BYTES = 14  # kind of extra bytes; each byte is a layer
 PAGE = -1  # number of points of an entry that refers to another page
 UNPACKED = 100  # bytes per point beside its record, while unpacking
+OWNER, WKT, KEYS = "LASF_Projection", 2112, 34735  # of records of coordinate systems
+PROJECTED, GEOGRAPHIC = 3072, 2048  # GeoTIFF keys
+CRS_NAME = re.compile(r'\w+\s*\[\s*"([^"]*)"')
+CRS_CODE = re.compile(r'"EPSG"\s*,\s*"?(\d+)"?\s*\]\s*\]$')  # of the whole, not of a part
 LEFT_OUT = {  # dimensions that no picture uses
     *("X", "Y", "Z", "red", "green", "blue", "withheld", "x_t", "y_t", "z_t"),
     *("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location"),
@@ -85,6 +90,24 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
         if not level:
             _check_length(laser)
         return _gathered(laspy, laser, entries, level, columns)
+
+
+def crs_of(path: Path) -> str | None:
+    """Return a file's coordinate system, by WKT or GeoTIFF keys; None if it says nothing."""
+    laspy = _required(path.name)
+    with _quiet(), path.open("rb") as file, damage(path):
+        _check_head(file, path.stat().st_size)
+        header = laspy.LasHeader.read_from(file, read_evlrs=True)
+        records = (each for each in (*header.vlrs, *(header.evlrs or ())) if each.user_id == OWNER)
+        held = {each.record_id: each.record_data_bytes() for each in records}
+    if WKT in held:
+        text = held[WKT].decode("utf-8", "replace").strip("\0 ")
+        name, code = CRS_NAME.match(text), CRS_CODE.search(text)
+        return f"{name[1] if name else text:.80}" + (f" (EPSG:{code[1]})" if code else "")
+    keys = np.frombuffer(held.get(KEYS, b""), "<u2")
+    known = dict(keys[4 : len(keys) // 4 * 4].reshape(-1, 4)[:, [0, 3]].tolist())
+    named = next((known[key] for key in (PROJECTED, GEOGRAPHIC) if key in known), None)
+    return None if named is None else f"EPSG:{named}"
 
 
 def _gathered(

@@ -1,5 +1,6 @@
 """Parts that readers of clouds share: headers, binary records, tables of numbers."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
@@ -18,6 +19,7 @@ from resample_points.data.fields import Fields, cloud_of, color_names, most_of, 
 from resample_points.data.parts import STEP, CloudBuilder, storage_for
 
 LONGEST_HEADER = 1000  # lines
+NUMBER = re.compile(r"[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?")  # its point may be a comma
 COMMENTS = ("#", "//")  # beginnings of comment lines
 
 

@@ -6,11 +6,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from resample.console import say_of
 from resample.reading.limits import check_unpacked
 from resample_points.data.cloud import Cloud
 from resample_points.data.fields import Fields, cloud_of
-from resample_points.files.parsing import binary_cloud, header_of, text_fields
+from resample_points.files.parsing import NUMBER, binary_cloud, header_of, text_fields
 
+UNMOVED = [0, 0, 0, 1, 0, 0, 0]  # x, y, z and a quaternion, w first
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
 
 
@@ -19,6 +21,9 @@ def read_pcd(path: Path) -> Cloud:
     with path.open("rb") as file:
         header = {words[0].upper(): words[1:] for words in header_of(file, "DATA") if words}
         count, kind = _pcd_points(header)
+        place = " ".join(header.get("VIEWPOINT", []))
+        if [float(word) for word in place.split() if NUMBER.fullmatch(word)] not in ([], UNMOVED):
+            say_of(path, f"its VIEWPOINT ({place:.60}) is not applied, as in other programs")
         encoding = " ".join(header["DATA"]).lower()
         if encoding == "binary":
             return binary_cloud(path, file, count, kind)

@@ -1,6 +1,7 @@
 """Read PLY files: points and 3D Gaussians. Lists, and elements before them, are skipped."""
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -10,6 +11,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.console import say_of
 from resample.reading.limits import check_size
 from resample_points.data.cloud import Cloud
 from resample_points.data.fields import cloud_of
@@ -27,6 +29,7 @@ GAUSSIANS = (  # columns of 3D Gaussians; each set is sufficient
     {"f_dc_0", "opacity", "scale_0", "rot_0"},
     {"packed_position", "packed_rotation", "packed_scale"},
 )
+SCALING = re.compile(r"\b(scale|units?|offset|shift|epsg|crs)\b")  # words of comments
 ANTIALIASED = {"splatrendermode: mip": True, "antialiased 1": True}  # comments of trainers
 ANTIALIASED |= {"splatrendermode: default": False, "antialiased 0": False}
 
@@ -83,6 +86,11 @@ class PlyFile:
         prefix = "vertical axis: "
         told = [c.removeprefix(prefix) for c in self.comments if c.startswith(prefix)]
         return told[-1] if told and told[-1] in {"x", "y", "z"} else None
+
+    def tell_scales(self) -> None:
+        """Say which comments change positions, as no program agrees on them."""
+        for comment in filter(SCALING.search, self.comments):
+            say_of(self.path, f"its comment {comment!r:.80} is not applied")
 
     def split_at(self, name: str) -> tuple[list[Element], Element]:
         """Return the elements before one, and that one."""
@@ -142,7 +150,7 @@ def ply_header(path: Path) -> PlyFile:
     for words in lines:
         line = f"{' '.join(words)!r:.60}"
         match words:
-            case ["comment", *rest]:
+            case ["comment" | "obj_info", *rest]:
                 comments.append(" ".join(rest).lower())
             case ["element", name, count] if count.isdecimal() and len(count) <= MOST_DIGITS:
                 elements.append(Element(name, int(count), []))
@@ -173,6 +181,7 @@ def _property(name: str, words: list[str], order: str, line: str) -> Property:
 def read_ply(path: Path) -> Cloud:
     """Read a PLY file of points: ASCII, or binary of either byte order."""
     header = ply_header(path)
+    header.tell_scales()
     before, vertex = header.split_at("vertex")
     if any(own <= {each.name for each in vertex.properties} for own in GAUSSIANS):
         raise ValueError(

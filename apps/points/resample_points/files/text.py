@@ -1,5 +1,6 @@
 """Read clouds from columns of text: XYZ, PTS, CSV."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from resample.types import Doubles
 from resample_points.data.cloud import Cloud
 from resample_points.data.coloring import colored_as_scanned
 from resample_points.data.fields import BITS_8, COLORS, NORMALS, PLACES, cloud_of
-from resample_points.files.parsing import COMMENTS, check_count, table_of
+from resample_points.files.parsing import COMMENTS, NUMBER, check_count, table_of
 
 NAMED = "columns named by the first line"
 COLUMNS = {
@@ -22,20 +23,24 @@ COLUMNS = {
 }
 COLORS_FIRST = "x y z r g b value"
 WITH_NORMALS = "x y z nx ny nz"
+SEPARATORS = re.compile(r"[\s;,]+")
 UNIT = 0.02  # most by which lengths of normals differ from 1
 
 
 def read_columns(path: Path) -> Cloud:
     """Read a cloud from columns of numbers separated by commas, semicolons or blanks.
 
-    The first line may name the columns, and the line before the points may hold their number.
+    Commas may be decimal points: between semicolons, or in numbers between blanks. The first line
+    may name the columns, and the line before the points may hold their number.
     """
     try:
         check_size(str(path), path.stat().st_size)
-        text = path.read_text("utf-8-sig").translate(str.maketrans(",;", "  ", '"'))
+        text = path.read_text("utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError("is not a text file") from None
-    names, is_comment, lines = _titled(text.splitlines())
+    comma = "." if _has_decimal_commas(text) else " "
+    stripped = text.translate(str.maketrans(",;", f"{comma} ", '"'))
+    names, is_comment, lines = _titled(stripped.splitlines())
     table = table_of(_without_counts(path, lines))
     if names and not is_comment and len(names) != table.shape[1]:
         raise ValueError(f"names {len(names)} columns and has {table.shape[1]}")
@@ -47,6 +52,16 @@ def read_columns(path: Path) -> Cloud:
 def read_pts(path: Path) -> Cloud:
     """Read columns of a laser scan; without colors, points are gray by their intensity."""
     return colored_as_scanned(read_columns(path))
+
+
+def _has_decimal_commas(text: str) -> bool:
+    """Whether commas are within numbers, by the first line of numbers."""
+    for line in text.splitlines():
+        parts = [part for part in SEPARATORS.split(line) if part]
+        if len(parts) > 2 and all(NUMBER.fullmatch(part) for part in parts):
+            words = line.split(";") if ";" in line else line.split()
+            return len(words) > 2 and all(NUMBER.fullmatch(word.strip()) for word in words)
+    return False
 
 
 def _titled(lines: list[str]) -> tuple[list[str], bool, list[str]]:

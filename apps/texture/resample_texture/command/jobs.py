@@ -12,7 +12,7 @@ import numpy as np
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.metadata import JPEG, FileMetadata
+from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.palettes import has_palette
 from resample.files.formats import (
     WriteOptions,
@@ -21,10 +21,9 @@ from resample.files.formats import (
     coverage_picture,
     holds_gaps,
 )
-from resample.files.pictures import Kind, Picture, form_of, read_picture
+from resample.files.pictures import Picture, form_of, read_picture
 from resample.files.saving import write_picture, writing_rows
 from resample.files.sequences import (
-    WRITTEN,
     Frames,
     batch_of,
     check_frames,
@@ -110,16 +109,6 @@ class Job:
                 "keeps it"
             )
 
-    def say_light(self, kind: Kind, about: FileMetadata, output: Path) -> None:
-        """Report that 16 bits which nothing says more of become levels for displays."""
-        is_guessed = self.warping.encoding == "auto" and not (about.number or about.says_linear)
-        is_changed = self.options.bits == 8 or output.suffix.lower() in (*JPEG, *WRITTEN)
-        if kind.bits == 16 and not kind.is_encoded and is_guessed and is_changed:
-            say(
-                f"{output.name}: its source's 16 bits are taken for linear light; for a photo give "
-                "--encoding srgb"
-            )
-
 
 def warp_all(
     images: Sequence[Place],
@@ -198,7 +187,7 @@ def _warp_frames(
     check_frames(output, frames, job.options)
     check_targets(output)
     pictures = _warped_frames(session, frames, output, job, progress)
-    write_frames(output, pictures, frames.seconds, job.options)
+    write_frames(output, pictures, frames.seconds, job.options, frames.plays)
     return {"frames": len(frames.seconds), "seconds": session.times()}
 
 
@@ -227,7 +216,6 @@ def _warp_picture(
         picture = read_picture(source, as_data=True, encoding=job.warping.encoding)
         target = job.target(picture)
     job.check(picture, target, output)
-    job.say_light(picture.kind, picture.about, output)
     result, share = job.warped(session, picture, target, output, bar)
     _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
     with session.stage("write"):
@@ -265,7 +253,6 @@ def _warp_large(
     loaded = large.loaded
     check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
     check_output(output, job.options, transparent=large.kind.has_alpha)
-    job.say_light(loaded.kind, loaded.about, output)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans = False
@@ -294,7 +281,6 @@ def _warped_frames(
     for n, picture in enumerate(frames.read()):
         if n == 0:
             job.check_memory(picture, output)
-            job.say_light(picture.kind, picture.about, output)
         result, _ = job.warped(session, picture, job.target(picture), output, None)
         if n == 0:
             nans = bool(np.isnan(result.data).any())

@@ -16,7 +16,7 @@ from resample.command.session import libraries
 from resample.console import say
 from resample.files.formats import flattened
 from resample.files.images import read_channels
-from resample.files.pictures import Picture, form_of, read_picture
+from resample.files.pictures import Picture, form_of, header_of, read_picture
 from resample.memory import require, require_memory
 from resample.types import Floats
 from resample.words import naming
@@ -334,7 +334,7 @@ def rectified_of(picture: Picture, raw: Raw, names: tuple[str, str], scale: floa
 
 def read_names(path: str) -> Picture:
     """Read a label image with its numbers as stored; 8 and 16 bits scaled to 0..1."""
-    kind = read_picture(path).kind
+    kind = header_of(Path(path), as_data=False).kind
     stored = read_channels(path)
     data = np.stack([stored[name] for name in kind.channels], axis=2)
     return Picture(np.ascontiguousarray(data), kind)

@@ -1,13 +1,17 @@
 """Read the raw numbers of depth files; `resample_warp3d.depth.encodings` interprets them."""
 
+import math
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from resample.console import say_of
+from resample.files.facts.metadata import orientation_of, upright
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
+from resample.reading.displayed import WHITE, DisplayedInput
 from resample.reading.limits import check_file
 from resample.reading.native import suppressed_output
 from resample.reading.pictures import check_picture, complaint_of, opened
@@ -23,8 +27,9 @@ BYTES_PER_VALUE = 24  # of depth and the copies made while converting it to near
 def read_depth(path: str | Path) -> Raw:
     """Read the raw numbers of a depth file.
 
-    Result: (H, W), row 0 on top. Integers stay integers, so that an encoding can require their
-    scale. The scale in a PFM's header only gives its byte order, as Middlebury's are not 1 either.
+    Result: (H, W), upright; not a number outside an EXR's data window. Integers stay integers, so
+    that an encoding can require their scale. The scale in a PFM's header only gives its byte order,
+    as Middlebury's are not 1 either.
     """
     file, name = _split(path)
     suffix = file.suffix.lower()
@@ -102,6 +107,8 @@ def _read_pfm(path: Path) -> Raw:
             f"{path} is cut off: {width} × {height} pixels are {4 * count} bytes, it has "
             f"{len(content)}"
         )
+    if abs(scale) != 1:
+        say_of(path, f"the scale {abs(scale):g} in its header is not applied")
     kind = "<f4" if scale < 0 else ">f4"
     raw = np.frombuffer(content, kind, count).reshape(height, width, channels)[::-1]
     if channels > 1 and raw.size and _gray(raw).ndim > 2:
@@ -147,14 +154,21 @@ def _read_numpy(path: Path, name: str) -> Raw:
 
 
 def _read_channel(path: Path, name: str) -> Raw:
-    """Read a channel of a picture, in its own type.
+    """Read a channel of a picture, upright, in its own type.
 
     Without a name, channels of colors that are all equal are taken for one.
     """
     source = opened(path)
     try:
         spec = source.spec()
-        names = list(spec.channelnames)
+        if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) == WHITE:
+            raise ValueError(
+                f"{path} is of the kind MinIsWhite, so its numbers may be inverted; write"
+                " it as MinIsBlack"
+            )
+        if isinstance(source, DisplayedInput):
+            source.outside = math.nan
+        orientation, names = orientation_of(path, spec), list(spec.channelnames)
         what = f"{path} of {spec.width} x {spec.height} pixels"
         require_memory(BYTES_PER_VALUE * spec.height * spec.width, what, "take a smaller one")
         check_picture(path, spec)
@@ -162,13 +176,12 @@ def _read_channel(path: Path, name: str) -> Raw:
         has_depth = any(each.split(".")[-1] == "Z" for each in names)
         if name or len(colors) < 2 or len(colors) > COLORS or has_depth:
             shown = [names[n] for n in colors] if not name and len(colors) == 1 else names
-            return _channel(path, source, names.index(_pick(path, shown, name, "channels")))
-        first = _channel(path, source, colors[0])
-        if all(
-            np.array_equal(_channel(path, source, n), first, equal_nan=True) for n in colors[1:]
-        ):
-            return first
-        return _channel(path, source, names.index(_pick(path, names, name, "channels")))
+            raw = _channel(path, source, names.index(_pick(path, shown, name, "channels")))
+            return upright(raw, orientation)
+        raw, *others = (_channel(path, source, n) for n in colors)
+        if not all(np.array_equal(other, raw, equal_nan=True) for other in others):
+            _pick(path, names, name, "channels")  # refuses
+        return upright(raw, orientation)
     finally:
         source.close()
 

@@ -55,6 +55,7 @@ class TrainedFile:
         missing = sorted(NEEDED - file.names())
         if missing:
             raise ValueError(f"has no property {missing[0]} of Gaussians")
+        file.tell_scales()
         self._file, self._records = file, file.records("vertex")
         self.count = check_count(file.path.name, len(self._records))
         self._rest = _rest_names(file.names())

@@ -136,7 +136,7 @@ def write_flight(
     settings = FlightSettings(reader, ranges, warping, shape, writing.background, poses, camera)
     shots = flight_shots(settings, footage, depths)
     again = partial(frames_elsewhere, settings, footage.color, footage.depth)
-    fps = writing.filming.fps or len(footage) / sum(footage.seconds)
+    fps = writing.filming.fps or len(footage) / sum(footage.frames.seconds)
     with (
         appearing(depths, resume=writing.resume),
         workers.at_work(writing.sharing, warping.threads) as crew,

@@ -89,15 +89,10 @@ class Footage:
     depth: str
     pictures: FrameSeries[Picture]
     depths: FrameSeries[Raw]
-    seconds: tuple[float, ...]
+    frames: Frames  # the film as a file of several pictures
 
     def __len__(self) -> int:
-        return len(self.seconds)
-
-    @property
-    def frames(self) -> Frames:
-        """The film as a file of several pictures, for complaints."""
-        return Frames(Path(self.color), self.seconds)
+        return len(self.frames.seconds)
 
     @property
     def files(self) -> list[Path]:
@@ -150,7 +145,7 @@ def footage_of(
     frames = frames_of(Path(color))
     pictures: FrameSeries[Picture]
     if frames is not None:
-        pictures, seconds = DecodedSeries(frames, _as_stored if labels else _as_is), frames.seconds
+        pictures = DecodedSeries(frames, _as_stored if labels else _as_is)
     else:
         files = files_in(color, _is_picture)
         if files is None:
@@ -158,11 +153,11 @@ def footage_of(
         if not files:
             raise ValueError(f"{color} has no pictures; give a film, a folder or a pattern")
         pictures = FileSeries(files, read_names if labels else read_picture)
-        seconds = (USUAL,) * len(files)
+        frames = Frames(Path(color), (USUAL,) * len(files))
     if fps is not None:
         check_rate(fps)
-        seconds = (1.0 / fps,) * len(seconds)
-    footage = Footage(color, depth, pictures, _depths_of(color, depth), seconds)
+        frames = frames._replace(seconds=(1.0 / fps,) * len(frames.seconds))
+    footage = Footage(color, depth, pictures, _depths_of(color, depth), frames)
     if len(footage.depths) != len(footage):
         raise ValueError(
             f"{color} has {len(footage)} pictures, {depth} has {len(footage.depths)}; give one "

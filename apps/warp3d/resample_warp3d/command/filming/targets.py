@@ -59,7 +59,8 @@ class FilmTarget:
     def write(self, pictures: Iterable[Picture]) -> None:
         """Write the pictures; nothing is left if one cannot be made."""
         if self.files is None:
-            write_frames(self.path, pictures, self.footage.seconds, self.options)
+            film = self.footage.frames
+            write_frames(self.path, pictures, film.seconds, self.options, film.plays)
             return
         with self.files.appearing():
             for n, picture in enumerate(pictures):

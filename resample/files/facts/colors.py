@@ -1,0 +1,130 @@
+"""What files say of their colors.
+
+In PNG, cICP comes before iCCP, and that before sRGB, and that before gAMA and cHRM (PNG, third
+edition, section 4.3).
+"""
+
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resample.files.facts.chunks import PNG_START, before_pixels
+
+MARKS = (b"cICP", b"gAMA", b"cHRM", b"mDCV", b"cLLI")  # chunks of PNG besides the profile and sRGB
+# Primaries and transfer curves of ITU-T H.273. Those near sRGB are taken for it.
+CODED = (
+    {**dict.fromkeys((1, 2, 5, 6, 7), ""), 9: "BT.2020", 11: "DCI-P3", 12: "Display P3"},
+    {**dict.fromkeys((1, 2, 4, 6, 7, 8, 13, 14, 15), ""), 16: "PQ", 18: "HLG"},
+)
+LINEAR = 8
+REC_709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)  # red, green, blue, white
+WITHIN = 0.002  # most by which such numbers differ
+USUAL_GAMMA = 40_000, 50_000  # 1 / 2.2 is 45,455 in a PNG file
+LINEAR_GAMMA = 95_000, 105_000
+NEAR = 3  # levels by which a profile of sRGB differs from another
+FLOATS = (".tif", ".tiff")  # whose floats may be anything
+CHRM = 8 + 32 + 4  # bytes of a chunk
+SPACES = ("tiff:ColorSpace", "jpeg:ColorSpace")
+SQUARE = 0.01  # by which square pixels are wider than high
+
+
+def is_encoded(path: Path, spec: Any) -> bool:
+    """Whether integers are encoded for displays, rather than linear light.
+
+    8 bits of which nothing is said are; 16 bits are not.
+    """
+    coded = spec.getattribute("CICP")
+    if coded is not None or spec.getattribute("ICCProfile") is not None:
+        return coded is None or int(coded[1]) != LINEAR
+    space = spec.get_string_attribute("oiio:ColorSpace").lower()
+    if "lin" in space or spec.format != "uint16":
+        return "lin" not in space
+    found = _chunks_of(path)  # OpenImageIO takes every PNG file for sRGB
+    return bool(found.keys() & {b"sRGB", b"gAMA"}) if found else "srgb" in space
+
+
+def colors_of(path: Path, spec: Any) -> str:
+    """What a file says of its colors, in words; empty for sRGB and Rec. 709, or if nothing."""
+    coded, profile = spec.getattribute("CICP"), spec.getattribute("ICCProfile")
+    if coded is not None:
+        return coded_colors(coded)
+    if profile is not None:
+        name = spec.get_string_attribute("ICCProfile:profile_description")
+        return "" if is_srgb(np.asarray(profile, np.uint8).tobytes()) else f"profile {name!r:.60}"
+    found, primaries = _chunks_of(path), spec.getattribute("chromaticities")
+    if b"sRGB" in found:
+        return ""
+    if len(found.get(b"cHRM", b"")) == CHRM:
+        white_first = np.frombuffer(found[b"cHRM"][8:-4], ">u4", 8) / 100_000
+        primaries = np.roll(white_first, -2)
+    gamma = int.from_bytes(found[b"gAMA"][8:-4]) if b"gAMA" in found else USUAL_GAMMA[1]
+    if not any(low <= gamma <= high for low, high in (USUAL_GAMMA, LINEAR_GAMMA)):
+        return f"gamma of {100_000 / max(gamma, 1):.3g}"
+    is_usual = primaries is None or np.allclose(primaries, REC_709, atol=WITHIN)
+    return "" if is_usual else "primaries (chromaticities)"
+
+
+def coded_colors(numbers: Iterable[int]) -> str:
+    """Primaries and transfer curve by their numbers, in words; empty for sRGB and its like."""
+    words = (known.get(int(n), f"code {n}") for known, n in zip(CODED, numbers, strict=False))
+    return " ".join(filter(None, words))
+
+
+def marks_of(path: Path) -> bytes:
+    """A PNG file's chunks that say what its colors are, besides the profile."""
+    return b"".join(found for name, found in _chunks_of(path).items() if name in MARKS)
+
+
+def assumed_of(path: Path, spec: Any) -> str:
+    """What is assumed of a picture's values, of which its file says nothing."""
+    space = spec.get_string_attribute("oiio:ColorSpace").lower()
+    is_said = "lin" in space or is_encoded(path, spec)
+    if spec.format == "uint16" and not is_said:
+        return "16 bits are taken for linear light"
+    is_float = spec.format in ("float", "half", "double") and path.suffix.lower() in FLOATS
+    return "floats are taken for linear light" if is_float and "lin" not in space else ""
+
+
+def oddities_of(spec: Any) -> Iterator[str]:
+    """What is not obeyed wherever a picture's pixels are read."""
+    if "CMYK" in {spec.get_string_attribute(name) for name in SPACES}:
+        yield "CMYK becomes RGB by a formula, not by a color profile"
+    yield from stretched(spec.get_float_attribute("PixelAspectRatio", 1.0))
+
+
+def stretched(ratio: float) -> Iterator[str]:
+    """What to say of pixels by the ratio of their width and height; nothing if square."""
+    if ratio > 0 and abs(ratio - 1.0) > SQUARE:
+        yield f"pixels are {ratio:.4g} times as wide as high; they are taken for square"
+
+
+def _chunks_of(path: Path) -> dict[bytes, bytes]:
+    """Chunks before a PNG file's pixels, whole, by name; none of other files."""
+    with path.open("rb") as file:
+        if file.read(8) != PNG_START:
+            return {}
+        return {chunk[4:8]: chunk for chunk in before_pixels(file)}
+
+
+@lru_cache(8)
+def is_srgb(profile: bytes) -> bool:
+    """Whether colors of a profile are seen as those of sRGB are."""
+    from PIL import Image, ImageCms
+
+    mode = {b"GRAY": "L", b"RGB ": "RGB"}.get(profile[16:20], "")
+    ramp = np.arange(0, 256, 17).astype(np.uint8)
+    colors = ramp if mode == "L" else np.stack(np.meshgrid(ramp, ramp, ramp), axis=3)
+    image = Image.fromarray(colors.reshape(len(ramp), -1, *colors.shape[3:]))
+    try:
+        own, usual = ImageCms.ImageCmsProfile(BytesIO(profile)), ImageCms.createProfile("sRGB")
+        seen = ImageCms.profileToProfile(
+            image, own, usual, ImageCms.Intent.RELATIVE_COLORIMETRIC, "RGB"
+        )
+    except (ImageCms.PyCMSError, OSError, ValueError):
+        return False
+    wanted = np.asarray(image.convert("RGB"), np.int16)
+    return bool(np.abs(np.asarray(seen, np.int16) - wanted).max() <= NEAR)

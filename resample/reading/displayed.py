@@ -1,0 +1,136 @@
+"""Picture files whose pixels are not seen as stored: windows, exposure, zero that is white."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.reading.native import plain, suppressed_output
+
+EXPOSURE = re.compile(rb"^EXPOSURE\s*=\s*(\d*\.?\d+(?:[eE][+-]?\d+)?)", re.MULTILINE)
+TURNED = re.compile(rb"^([+-]X) \d+ ([+-]Y) \d+$", re.MULTILINE)
+TURNS = {b"+X+Y": 8, b"-X-Y": 6}  # Exif's numbers, which OpenImageIO 3.2 exchanges
+HEADER = 1 << 16  # bytes within which a Radiance file's header ends
+WHITE, CIELAB = 0, 8  # photometric interpretations of TIFF: zero is white; L*a*b*
+
+
+class DisplayedInput:
+    """A picture file, with the methods of OpenImageIO's ImageInput that readers use.
+
+    Data are placed in the display window of an EXR and cut at its sides. Decoded as a whole.
+
+    Parameters
+    ----------
+    source
+        OpenImageIO's ImageInput.
+    path
+        Its file.
+    """
+
+    def __init__(self, source: Any, path: str | Path) -> None:
+        self.outside = 0.0  # value of pixels without data
+        self._source, self._path = source, path
+        self._exposure, self._orientation = _radiance(source, path)
+        self.seek_subimage(source.current_subimage(), 0)
+
+    def seek_subimage(self, page: int, level: int) -> bool:
+        """Go to a page; returns whether there is such a page."""
+        import OpenImageIO
+
+        if not self._source.seek_subimage(page, level):
+            return False
+        self._stored, as_stored = self._source.spec(), OpenImageIO.ImageSpec()
+        as_stored.attribute("oiio:UnassociatedAlpha", 1)
+        self._pixels = OpenImageIO.ImageBuf(plain(self._path), page, level, as_stored)
+        self._spec = seen = OpenImageIO.ImageSpec(self._stored)
+        self._corner = seen.x, seen.y
+        if _has_window(self._source):
+            self._corner = seen.full_x, seen.full_y
+            seen.width, seen.height = seen.full_width, seen.full_height
+        seen.x = seen.y = seen.tile_width = seen.tile_height = 0
+        seen.attribute("Orientation", self._orientation)
+        return True
+
+    def spec(self) -> Any:
+        """Header of the picture as it is seen."""
+        return self._spec
+
+    def read_scanlines(
+        self, first: int, last: int, _z: int, begin: int, end: int, form: Any
+    ) -> NDArray[Any] | None:
+        """Some channels of rows, in a type; None if the file is damaged."""
+        import OpenImageIO
+
+        (left, top), own = self._corner, self._stored
+        kind = own.format if str(form) == "unknown" else form
+        part = left, left + self._spec.width, top + first, top + last, 0, 1, begin, end
+        with suppressed_output():
+            rows = self._pixels.get_pixels(kind, OpenImageIO.ROI(*part))
+        if rows is None or self._pixels.has_error:
+            return None
+        if _is_white(own):
+            color = [n - begin for n in range(begin, end) if n != own.alpha_channel]
+            rows[..., color] = (65535 if rows.dtype.kind == "u" else 1) - rows[..., color]
+        if self.outside and rows.dtype.kind == "f":
+            y, x, is_inside = own.y - top - first, own.x - left, np.zeros(rows.shape[:2], np.bool_)
+            is_inside[max(0, y) : max(0, y + own.height), max(0, x) : max(0, x + own.width)] = True
+            rows[~is_inside] = self.outside
+        return np.asarray(rows / np.float32(self._exposure) if self._exposure != 1 else rows)
+
+    def read_image(self, *where: Any) -> NDArray[Any] | None:
+        """All rows, in a type; or page, level and range of channels, and a type."""
+        begin, end = where[2:4] if len(where) > 1 else (0, self._spec.nchannels)
+        return self.read_scanlines(0, self._spec.height, 0, begin, end, where[-1])
+
+    def geterror(self) -> str:
+        """The error message."""
+        return str(self._pixels.geterror())
+
+    def close(self) -> bool:
+        """Close the file."""
+        return bool(self._source.close())
+
+
+def displayed(source: Any, path: str | Path) -> Any:
+    """The open file, or its like if pixels are not seen as stored; refuse those of CIELAB."""
+    spec = source.spec()
+    if spec.get_int_attribute("tiff:PhotometricInterpretation", -1) == CIELAB:
+        raise ValueError(f"{path} is in CIELAB, which is not read; convert it to RGB")
+    if _is_white(spec) and spec.format != "uint16":
+        raise ValueError(
+            f"{path} is of the kind MinIsWhite, whose white is not known for {spec.format}; write "
+            "it as MinIsBlack"
+        )
+    is_seen = _has_window(source) or _is_white(spec)
+    is_said = _radiance(source, path) != (1, spec.get_int_attribute("Orientation", 1))
+    return DisplayedInput(source, path) if (is_seen or is_said) and not spec.deep else source
+
+
+def _has_window(source: Any) -> bool:
+    """Whether a file's display window is not that of its data; other formats than EXR have none."""
+    spec = source.spec()
+    data, seen = (spec.x, spec.y, spec.width, spec.height), (spec.full_x, spec.full_y)
+    return source.format_name() == "openexr" and data != (*seen, spec.full_width, spec.full_height)
+
+
+def _is_white(spec: Any) -> bool:
+    """Whether zero is white, which OpenImageIO obeys for 8 bits."""
+    kind = spec.get_int_attribute("tiff:PhotometricInterpretation", -1)
+    return bool(kind == WHITE and spec.format != "uint8")
+
+
+def _radiance(source: Any, path: str | Path) -> tuple[float, int]:
+    """Exposure, by which a Radiance file's values have been multiplied, and orientation."""
+    orientation = int(source.spec().get_int_attribute("Orientation", 1))
+    if source.format_name() != "hdr":
+        return 1.0, orientation
+    with Path(path).open("rb") as file:
+        head = file.read(HEADER)
+    texts, _, rest = head.partition(b"\n\n")
+    order = TURNED.match(rest)
+    exposure = math.prod(float(found) for found in EXPOSURE.findall(texts))
+    exposure = exposure if 0 < exposure < math.inf else 1.0
+    return exposure, TURNS.get(order[1] + order[2], orientation) if order else orientation
