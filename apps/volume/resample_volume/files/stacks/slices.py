@@ -16,7 +16,6 @@ from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import VolumeHeader
 from resample_volume.files.stacks.descriptions import Page
 
-PHOTOMETRIC = "tiff:PhotometricInterpretation"
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 
 
@@ -75,11 +74,9 @@ def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage])
         every = ((path, image) for path in paths for _, image in _walk(path))
         for n, (path, image) in enumerate(every):
             check_picture(path, image.spec())
-            pixels = image.read_image("unknown")  # as stored
+            pixels = image.read_image("unknown")
             if pixels is None:
                 raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
-            if pixels.dtype == np.uint16 and not image.spec().get_int_attribute(PHOTOMETRIC, 1):
-                pixels = 65535 - pixels  # lowest values are white; bytes are inverted already
             values[n] = _straight(pixels, image.spec())
     return values if parts > 1 else values[..., 0]
 
