@@ -24,6 +24,8 @@ from pathlib import Path
 from platform import node
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from resample.memory.mapped import FOLDER_VARIABLE
+from resample.reading.owners import BY_OTHERS, NotOwnError, check_own, tell_unused
 from resample.words import one_line
 
 if TYPE_CHECKING:
@@ -275,14 +277,23 @@ class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
     """Raised to leave the target of `replacing` unchanged."""
 
 
-def load_arrays(file: Path, *names: str) -> "dict[str, NDArray[Any]] | None":
-    """Load the arrays of a cache file and mark it as used; None if it is missing or damaged."""
+def load_arrays(
+    file: Path, *names: str, is_beside: bool = False
+) -> "dict[str, NDArray[Any]] | None":
+    """Load the arrays of a cache file and mark it as used; None if it is missing or damaged.
+
+    `is_beside`: it is beside the data, and as trusted as these; any other file must be the user's.
+    """
     from resample.reading.arrays import read_npz
 
-    if not file.is_file():
-        return None
     try:
+        if not is_beside:
+            check_own(file.parent)
+            check_own(file)
         held = read_npz(file, *names)  # checks its checksums
+    except NotOwnError as error:
+        tell_unused(error, FOLDER_VARIABLE)
+        return None
     except (ValueError, OSError, LookupError):
         return None
     with suppress(OSError):
@@ -302,10 +313,12 @@ def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None)
     if most is not None and size > most:
         return False
     with suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
+        file.parent.mkdir(0o755, parents=True, exist_ok=True)
         if most is not None:
+            check_own(file.parent)
             _evict(file.parent, size, most)
         with replacing(file) as temporary, temporary.open("wb") as stream:
+            temporary.chmod(temporary.stat().st_mode & ~BY_OTHERS)
             np.savez(stream, **arrays)
         return True
     return False

@@ -34,6 +34,7 @@ from numba.np.numpy_support import as_dtype
 
 from resample.engine.compiled import digests, library, sources
 from resample.engine.compiled.entries import FIRST, SUFFIX, Entry, read, write
+from resample.reading.owners import check_own
 
 try:
     import fcntl
@@ -194,7 +195,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
             return None
         LOG.debug("%s: taken from %s", self._name, path)
         self._note_use(path, sigutils.normalize_signature(signature)[0])
-        payload = pickle.loads(entry.payload)  # noqa: S301  the user's own, checked above
+        payload = pickle.loads(entry.payload)  # noqa: S301  the user's own: `read` checks
         return CompileResult._rebuild(target_context, *payload)
 
     def save_overload(self, signature: Any, made: Any) -> None:
@@ -225,7 +226,8 @@ def in_turn(name: str) -> Iterator[None]:
     with ExitStack() as held:
         with suppress(OSError):  # a folder that has gone, a file system without locks: do not wait
             if fcntl is not None:
-                folder().mkdir(parents=True, exist_ok=True)
+                folder().mkdir(0o755, parents=True, exist_ok=True)
+                check_own(folder())
                 lock = held.enter_context((folder() / f"{name}.lock").open("ab"))
                 fcntl.flock(lock, fcntl.LOCK_EX)
                 # To close the file is not enough: a forked process may hold it, too.
