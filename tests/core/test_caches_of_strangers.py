@@ -3,7 +3,6 @@
 import json
 import os
 import stat
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -100,9 +99,7 @@ def test_a_damaged_list_of_files_is_refused_in_a_line(text, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_the_cache_of_another_user_is_not_used_and_the_sample_is_made_anew(
-    folder, becomes_another, caplog
-):
+def test_the_cache_of_another_user_is_not_used_and_the_sample_is_made_anew(becomes_another, caplog):
     say("--stats", "stats.json")
     becomes_another()
     with pytest.raises(NotOwnError):  # what is made here belongs to the same stranger
@@ -141,16 +138,16 @@ def test_samples_are_kept_in_a_folder_that_people_share(folder):
 
 def test_a_folder_that_may_only_be_read_gives_its_samples_and_takes_none(folder, monkeypatch):
     made = kept(ROOM)
-    monkeypatch.setattr(finding.tempfile, "mkdtemp", partial(refuse, finding.tempfile.mkdtemp))
+    make = finding.tempfile.mkdtemp
+
+    def refuse(**options):
+        if "data" in Path(options["dir"]).parts:
+            raise PermissionError("read-only")
+        return make(**options)
+
+    monkeypatch.setattr(finding.tempfile, "mkdtemp", refuse)
     assert kept(ROOM) == made
     assert kept("sample:bricks:size=64").folder.is_relative_to(folder / "cache")
-
-
-def refuse(make, *, dir: Path | None = None, **options):
-    """Make a folder, but not in the data folder."""
-    if dir is not None and "data" in Path(dir).parts:
-        raise PermissionError("read-only")
-    return make(dir=dir, **options)
 
 
 def test_files_of_users_own_groups_are_their_own(tmp_path, monkeypatch):
