@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.engine.compiled import entries
+from resample.engine.compiled import compiling, entries
 from resample.engine.compiled.entries import Entry
 from resample.files.writing import load_arrays, store_arrays
 from resample.reading import owners
@@ -17,6 +17,7 @@ from resample.reading.owners import NotOwnError, own_bytes
 from resample.samples import finding
 from resample.samples.finding import CONTENTS, expanded, kept
 from tests import commands
+from tests.processes import python
 
 ROOM = "sample:room:size=48"
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has no numbers of users")
@@ -209,3 +210,12 @@ def test_facts_that_others_may_write_are_found_anew(tmp_path, caplog):
     assert "HYBRID_RESAMPLE_CACHE may name another folder" in caplog.text
     assert not store_arrays(path, values, 1 << 20)
     assert load_arrays(path, "value", is_beside=True) is not None  # as trusted as the data
+
+
+def test_a_file_of_numbas_in_the_working_folder_does_not_say_where_kernels_are(monkeypatch):
+    """It may have been unpacked with the data, kernels that are pickles beside it."""
+    Path(".numba_config.yaml").write_text("cache_dir: planted\n")
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    asked = "from resample.engine.compiled import compiling\nprint(compiling.folder())"
+    assert python(asked).strip() == str(compiling.folder())
+    assert "planted" not in str(compiling.folder())

@@ -139,8 +139,11 @@ def _classes(given: Any) -> Iterator[type]:
 
 
 def folder() -> Path:
-    """Where kernels are kept: NUMBA_CACHE_DIR, else a folder of the user's cache."""
-    asked = numba.config.CACHE_DIR
+    """Where kernels are kept: NUMBA_CACHE_DIR, else a folder of the user's cache.
+
+    numba's own setting will not do: it may come from a file in the working folder.
+    """
+    asked = os.environ.get("NUMBA_CACHE_DIR")
     if asked:
         return Path(asked)
     from resample.memory import mapped
