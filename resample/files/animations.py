@@ -33,7 +33,6 @@ from resample.console import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import (
     check_targets,
-    leave_to_others,
     remove_left,
     replacing,
     take_lock,
@@ -225,8 +224,6 @@ def _alone(folder: Path, path: Path) -> Iterator[None]:
 
 def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Executor | None) -> None:
     """Make all frames that are missing in a folder."""
-    if executor is not None:
-        remove_left(folder)
     missing = (
         n
         for n, name in enumerate(_names(shots.total))
@@ -245,10 +242,8 @@ def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: 
     from PIL import Image
 
     path = folder / FRAME.format(n)
-    if by_others:
-        leave_to_others(folder)
-        if _is_whole(path):  # made by a process that ended before it was recorded
-            return n
+    if by_others and _is_whole(path):  # made by a process that ended before it was recorded
+        return n
     levels = frame(n)
     with replacing(path) as temporary:
         Image.fromarray(levels).save(temporary)

@@ -37,7 +37,7 @@ except ImportError:  # Windows
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-LOCK = re.compile(r"(\..*)\.lock-([0-9a-f]{6})(-[0-9a-f]{8})")  # files that locks are held on
+LOCK = re.compile(r"(?s)(\..*)\.lock-([0-9a-f]{6})(-[0-9a-f]{8})")  # files that are locked
 MOST = 40  # characters of a target's name, as file systems limit names
 NO_SPACE = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 PROBE = 1 << 16  # bytes to write as a test for a full disk after a library failed
@@ -154,7 +154,18 @@ def beside(target: Path) -> Iterator[Path]:
     if target.parent not in _tidied:
         _tidied.add(target.parent)
         remove_left(target.parent)
-    opened, lock = _new_lock(target)
+    while True:
+        owner = f"{_machine()}-{secrets.token_hex(4)}"
+        lock = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
+        opened = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        try:
+            take_lock(opened, lock)
+        except BlockingIOError:  # a process that tidies up has just found it
+            os.close(opened)
+            continue
+        except OSError:  # a file system without locks, where nothing is tidied up
+            pass
+        break
     temporary = lock.with_name(_start_of(lock) + target.suffix)
     try:
         yield temporary
@@ -183,22 +194,6 @@ def inheriting(target: Path) -> Iterator[list[Path]]:
             else:
                 os.close(opened)
         yield found
-
-
-def _new_lock(target: Path) -> tuple[int, Path]:
-    """Create and lock a file beside a target, under an unused name."""
-    while True:
-        owner = f"{_machine()}-{secrets.token_hex(4)}"
-        path = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
-        opened = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
-        try:
-            take_lock(opened, path)
-        except BlockingIOError:  # a process that tidies up has just found it
-            os.close(opened)
-            continue
-        except OSError:  # a file system without locks, where nothing is tidied up
-            pass
-        return opened, path
 
 
 def _start_of(lock: Path) -> str:
@@ -231,11 +226,6 @@ def take_lock(opened: int, path: Path) -> None:
     raise BlockingIOError(errno.EAGAIN, "has just been removed", str(path))
 
 
-def leave_to_others(folder: Path) -> None:
-    """Leave leftovers in a folder to another process."""
-    _tidied.add(folder)
-
-
 def remove_left(folder: Path) -> None:
     """Remove leftovers of dead processes of this machine from a folder.
 
@@ -258,15 +248,12 @@ def _left(folder: Path) -> Iterator[tuple[int, Path, list[str]]]:
             continue
         start = _start_of(path)
         with suppress(OSError), ExitStack() as held:
-            opened = os.open(path, os.O_RDWR if os.access(path, os.W_OK) else os.O_RDONLY)
+            how = os.O_RDWR if os.access(path, os.W_OK) else os.O_RDONLY
+            opened = os.open(path, how | os.O_NONBLOCK)
             held.callback(os.close, opened)
             take_lock(opened, path)
             held.pop_all()
-            yield (
-                opened,
-                path,
-                [one for one in names if one == start or one.startswith(f"{start}.")],
-            )
+            yield opened, path, [one for one in names if f"{one}.".startswith(f"{start}.")]
 
 
 def _remove(path: Path) -> None:

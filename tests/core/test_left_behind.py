@@ -60,7 +60,7 @@ def names() -> list[str]:
 @pytest.mark.sweep
 @pytest.mark.skipif(os.name == "nt", reason="there are no locks on Windows")
 def test_what_a_killed_process_was_writing_is_removed_by_the_next_one():
-    for target in ("a.png", "b[1].nii.gz", "c"):
+    for target in ("a.png", "b[1].nii.gz", "c", "d\n.lock-1.png"):
         kill_while_writing(target)
         assert [name.startswith(f".{target[0]}") for name in names()] == [True, True]
     with replacing("a.png") as temporary:
