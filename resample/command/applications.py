@@ -9,7 +9,6 @@ from resample import registry
 from resample.command.flags import OptionTopic, Target, about, marks_of
 from resample.command.helping import CommandLine
 from resample.console import say
-from resample.samples.finding import OWN_FOLDER, PREFIX
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 FETCH = """Download and verify a public data set and print its folder; without a name, list all.
@@ -102,6 +101,8 @@ def check_added(app: App, words: Sequence[str], option: str, value: str) -> None
 
     It may also name a file of the sample's own folder, or another sample.
     """
+    from resample.samples.finding import OWN_FOLDER, PREFIX
+
     _, apps, rest = app.parse_commands(words)
     command = apps[-1].default_command
     now = getattr(command, "now", None)

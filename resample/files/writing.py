@@ -25,7 +25,6 @@ from pathlib import Path
 from platform import node
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from resample.memory.mapped import FOLDER_VARIABLE
 from resample.reading.owners import BY_OTHERS, NotOwnError, check_own, tell_unused
 from resample.words import one_line
 
@@ -304,6 +303,7 @@ def load_arrays(
 
     `is_beside`: it is beside the data, and as trusted as these; any other file must be the user's.
     """
+    from resample.memory.mapped import FOLDER_VARIABLE
     from resample.reading.arrays import read_npz
 
     try:
