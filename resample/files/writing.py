@@ -209,12 +209,8 @@ def _release(opened: int, lock: Path) -> None:
 def take_lock(opened: int, path: Path) -> None:
     """Lock an open file or folder until it is closed or the process ends; Windows has no locks.
 
-    Raises
-    ------
-    BlockingIOError
-        Another process has locked or removed it.
-    OSError
-        The file system has no locks.
+    Raises BlockingIOError: another process has locked or removed it. Raises OSError: the file
+    system has no locks.
     """
     if fcntl is None:
         return

@@ -29,19 +29,9 @@ class NotOwnError(PermissionError):
 
 
 def own_bytes(path: Path, limit: str | None = None) -> bytes:
-    """Content of a file that nobody but the user, or root, can have written.
+    """Content of a file that nobody but the user, or root, can have written; links are rejected.
 
-    Parameters
-    ----------
-    limit
-        Name of the limit on its size, see `resample.reading.limits`; None: no limit.
-
-    Raises
-    ------
-    NotOwnError
-        The file or its folder is another's, or others may write to it.
-    OSError, ValueError
-        It cannot be read; it is too large.
+    `limit`: name of the limit on its size, see `resample.reading.limits`; None: there is none.
     """
     check_own(path.parent)
     with open(os.open(path, os.O_RDONLY | UNBLOCKED), "rb") as file:
@@ -58,13 +48,7 @@ def tell_unused(error: NotOwnError, variable: str) -> None:
 
 
 def check_own(path: Path) -> None:
-    """Reject a file or folder that is another's, or that others may write to.
-
-    Raises
-    ------
-    NotOwnError
-        It says whose it is, and what to do.
-    """
+    """Reject a file or folder that is another's, or that others may write to."""
     _check(path, os.stat(path))
 
 
