@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases test-faults fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -43,6 +43,9 @@ test-lowest test-prereleases: $(BIN)/uv
 # What a first picture takes after `pip install` of the wheel, in an empty environment; ARGS="--without numba" leaves packages out.
 first-pictures: wheel
 	$(BIN)/python tools/first_pictures.py $(wildcard dist/*.whl) $(ARGS)
+# Commands that are killed, on full disks, without streams, with little memory, two at a time; checks of memory in C.
+test-faults: $(VENV)/.dev
+	$(PYTEST) tests/faults $(ARGS)
 # Files and arrays changed at random (docs/reliability.md); SECONDS=60 is a trial, ARGS="--seed 7" another way through.
 fuzz: SECONDS ?= 600
 fuzz: $(VENV)/.dev
@@ -69,9 +72,11 @@ lint: $(VENV)/.dev
 	$(BIN)/lint-imports
 	$(BIN)/python tools/house.py
 	$(BIN)/python tools/licences.py
-# Known faults of the locked dependencies, as far as the index tells; PyPI does.
+# Known faults of the locked dependencies. The index has to tell them, as PyPI does: what could not be audited fails.
 audit: $(BIN)/uv
-	$(BIN)/uv tool run -q --from pip-audit==2.10.1 pip-audit --disable-pip --no-deps -r requirements/run.txt
+	$(BIN)/uv venv -q --clear $(VENV)/audit
+	$(BIN)/uv pip install -q --python $(VENV)/audit --require-hashes -r requirements/audit.txt
+	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes -r requirements/run.txt
 # The site, in docs/_build/html, offline and without warnings; examples that have not changed are not run again.
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
@@ -87,14 +92,15 @@ sdist: $(VENV)/.dev
 wheel: kernels
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
 
-# --without-pip: works where Debian's python3-venv is missing; the machine's pip then installs uv into it.
-$(BIN)/uv:
+# --without-pip: works where Debian's python3-venv is missing; the machine's pip then installs uv into it, and what builds wheels.
+$(BIN)/uv: requirements/build.txt
 	$(PYTHON) -m venv --without-pip $(VENV)
-	$(PYTHON) -m pip --python $(VENV) install -q --disable-pip-version-check 'uv>=0.9'
+	$(PYTHON) -m pip --python $(VENV) install -q --disable-pip-version-check --require-hashes -r requirements/build.txt
+	touch $@
 # The locks hold versions and hashes only, no addresses: whatever index the machine is set up for serves.
 define install
 	$(BIN)/uv pip install -q --python $(BIN)/python --require-hashes -r requirements/$(1).txt
-	$(BIN)/uv pip install -q --python $(BIN)/python --no-deps -e .
+	$(BIN)/uv pip install -q --python $(BIN)/python --no-deps --no-build-isolation -e .
 	$(BIN)/python -m compileall -q resample apps
 endef
 $(VENV)/.run: requirements/run.txt pyproject.toml | $(BIN)/uv
@@ -109,9 +115,12 @@ $(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
 $(VENV)/.docs: requirements/docs.txt $(VENV)/.dev
 	$(BIN)/uv pip install -q --python $(BIN)/python --require-hashes -r requirements/docs.txt
 	touch $@
+lock: LOCK := $(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header
 lock: | $(BIN)/uv
-	$(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header -o requirements/run.txt
-	$(BIN)/uv pip compile -q pyproject.toml --extra film --extra dicom --extra vtk --extra vdb --extra peers --extra view --extra notebook --extra las --extra hdf5 --extra e57 --group dev --python-version 3.11 --universal --generate-hashes --no-header -c requirements/run.txt -o requirements/dev.txt
-	$(BIN)/uv pip compile -q pyproject.toml --group docs --python-version 3.11 --universal --generate-hashes --no-header -c requirements/dev.txt -o requirements/docs.txt
+	$(LOCK) -o requirements/run.txt
+	$(LOCK) --extra film --extra dicom --extra vtk --extra vdb --extra peers --extra view --extra notebook --extra las --extra hdf5 --extra e57 --group dev -c requirements/run.txt -o requirements/dev.txt
+	$(LOCK) --group docs -c requirements/dev.txt -o requirements/docs.txt
+	$(subst pyproject.toml,--group build,$(LOCK)) -c requirements/dev.txt -o requirements/build.txt
+	$(subst pyproject.toml,--group audit,$(LOCK)) -o requirements/audit.txt
 clean:
 	rm -rf $(VENV) dist demo

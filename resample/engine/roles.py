@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
-from resample.engine.compiled.sources import PLAYED
 from resample.engine.jit import LANES, compiler, when_compiling
 
 P = ParamSpec("P")
@@ -59,7 +58,6 @@ def plays(what: Callable[..., R], of: type) -> Callable[[Callable[P, R]], Callab
 
     def register(body: Callable[P, R]) -> Callable[P, R]:
         what.bodies[of] = body  # type: ignore[attr-defined]
-        PLAYED[of].add((what.__module__, body.__module__))
         return body
 
     return register

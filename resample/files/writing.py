@@ -357,10 +357,8 @@ def source_fingerprint(*names: str) -> str:
 
     Cached results that such code computed are keyed by it.
     """
-    from resample.engine.compiled.sources import engine_digest
-
-    digest = sha256(engine_digest().encode())
-    for name in names:
+    digest = sha256()
+    for name in ("resample.types", "resample.engine", *names):
         spec = find_spec(name)
         if spec is None or spec.origin is None:
             raise ModuleNotFoundError(f"no source code of {name}", name=name)

@@ -1,8 +1,10 @@
 """A library of a few kernels gives what numba gives, and names types as numba does."""
 
+import ctypes
 import importlib.util
 import os
 import shutil
+import subprocess
 import sys
 from importlib.machinery import ExtensionFileLoader
 from pathlib import Path
@@ -12,9 +14,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import _helperlib
 
 from resample.engine import jit
-from resample.engine.compiled import compiling, library, sources
+from resample.engine.compiled import compiling, library
 from tests import small_kernels
 from tests.processes import python
 from tests.small_kernels import Pair, Sums, copy_into, nothing, steps, sums
@@ -139,7 +142,7 @@ def test_what_the_library_has_not_is_left_to_numba(of_library, arguments):
 def test_a_kernel_of_changed_sources_is_not_run(of_library, monkeypatch):
     called, asked = of_library(sums), []
     with monkeypatch.context() as edited:
-        edited.setattr(sources, "digest", lambda *_: asked.append(1) or "0" * 64)
+        edited.setattr(library, "source_digest", lambda *_: asked.append(1) or "0" * 64)
         assert called((PAIR, 2.0), {}) is NotImplemented
         assert called((PAIR, 2.0), {}) is NotImplemented
     assert asked == [1]  # the answer is kept: every call would ask else
@@ -289,3 +292,61 @@ except ImportError as error:
     print(error)
 """
     assert python(code).splitlines() == ["[0.5 1.5 2.5 3.5 4.5 5.5]", "numba is not installed"]
+
+
+def test_an_entry_names_the_modules_that_it_is_compiled_from(native):
+    code = sums.__wrapped__.__code__
+    names = code.co_varnames[: code.co_argcount]
+    found = native.find("tests.small_kernels.sums", names, sums.__wrapped__.__defaults__)
+    _, sources = found.match((PAIR, 2.0), {})
+    digest, *modules = sources.split()
+    assert {"tests.small_kernels", "resample.engine.compiled.compiling"} <= set(modules)
+    assert digest == library.source_digest(*modules)
+
+
+def test_the_digest_of_sources_changes_with_each_file(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("of_library_a", "of_library_b"):
+        (tmp_path / f"{name}.py").write_text("STEP = 2\n")
+    digests = {library.source_digest("of_library_a", "of_library_b")}
+    for name in ("of_library_a", "of_library_b", "of_library_b"):
+        with (tmp_path / f"{name}.py").open("a") as file:
+            file.write("# another line\n")
+        library._file_digest.cache_clear()
+        digests.add(library.source_digest("of_library_a", "of_library_b"))
+    (tmp_path / "of_library_a.py").unlink()
+    library._file_digest.cache_clear()
+    importlib.invalidate_caches()
+    digests.add(library.source_digest("of_library_a", "of_library_b"))
+    assert len(digests) == 5
+    library._file_digest.cache_clear()
+
+
+def test_a_view_of_other_dimensions_is_numbas(tmp_path):
+    """Also where sizes differ, or are 0: then only the same number of items may be viewed."""
+    runtime = Path(library.__file__).parents[3] / "tools" / "kernels" / "runtime.c"
+    compiler = [os.environ.get("CC", "cc"), "-shared", "-fPIC", str(runtime), "-lm"]
+    subprocess.run([*compiler, "-o", str(tmp_path / "runtime.so")], check=True)
+    by_library = ctypes.CDLL(str(tmp_path / "runtime.so")).numba_attempt_nocopy_reshape
+    kinds = [ctypes.c_ssize_t, *[ctypes.c_void_p] * 2] * 2 + [ctypes.c_ssize_t, ctypes.c_int]
+    of_numba = ctypes.CFUNCTYPE(ctypes.c_int, *kinds)(
+        _helperlib.c_helpers["attempt_nocopy_reshape"]
+    )
+    by_library.argtypes = kinds
+    rng, fitting = np.random.default_rng(7), 0
+    for _ in range(2000):
+        given = np.zeros(rng.integers(0, 5, rng.integers(1, 4)), "f4")[:: rng.integers(1, 3)]
+        given = given.transpose(rng.permutation(given.ndim))
+        new = rng.integers(0, 5, rng.integers(1, 4))
+        if rng.random() < 0.5:
+            new = np.array([*given.shape[:-2], int(np.prod(given.shape[-2:]))])
+        answers = []
+        for reshape in (by_library, of_numba):
+            dims, strides = np.array(given.shape), np.array(given.strides)
+            made = np.zeros(len(new), np.intp)
+            parts = (len(dims), dims.ctypes.data, strides.ctypes.data, len(new), new.ctypes.data)
+            fits = reshape(*parts, made.ctypes.data, 4, 0)
+            answers.append((fits, made[new > 1].tolist() if fits and new.all() else None))
+        assert answers[0] == answers[1], (given.shape, given.strides, new)
+        fitting += answers[0][0]
+    assert 300 < fitting < 1700

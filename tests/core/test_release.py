@@ -73,3 +73,18 @@ def test_nothing_unpickles_evaluates_or_asks_a_shell(nodes):
             names = {alias.name for alias in node.names} | {getattr(node, "module", "")}
             allowed = {"pickle"} if path.as_posix().endswith(OWN_CACHE) else set()
             assert not (FORBIDDEN - allowed) & names, (path, names)
+
+
+def test_what_builds_and_tests_is_installed_by_hash():
+    """Trials of other versions, and of what a user installs, take the newest there are."""
+    texts = [(ROOT / name).read_text("utf-8") for name in ("Makefile", "pyproject.toml")]
+    calls = [
+        line.strip()
+        for line in "\n".join(texts).replace(" && ", "\n").splitlines()
+        if re.match(r"[^#]*(pip install|-m pip|tool run)", line)
+    ]
+    loose = [line for line in calls if not re.search("--require-hashes|--no-deps", line)]
+    assert len(calls) > 6
+    assert all("$(VERSIONS)" in line or "--group dev" in line for line in loose), loose
+    assert all("isolation" in line for line in calls if "--no-deps" in line)
+    assert "pip-audit --strict" in texts[0]  # what the index does not know has not been audited

@@ -4,7 +4,6 @@ Kernels in the user's cache are reused; the others are compiled first.
 """
 
 import argparse
-import ast
 import os
 import platform
 import subprocess
@@ -14,14 +13,12 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 from resample.engine.compiled import entries
 from resample.engine.compiled.library import VARIABLE
 from tools.kernels import platforms
+from tools.kernels.outlines import home, outline
 from tools.kernels.scenes import GROUPS
 
 ROOT = Path(__file__).parents[2]
@@ -29,20 +26,12 @@ COMPILED = "resample.engine.compiled"  # the compiler, which counts whole
 LIBRARY = ROOT / "resample" / "engine" / "compiled" / platforms.file_name()
 
 
-class Outline(NamedTuple):
-    """Names at the top of a module's source."""
-
-    defined: set[str]
-    imported: dict[str, str]  # and where they are from
+def used(*logs: Path) -> set[Path]:
+    """Kernel files named in logs of RESAMPLE_KERNELS_LOG."""
+    return {Path(file) for log in logs if log.exists() for file in log.read_text().splitlines()}
 
 
-def used(log: Path) -> dict[Path, str]:
-    """Kernel files named in a log of RESAMPLE_KERNELS_LOG, with digests of their sources."""
-    lines = log.read_text().splitlines() if log.exists() else []
-    return {Path(file): digest for digest, file in (line.split(" ", 1) for line in lines)}
-
-
-def compiled_for_scenes(folder: Path) -> dict[Path, str]:
+def compiled_for_scenes(folder: Path) -> set[Path]:
     """Run all groups of scenes and collect the kernels that they use.
 
     Raises
@@ -52,7 +41,7 @@ def compiled_for_scenes(folder: Path) -> dict[Path, str]:
     """
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         logs = list(pool.map(lambda group: _run(group, folder), GROUPS))
-    return {file: digest for log in logs for file, digest in used(log).items()}
+    return used(*logs)
 
 
 def _run(group: str, folder: Path) -> Path:
@@ -119,37 +108,6 @@ def edits(files: Iterable[Path]) -> list[str]:
         f"{shares[len(shares) // 2]:6.1%}  in the median",
         f"{sum(shares) / len(shares):6.1%}  in the mean over {len(shares)} functions and constants",
     ]
-
-
-def home(part: str) -> str:
-    """Name of a constant where it is defined, whichever module imports it."""
-    module, _, name = part.rpartition(".")
-    origin = outline(module).imported.get(name)
-    return part if origin is None else home(origin)
-
-
-@cache
-def outline(module: str) -> Outline:
-    """What a module's source defines and imports; nothing for a function that defines others."""
-    try:
-        found = find_spec(module)
-    except ModuleNotFoundError:
-        return Outline(set(), {})
-    defined: set[str] = set()
-    imported: dict[str, str] = {}
-    origin = found.origin if found else None
-    for node in ast.parse(Path(origin).read_text()).body if origin else ():
-        match node:
-            case ast.FunctionDef() | ast.ClassDef():
-                defined.add(node.name)
-            case ast.Assign() | ast.AnnAssign():
-                targets = [target for target in ast.walk(node) if isinstance(target, ast.Name)]
-                defined |= {each.id for each in targets if isinstance(each.ctx, ast.Store)}
-            case ast.ImportFrom(module=str() as other):
-                imported |= {
-                    each.asname or each.name: f"{other}.{each.name}" for each in node.names
-                }
-    return Outline(defined, imported)
 
 
 def main() -> int:

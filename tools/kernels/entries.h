@@ -9,7 +9,7 @@ typedef int (*Run)(const int64_t *given, int64_t *result);
 typedef struct {
     const char *kernel;  /* module and name */
     const char *key;     /* types of the arguments, as resample.engine.compiled.compiling.key_of names them */
-    const char *sources; /* fingerprint of what it was compiled from */
+    const char *sources; /* fingerprint of the files that it was compiled from, and their modules */
     const char *gives;   /* types of the results, likewise */
     int count;           /* of numbers that the arguments take */
     Run run;

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,8 +27,9 @@ from numba.np.numpy_support import as_dtype
 
 from resample.engine.compiled import entries
 from resample.engine.compiled.compiling import key_of
-from resample.engine.compiled.library import dtype_name, sealed
+from resample.engine.compiled.library import dtype_name, sealed, source_digest
 from tools.kernels import platforms
+from tools.kernels.outlines import modules_of
 
 HERE = Path(__file__).parent
 FAILURES = re.compile(r'@"?\.const\.pickledata\.[^=]*= [^\n]*?c"((?:[^"\\]|\\.)*)"')
@@ -47,7 +48,7 @@ class Part(NamedTuple):
 
     kernel: str  # module and name
     key: str  # types of the arguments
-    sources: str  # fingerprint of its sources
+    sources: str  # fingerprint of its modules' files, and their names
     symbol: str  # name of its entry point
     wide: str  # the same for x86-64-v4, or NULL
     gives: str  # types of the results
@@ -55,13 +56,13 @@ class Part(NamedTuple):
     failures: tuple[bytes, ...]  # exceptions that it may raise, as pickled by numba
 
 
-def build(files: Mapping[Path, str], library: Path) -> list[Part]:
+def build(files: Iterable[Path], library: Path) -> list[Part]:
     """Link compiled kernels to an extension module.
 
     Parameters
     ----------
     files
-        Kernels in the form of `resample.engine.compiled.entries`, and digests of their sources.
+        Kernels in the form of `resample.engine.compiled.entries`.
     library
         Path of the module.
 
@@ -74,7 +75,7 @@ def build(files: Mapping[Path, str], library: Path) -> list[Part]:
     """
     with tempfile.TemporaryDirectory() as folder:
         with ProcessPoolExecutor() as pool:
-            numbered = [(f, files[f], n, folder) for n, f in enumerate(sorted(files))]
+            numbered = [(file, n, folder) for n, file in enumerate(sorted(files))]
             parts = list(pool.map(_emit, *zip(*numbered, strict=True)))
         parts.sort()
         (Path(folder) / "table.c").write_text(_table(parts))
@@ -82,7 +83,7 @@ def build(files: Mapping[Path, str], library: Path) -> list[Part]:
     return parts
 
 
-def _emit(file: Path, sources: str, number: int, folder: str) -> Part:
+def _emit(file: Path, number: int, folder: str) -> Part:
     """Write the object file of one kernel."""
     entry = entries.read(file)
     if entry is None:
@@ -100,6 +101,8 @@ def _emit(file: Path, sources: str, number: int, folder: str) -> Part:
     if wide_level and entry.kernel in WIDE:
         wide = f"{symbol}_wide"
         _write_object(bitcode, description, Path(folder, f"{wide}.o"), wide_level)
+    modules = modules_of(entry.parts)
+    sources = " ".join([source_digest(*modules), *modules])
     return Part(
         *(entry.kernel, entry.key, sources, symbol, wide),
         gives=_gives(description.restype),

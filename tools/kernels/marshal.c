@@ -148,7 +148,7 @@ static PyObject *named_class(PyObject *of) {
     if (of == (PyObject *)&PyTuple_Type) return PyBytes_FromString("");
     PyObject *module = PyObject_GetAttrString(of, "__module__");
     PyObject *name = module ? PyObject_GetAttrString(of, "__qualname__") : NULL;
-    PyObject *text = name ? PyUnicode_FromFormat("%U.%U", module, name) : NULL;
+    PyObject *text = name ? PyUnicode_FromFormat("%S.%S", module, name) : NULL;
     PyObject *bytes = text ? PyUnicode_AsUTF8String(text) : NULL;
     Py_XDECREF(module);
     Py_XDECREF(name);
@@ -272,9 +272,12 @@ static int walk_value(Walk *walk, PyObject *value) {
         if (put_text(walk, "(", 1)) return -1;
         if (put_kept(walk, kept(type_names, (PyObject *)of, named_class))) return -1;
         if (put_text(walk, ";", 1)) return -1;
-        for (Py_ssize_t n = 0; n < PyTuple_Size(value); n++)
-            if (walk_value(walk, PyTuple_GetItem(value, n))) return -1;
-        return put_text(walk, ")", 1);
+        if (Py_EnterRecursiveCall(" in arguments of a kernel")) return -1;
+        int failed = 0;
+        for (Py_ssize_t n = 0; n < PyTuple_Size(value) && !failed; n++)
+            failed = walk_value(walk, PyTuple_GetItem(value, n));
+        Py_LeaveRecursiveCall();
+        return failed ? -1 : put_text(walk, ")", 1);
     }
     if (PyArray_IsScalar(value, Generic)) return walk_scalar(walk, value);
     walk->is_unknown = 1;

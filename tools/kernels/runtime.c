@@ -98,10 +98,11 @@ double numba_nextafter(double from, double to) { return nextafter(from, to); }
 int numba_attempt_nocopy_reshape(intptr_t count, const intptr_t *dims, const intptr_t *strides,
                                  intptr_t new_count, const intptr_t *new_dims,
                                  intptr_t *new_strides, intptr_t itemsize, int is_fortran) {
-    intptr_t axis = count - 1, run = 1, stride = itemsize, n;
-    if (is_fortran) return 0;
-    for (n = 0; n < count; n++)
-        if (dims[n] == 0) axis = -1; /* nothing is read: any strides do */
+    intptr_t axis = count - 1, run = 1, stride = itemsize, items = 1, new_items = 1, n;
+    for (n = 0; n < count; n++) items *= dims[n];
+    for (n = 0; n < new_count; n++) new_items *= new_dims[n];
+    if (is_fortran || items != new_items) return 0;
+    if (items == 0) axis = -1; /* nothing is read: any strides do */
     if (axis < 0)
         for (n = new_count - 1; n >= 0; n--) {
             new_strides[n] = stride;

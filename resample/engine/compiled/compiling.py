@@ -32,7 +32,7 @@ from numba.core.serialize import dumps
 from numba.extending import intrinsic, overload
 from numba.np.numpy_support import as_dtype
 
-from resample.engine.compiled import digests, library, sources
+from resample.engine.compiled import digests, library
 from resample.engine.compiled.entries import FIRST, SUFFIX, Entry, read, write
 from resample.reading.owners import check_own
 
@@ -197,7 +197,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
             self._began = time.thread_time()
             return None
         LOG.debug("%s: taken from %s", self._name, path)
-        self._note_use(path, sigutils.normalize_signature(signature)[0])
+        _note_use(path)
         payload = pickle.loads(entry.payload)  # noqa: S301  the user's own: `read` checks
         return CompileResult._rebuild(target_context, *payload)
 
@@ -209,18 +209,17 @@ class KernelCache(NullCache):  # type: ignore[misc]
         seconds = time.thread_time() - self._began
         parts = self._made_from(made.signature.args)[1]
         write(path, Entry(self._name, key, parts, seconds, dumps(made._reduce())))
-        self._note_use(path, made.signature.args)
+        _note_use(path)
 
     def _made_from(self, arguments: Any) -> tuple[str, list[str]]:
         return digests.made_from(self._called, {of for each in arguments for of in _classes(each)})
 
-    def _note_use(self, path: Path, arguments: Any) -> None:
-        """Append a file, and the digest of its sources, to RESAMPLE_KERNELS_LOG, if any."""
-        log = os.environ.get("RESAMPLE_KERNELS_LOG")
-        if log:
-            classes = {of for each in arguments for of in _classes(each)}
-            with Path(log).open("a") as lines:
-                lines.write(f"{sources.digest(self._called.__module__, classes)} {path}\n")
+
+def _note_use(path: Path) -> None:
+    """Append a kernel's file to RESAMPLE_KERNELS_LOG, if any."""
+    if log := os.environ.get("RESAMPLE_KERNELS_LOG"):
+        with Path(log).open("a") as lines:
+            lines.write(f"{path}\n")
 
 
 @contextmanager

@@ -7,11 +7,12 @@ processor has what it needs, and no setting of numba's asks for other code; else
 it does where there is no library. RESAMPLE_KERNELS=off works as if there were none.
 """
 
+import hashlib
 import logging
 import os
 import sys
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -21,8 +22,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
-
-from resample.engine.compiled import sources
 
 LOG = logging.getLogger("resample")
 VARIABLE = "RESAMPLE_KERNELS"
@@ -106,11 +105,11 @@ def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwar
     if match is None:
         _say_that_it_is_missing(name, "these types of arguments")
         return False
-    position, made_from = match
+    position, sources = match
     if position in stale:
         return False
-    classes = set(_classes((*args, *kwargs.values())))
-    if sources.digest(function.__module__, classes) != made_from:
+    made_from, *modules = sources.split()
+    if source_digest(*modules) != made_from:
         _say_that_it_is_missing(name, "the sources as they are now")
         stale.add(position)
         return False
@@ -118,13 +117,17 @@ def _admits(found: Any, stale: set[int], function: FunctionType, args: Any, kwar
     return True
 
 
-def _classes(values: tuple[Any, ...]) -> Iterator[type]:
-    """Classes of all bundles in values."""
-    for value in values:
-        if isinstance(value, tuple):
-            if hasattr(value, "_fields"):
-                yield type(value)
-            yield from _classes(value)
+def source_digest(*modules: str) -> str:
+    """Fingerprint of the files of modules; those that are not there have one of their own."""
+    return hashlib.sha256("".join(map(_file_digest, modules)).encode()).hexdigest()
+
+
+@cache
+def _file_digest(module: str) -> str:
+    try:
+        return hashlib.sha256(Path(str(find_spec(module).origin)).read_bytes()).hexdigest()  # type: ignore[union-attr]
+    except (AttributeError, ImportError, OSError):
+        return f"no file of {module}"
 
 
 @cache
