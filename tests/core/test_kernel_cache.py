@@ -49,7 +49,7 @@ def _flipped(data, at):
 
 @pytest.mark.skipif(jit.IS_PLAIN, reason="plain Python has no machine code")
 def test_a_kernel_whose_file_is_damaged_is_compiled_anew(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiling, "folder", lambda: tmp_path)
     called = jit.kernel(nothing.__wrapped__)
     called(1)
     (file,) = tmp_path.glob("*.kernel")
