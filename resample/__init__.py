@@ -5,7 +5,7 @@ The names below are imported on first use, so that `import resample` is fast.
 
 from typing import TYPE_CHECKING, Any
 
-from resample.lazy import attributes, listing, moved, warn_of_namesake
+from resample.lazy import attributes, listing, warn_of_namesake
 from resample.showable import register_exporter
 
 if TYPE_CHECKING:
@@ -75,4 +75,3 @@ warn_of_namesake(__path__[0])
 register_exporter(_exporter)
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
-moved(__name__, {"console.messages": "console"})

@@ -7,8 +7,6 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.flags import OptionTopic, Target, about, marks_of
-from resample.command.helping import CommandLine
-from resample.console import say
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 FETCH = """Download and verify a public data set and print its folder; without a name, list all.
@@ -56,44 +54,15 @@ def fetcher(package: str, example: str) -> Callable[..., None]:
     return fetch
 
 
-def moved_command(old: str, application: str, command: str) -> App:
-    """Command of an application that is another's now: says so in a line and runs that one."""
-    launch = launcher(application, command)
-
-    def run(*words: Words) -> Any:
-        mention_move(old, application, command)
-        return launch(*words)
-
-    moved = CommandLine(
-        name=old.rpartition(" ")[2],
-        help=f"Old name of resample-{application} {command}; goes with the next release.",
-        help_flags=(),
-        version_flags=(),
-    )
-    moved.default(run)
-    vars(run)["now"] = application, command
-    return moved
-
-
 def command_now(application: str, command: str) -> tuple[str, App]:
-    """Names and parser of an application's command, also if it is another application's now."""
+    """Names and parser of an application's command."""
     commands = registry.load("apps", application)
     names = [name for name in commands if not name.startswith("-")]
     if command not in names:
         raise ValueError(
             f"resample-{application} has no command {command!r}; it has {', '.join(names)}"
         )
-    now = getattr(commands[command].default_command, "now", None)
-    if now is None:
-        return f"{commands.name[0]} {command}", commands[command]
-    mention_move(f"{commands.name[0]} {command}", *now)
-    return command_now(*now)
-
-
-def mention_move(old: str, application: str, command: str) -> None:
-    """Tell the user what a command of the release before is called now."""
-    new = f"resample-{application} {command}"
-    say(f"{old} is now {new}; the old name goes with the next release")
+    return f"{commands.name[0]} {command}", commands[command]
 
 
 def check_added(app: App, words: Sequence[str], option: str, value: str) -> None:

@@ -78,10 +78,8 @@ def _opening(asked: Asked, text: str, usage: str) -> list[str]:
 
 
 def _commands(asked: Asked) -> list[str]:
-    """Return the names of commands, but those of former releases."""
-    own = [name for name in asked.command if not name.startswith("-")]
-    now = {name: getattr(asked.command[name].default_command, "now", ()) for name in own}
-    named = ", ".join(name for name in own if len(now[name]) < 2)
+    """Return the names of commands."""
+    named = ", ".join(name for name in asked.command if not name.startswith("-"))
     lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
     return [*lines, "COMMAND -h explains a command; --help says what each of them does."]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.facts.metadata import is_display_referred
-from resample.lazy import renamed
 from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
 from resample.types import Floats
@@ -26,14 +25,6 @@ STRIP, LEAST_STRIP = 256, 32  # rows read at a time; for wide pictures
 MOST_IN_STRIP = 1 << 22  # values read at a time
 COLORS = ("R", "G", "B", "A")
 MOST = {"uint8": 255, "uint16": 65535}  # largest value, which scales levels to 0..1
-
-__getattr__ = renamed(
-    __name__,
-    {
-        name: f"resample.files.saving.{name}"
-        for name in ("write_frame", "write_png", "write_exr", "screen_levels", "check_suffix")
-    },
-)
 MOST_BYTES = 4  # upper bound on bytes per encoded value: no code of libjpeg's exceeds 26 bits
 HEAD = 1 << 16  # bytes besides values and attributes
 STEP = 1 << 20  # bytes moved from memory to disk at once

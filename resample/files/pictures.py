@@ -25,7 +25,6 @@ from resample.files.facts.metadata import (
 )
 from resample.files.images import PictureFile, light_of, open_file, shown
 from resample.files.stores.opening import Address, Place, place_of
-from resample.lazy import renamed
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.pictures import check_honest, check_picture
@@ -41,16 +40,6 @@ FORMS = {  # OpenImageIO's integer types
 PLAIN = (("Y",), ("R", "G", "B"), ("R", "G", "B", "A"))  # channels of most pictures
 EVEN = {4: 1e-6, 8: 1e-12}  # relative tolerance for equality of floats, by their size in bytes
 WIDE = ("int32", "uint32")  # integers that float32 cannot represent exactly
-
-__getattr__ = renamed(
-    __name__,
-    {
-        "WriteOptions": "resample.files.formats.WriteOptions",
-        "check_output": "resample.files.formats.check_output",
-        "write_picture": "resample.files.saving.write_picture",
-        "write_pages": "resample.files.saving.write_pages",
-    },
-)
 
 
 class Kind(NamedTuple):

@@ -9,11 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from resample.lazy import renamed
 from resample.types import LAST_SHEET, Doubles, Floats, Layers, Sheets, View
 from resample.words import number
-
-__getattr__ = renamed(__name__, {"AxisSheets": "resample_volume.baselines.painting.AxisSheets"})
 
 THINNEST = 1e-3  # voxels; thinner slabs change nothing and take proportionally longer
 QUALITIES = ("best", "usual", "fast")  # of rays

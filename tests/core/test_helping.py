@@ -143,7 +143,6 @@ def test_defaults_have_one_form_on_the_screen(application, command, options):
 def test_brief_help_of_a_command_that_is_anothers_is_that_ones(capsys):
     there = helped("resample-points", "render", "-h", capsys=capsys)
     assert helped("resample", "points", "render", "-h", capsys=capsys) == there
-    assert helped("resample-warp3d", "cloud", "-h", capsys=capsys) == there
 
 
 def test_brief_help_of_an_unknown_command_names_the_nearest(capsys):

@@ -1,4 +1,3 @@
-import importlib
 import os
 import resource
 import stat
@@ -167,14 +166,6 @@ def test_a_frame_is_written_in_the_format_of_its_suffix(tmp_path, frame, suffix)
 def test_an_unknown_suffix_lists_the_known_ones(tmp_path, frame, name):
     with pytest.raises(ValueError, match=f"{name}: pictures are written as .png, .exr, .jpg, "):
         write_frame(tmp_path / name, frame)
-
-
-@pytest.mark.parametrize("old", ["images.write_png", "images.write_frame", "pictures.WriteOptions"])
-def test_names_of_the_release_before_warn_and_work(old):
-    module, _, name = f"resample.files.{old}".rpartition(".")
-    with pytest.warns(DeprecationWarning, match=rf"{name} is now resample\.files\..*\.{name}"):
-        found = getattr(importlib.import_module(module), name)
-    assert found.__name__ == name
 
 
 @pytest.mark.skipif(OpenImageIO.VERSION < 30200, reason="OpenImageIO 3.1 reads such a file")

@@ -7,8 +7,6 @@ import pytest
 from resample import Primitive, Resampler, registry
 from resample.painting.choices import Footprint, Technique, footprints_of
 from resample.painting.splats import StreamedPainter
-from resample.profiles import orders
-from resample_volume.baselines.painting import AxisSheets
 from tests.samples import CAMERAS, SIDE, cloud
 
 PICTURE = {"camera": CAMERAS["narrow"], "height": SIDE, "width": SIDE}
@@ -66,8 +64,3 @@ def test_primitives_for_comparison_are_plugins(monkeypatch):
     own = {Primitive.HYBRID, Primitive.POINTS, Primitive.SPLATS, Primitive.PAPER}
     assert set(registry.names("primitives")) == set(Primitive) - own
     assert all(footprints_of(name) for name in Primitive)
-
-
-def test_the_order_of_sheets_has_its_old_name_for_a_release():
-    with pytest.warns(DeprecationWarning, match="is now resample_volume.baselines.painting.Axis"):
-        assert orders.AxisSheets is AxisSheets

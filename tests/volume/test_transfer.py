@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample_volume import Appearance, Scene, render
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.transfer import (
@@ -18,7 +17,6 @@ from resample_volume.classification.transfer import (
     from_points,
     visible_places,
 )
-from resample_volume.files.source import generate
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 RAMP = from_points([(10.0, BLACK, 0.2), (20.0, WHITE, 0.6)])
@@ -340,46 +338,3 @@ def test_tables_give_what_functions_give(kind: str, rng: np.random.Generator) ->
     np.testing.assert_array_equal(
         evaluated(RAMP.colors, values, BYTE), RAMP.colors(values.astype(float), BYTE)
     )
-
-
-class Former:
-    """A user's transfer function of the release before."""
-
-    def __init__(self, own):
-        self.own = own
-
-    def looks(self, *given):
-        return self.own.classify(*given)
-
-    def __getattr__(self, name):
-        if name == "classify":
-            raise AttributeError(name)
-        return getattr(self.own, name)
-
-
-@pytest.mark.sweep
-def test_transfer_functions_of_users_may_have_the_former_name_of_classify():
-    ramp, volume = (
-        from_points([(0, (1, 1, 1), 0.0), (255, (1, 0, 0), 0.9)]),
-        generate("vessel-tree"),
-    )
-    size = {"size": (16, 16)}
-    now = render(volume, Appearance(ramp, light=None), **size)
-    with pytest.warns(DeprecationWarning, match=r"Former\.looks is now classify"):
-        before = render(volume, Appearance(Former(ramp), light=None), **size)
-    np.testing.assert_array_equal(before.rgba, now.rgba)
-
-
-def test_the_former_name_of_classify_works_and_warns():
-    ramp = from_points([(0, (1, 1, 1), 0.0), (255, (1, 0, 0), 0.9)])
-    with pytest.warns(DeprecationWarning, match=r"TransferFunction\.looks is now"):
-        color, _ = ramp.looks(np.array([255.0]), None, (0.0, 255.0), 0.0)
-    assert color[0].tolist() == [1.0, 0.0, 0.0]
-
-
-def test_former_names_of_what_a_scene_shows_warn():
-    with pytest.warns(DeprecationWarning, match=r"Appearance\.met is now Appearance\.scene_obj"):
-        assert Appearance().met == []
-    scene = Scene.__new__(Scene)
-    with pytest.warns(DeprecationWarning, match=r"Scene\.standing is now Scene\.placed_view"):
-        assert scene.standing == scene.placed_view

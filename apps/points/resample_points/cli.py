@@ -39,10 +39,6 @@ MapOutput = Annotated[
     flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
 ]
 FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
-FORMER = {  # names that settings files of the release before have
-    "render": "resample-warp3d cloud",
-    "animate": "resample-warp3d animate-cloud",
-}
 
 
 @app.command
@@ -334,7 +330,7 @@ def view(
     show(lambda: view_of(file, (start,)), page)
 
 
-with_settings(app, FORMER)
+with_settings(app)
 
 
 def main() -> NoReturn:

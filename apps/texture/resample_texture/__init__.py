@@ -6,7 +6,7 @@ The names below are imported on first use, so that `import resample_texture` is 
 from typing import TYPE_CHECKING
 
 try:
-    from resample.lazy import attributes, listing, moved
+    from resample.lazy import attributes, listing
 except ModuleNotFoundError as error:
     raise ImportError(
         "`resample` is here another project's package, the distribution `resample`; "
@@ -82,13 +82,3 @@ __all__ = [
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
-moved(
-    __name__,
-    {
-        "showing": "figures",
-        "rivals": "baselines",
-        "geometry.corners": "geometry.matrices",
-        "geometry.lenses": "geometry.cameras",
-        "geometry.planes": "geometry.cameras",
-    },
-)

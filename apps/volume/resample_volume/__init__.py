@@ -6,7 +6,7 @@ The names below are imported when they are first used, so that `import resample_
 from typing import TYPE_CHECKING
 
 try:
-    from resample.lazy import attributes, listing, moved
+    from resample.lazy import attributes, listing
 except ModuleNotFoundError as error:
     raise ImportError(
         "`resample` is here another project's package, the distribution `resample`; "
@@ -84,4 +84,3 @@ __all__ = [
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
-moved(__name__, {"showing": "figures", "rivals": "baselines", "looks": "classification"})

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
-from resample.lazy import old_members
 from resample.outofcore.caching import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
@@ -37,7 +36,6 @@ LARGE = 256**3  # voxels from which twice as many per side are merged
 FINEST = 1  # sub-pixels per side of a ray cast preview
 
 
-@old_members(standing="placed_view")
 @dataclass(eq=False)
 class Scene(AnyScene):
     """A volume for many pictures: changing looks, changing cameras, quick previews.

@@ -9,7 +9,6 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
-from resample.lazy import renamed
 from resample.memory import available_memory
 from resample.outofcore.bricks import SHARE
 from resample.outofcore.passes import PassContext
@@ -227,6 +226,3 @@ def _bricks_of(media: Sequence[VolumeLayer]) -> list[Bricks]:
     """Return the values of those volumes that are in bricks."""
     found = [streamed(volume.values) for volume, _ in media]
     return [bricks for bricks in found if bricks is not None]
-
-
-__getattr__ = renamed(__name__, {"Spent": "Budget"})

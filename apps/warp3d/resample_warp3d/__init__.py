@@ -6,7 +6,7 @@ The names below are imported on first use, so that `import resample_warp3d` is f
 from typing import TYPE_CHECKING
 
 try:
-    from resample.lazy import attributes, listing, moved
+    from resample.lazy import attributes, listing
 except ModuleNotFoundError as error:
     raise ImportError(
         "`resample` is here another project's package, the distribution `resample`; "
@@ -97,13 +97,5 @@ __all__ = [
     "warp_disparity",
 ]
 
-_CLOUDS = ("Cloud", "CloudStyle", "framed", "prepare_cloud", "read_cloud", "render_cloud")
-_FORMER = {
-    "way_between": "mapping_between",
-    "Standing": "PosedSource",
-    **{name: f"resample_points.{name}" for name in _CLOUDS},
-}
-
-__getattr__ = attributes(__name__, _HOMES, _FORMER)
+__getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)
-moved(__name__, {"showing": "figures", "rivals": "baselines"})

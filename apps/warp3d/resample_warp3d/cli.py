@@ -3,17 +3,16 @@
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.applications import fetcher, launcher, mention_move, moved_command
-from resample.command.flags import CAMERA, OptionTopic, Steady, Up, Viewed
+from resample.command.applications import fetcher
+from resample.command.flags import OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import (
-    Choices,
     Serving,
     Sharing,
     Written,
@@ -22,7 +21,6 @@ from resample.command.settings import (
 )
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample.memory import ALLOWED
 from resample_warp3d.command.choices import (
     Depth,
     DepthWarping,
@@ -36,29 +34,6 @@ from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.stereo import PairDepth, Parallax
 from resample_warp3d.command.target import Aim, TargetCamera
-
-
-class FormerStart(Choices):
-    """Camera around a point cloud, for `resample-points view`."""
-
-    heading: ClassVar[str] = CAMERA
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
-
-    camera: Viewed = "30,20,1"
-    up: Up = "z"
-    steady: Steady = False
-
-
-def view_cloud(file: str, start: FormerStart, page: Serving) -> None:
-    """Show a cloud by `resample-points view`, within the memory of this command."""
-    from resample.view.exports import option_words
-    from resample.view.views import settings_of
-
-    mention_move("resample-warp3d view", "points", "view")
-    allowed = ALLOWED.get()
-    memory = {} if allowed is None else {"memory": f"{allowed / 1024}KiB"}
-    launcher("points", "view")(file, *option_words({**memory, **settings_of((start, page))}))
-
 
 app = CommandLine(
     name="resample-warp3d",
@@ -83,7 +58,6 @@ WRITTEN, EXTRAS, TRAVEL = Written.usual(), Extras.usual(), Travel.usual()
 TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX, FILMING = PairDepth.usual(), Parallax.usual(), FilmInput.usual()
-CLOUD_START = FormerStart.usual()
 VIEWS = "side,back4,in3,oblique"  # of the generated scene
 SIDE = 512  # px per side of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
@@ -368,7 +342,7 @@ def animate(
 @app.command
 def view(
     file: str,
-    depth: str | None = None,
+    depth: str,
     /,
     *,
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
@@ -378,7 +352,6 @@ def view(
         list[str] | None, OptionTopic.SOURCE, Parameter(name="--view"), flags.Switch
     ] = None,
     warping: Annotated[DepthWarping, flags.Flat] = WARPING,
-    start: Annotated[FormerStart, flags.Flat] = CLOUD_START,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
     """Show a picture with depth in the browser: navigate, copy the command.
@@ -392,7 +365,7 @@ def view(
     Parameters
     ----------
     file
-        Any picture; or, for one release, a point cloud, which resample-points view shows.
+        Any picture.
     depth
         Depth of the picture: .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name
         selects a channel or array.
@@ -400,19 +373,9 @@ def view(
         Another view of the same scene: COLOR,DEPTH,POSE or sample:room,POSE; repeatable.
     """
     from resample.view.server import show
-    from resample.view.views import settings_of
     from resample_warp3d.viewing import depth_view
 
     begin = eye, meaning, aim, warping
-    if depth is None:
-        if given := settings_of(begin):
-            raise ValueError(
-                f"--{next(iter(given))} belongs to a picture with its depth; give both"
-            )
-        view_cloud(file, start, page)
-        return
-    if given := settings_of((start,)):
-        raise ValueError(f"--{next(iter(given))} belongs to a cloud; give its file alone")
     show(lambda: depth_view(file, depth, begin, further or ()), page)
 
 
@@ -580,8 +543,6 @@ def demo(*, output: flags.DemoOutput = DEMO) -> None:
     sys.stdout.write(f"The pictures are in {output.resolve()}\n")
 
 
-app.command(moved_command("resample-warp3d cloud", "points", "render"))
-app.command(moved_command("resample-warp3d animate-cloud", "points", "animate"))
 with_settings(app)
 
 

@@ -16,7 +16,6 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine.jit import threads
-from resample.lazy import old_members
 from resample.painting.scenes.plans import shape_of
 from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
@@ -210,7 +209,6 @@ class MeshStyle:
         pixel_profile(self.pixel_filter, self.samples)
 
 
-@old_members(seen="visible", looked_up="sampled")
 class MeshStatistics(NamedTuple):
     """Counts and time of a rendering."""
 

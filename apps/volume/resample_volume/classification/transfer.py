@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb
-from resample.lazy import old_members, warn_of_old_name
 from resample.types import Doubles, Floats
 
 SUFFIXES = (".json", ".toml")  # of files that hold one
@@ -59,25 +58,6 @@ class Transfer(Protocol):
         """Return the function made transparent below a value, in its own units."""
 
 
-class _WithFormerNames:
-    """A user's transfer function of the release before, whose `classify` was called `looks`."""
-
-    def __init__(self, own: Any) -> None:
-        self._own = own
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._own, "looks" if name == "classify" else name)
-
-
-def as_transfer(own: Any) -> Transfer:
-    """Return a user's transfer function; one with `looks` in place of `classify` warns."""
-    if hasattr(own, "classify") or not hasattr(own, "looks"):
-        return own  # type: ignore[no-any-return]
-    warn_of_old_name(f"{type(own).__name__}.looks", "classify")
-    return _WithFormerNames(own)  # type: ignore[return-value]
-
-
-@old_members(looks="classify")
 @dataclass(frozen=True, eq=False)
 class TransferFunction:
     """Color and opacity, linear between K control points.

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from resample.lazy import old_members
 from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST, bytes_of_field
@@ -15,7 +14,7 @@ from resample.resampler import Resampler
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
-from resample_volume.classification.transfer import Transfer, as_transfer
+from resample_volume.classification.transfer import Transfer
 from resample_volume.data.values import values_of
 from resample_volume.media.arguments import check_kinds, check_transfer, several_of
 from resample_volume.media.xrays import XRay
@@ -46,7 +45,6 @@ class Classification(StrEnum):
     POST = "post"  # values are interpolated, then classified
 
 
-@old_members(met="scene_objects")
 @dataclass(frozen=True)
 class Appearance:
     """What is visible of a volume, and its look.
@@ -192,7 +190,7 @@ def named_or_own(
     """Return the transfer function, which may be given by name."""
     if isinstance(given, str):
         return named_transfer(given, volume, projection)
-    return as_transfer(given)
+    return given
 
 
 def named_transfer(

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from resample.lazy import attributes
 from resample_warp3d.viewing.depths import depth_view, picture, view
 
 __all__ = ["depth_view", "picture", "suits", "view"]
-__getattr__ = attributes(__name__, {}, {"cloud_picture": "resample_points.viewing.picture"})
 DEPTHS = (".png", ".tif", ".tiff", ".exr", ".pfm", ".npy", ".npz")
 
 

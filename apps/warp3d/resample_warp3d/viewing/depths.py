@@ -5,7 +5,6 @@ The page's state is a set of `render` options.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +18,6 @@ from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
-from resample.lazy import warn_of_old_name
 from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
@@ -254,15 +252,14 @@ def _focal(camera: CameraModel) -> list[float]:
     return [float(camera.matrix[n]) for n in ((0, 0), (1, 1), (0, 2), (1, 2))]
 
 
-def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
+def view(color: Any, depth: Any, /, **settings: Any) -> "Viewer":
     """Show a depth image in a notebook's cell: navigate, copy the Python code.
 
     Parameters
     ----------
     color
         Picture of a depth image: a file, or 8 or 16 bits as `as_picture` takes them. Arrays are
-        written to temporary files that live as long as the widget. For one release also, alone,
-        the file of a cloud, as `resample_points.view` takes it.
+        written to temporary files that live as long as the widget.
     depth
         Depth of the picture: a file, or an array (H, W).
     settings
@@ -287,10 +284,6 @@ def view(color: Any, depth: Any = None, /, **settings: Any) -> "Viewer":
     """
     from resample.view import widgets
 
-    if depth is None:
-        warn_of_old_name("resample_warp3d.view of a cloud", "resample_points.view")
-        seen: Viewer = import_module("resample_points").view(color, **settings)
-        return seen
     picture, folder = widgets.kept("color.png", color, widgets.write_levels)
     file, folder = widgets.kept("depth.npy", depth, save_array, folder)
     begin = widgets.named(settings)
