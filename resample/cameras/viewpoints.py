@@ -213,6 +213,14 @@ def orbit_of(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Orbit 
     return Orbit(azimuth, elevation, zoom, fov, up, (right, above))
 
 
+def is_file(text: str) -> bool:
+    """Whether a text of the command line has no angles, and may name a file of cameras."""
+    try:
+        return orbit_of(text) is None
+    except ValueError:  # angles, but wrong ones
+        return False
+
+
 def _orbit(parts: Sequence[object], given: object) -> Orbit:
     try:
         numbers = [float(part) for part in parts]  # type: ignore[arg-type]

@@ -1,12 +1,12 @@
 """Commands that pass their arguments on to another application, which is a plugin."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.command.flags import Target
+from resample.command.flags import OptionTopic, Target, about, marks_of
 
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 FETCH = """Download and verify a public data set and print its folder; without a name, list all.
@@ -63,3 +63,23 @@ def command_now(application: str, command: str) -> tuple[str, App]:
             f"resample-{application} has no command {command!r}; it has {', '.join(names)}"
         )
     return f"{commands.name[0]} {command}", commands[command]
+
+
+def check_added(app: App, words: Sequence[str], option: str, value: str) -> None:
+    """Reject an option that a sample adds to a command line, unless it is about the look.
+
+    It may also name a file of the sample's own folder, or another sample.
+    """
+    from resample.samples.finding import OWN_FOLDER, PREFIX
+
+    _, apps, rest = app.parse_commands(words)
+    command = apps[-1].default_command
+    now = getattr(command, "now", None)
+    if now is not None:
+        return check_added(registry.load("apps", now[0]), [*now[1:], *rest], option, value)
+    marks = {} if command is None else marks_of(command)
+    topic = about(marks.get(option.removeprefix("--")), value)
+    is_own = topic is OptionTopic.SOURCE and value.startswith((OWN_FOLDER, PREFIX))
+    if topic is not OptionTopic.APPEARANCE and not is_own:
+        raise ValueError(f"a sample adds {option}={value:.60}, which is not about the look")
+    return None

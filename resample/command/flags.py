@@ -8,6 +8,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
+from importlib import import_module
 from pathlib import Path
 from typing import (
     TYPE_CHECKING,
@@ -42,20 +43,24 @@ class OptionTopic(Enum):
 
 
 class Inline(NamedTuple):
-    """`APPEARANCE` if the value matches a pattern, otherwise the name of a file."""
+    """`APPEARANCE`, unless the option's own reader would take the value for the name of a file."""
 
-    form: re.Pattern[str]
+    known: tuple[str, ...] = ()  # words that are no files
+    rule: str = ""  # module and function that tells whether another text is a file; none: all are
+
+    def names_file(self, text: str) -> bool:
+        """Whether a text names a file."""
+        if text in self.known:
+            return False
+        module, _, function = self.rule.partition(":")
+        return not module or bool(getattr(import_module(module), function)(text))
 
 
 Mark = OptionTopic | Inline
 Marks = Mapping[str, Mark | None]  # marks of options, by name
 
-_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-_NUMBERS = rf"(?:k=)?[\s\[(]*{_NUMBER}(?:[\s,;\[\]()]+{_NUMBER})*[\s\])]*"
-_ANGLES = rf"front|back|left|right|top|bottom|corner|{_NUMBER}(?:[,/]{_NUMBER}){{1,4}}"
-NUMBERS = Inline(re.compile(_NUMBERS, re.ASCII))
-ANGLES = Inline(re.compile(_ANGLES, re.ASCII))
-TRANSFER = Inline(re.compile(r"(?!.*\.(?:json|toml))[^\x00]*", re.IGNORECASE))
+ANGLES = Inline(rule="resample.cameras.viewpoints:is_file")
+LENS = Inline(rule="resample.cameras.calibrations.lens_files:is_file")
 
 FULL = "--help"
 DEFAULT = re.compile(r"\s*\[default: (.*)\]\s*$", re.DOTALL)  # at the end of a help text
@@ -97,18 +102,12 @@ def described(argument: "Argument") -> tuple[str, str]:
     return text, f"{default:g}" if isinstance(default, float) else str(default)
 
 
-def words(*known: str, or_numbers: bool = False) -> Inline:
-    """Mark of an option that is either one of these words or the name of a file."""
-    forms = [*map(re.escape, known), *([_NUMBERS] if or_numbers else [])]
-    return Inline(re.compile("|".join(forms), re.ASCII))
-
-
 def about(mark: Mark | None, value: object) -> OptionTopic | None:
     """Category of an option's value; None if the option states none."""
     if not isinstance(mark, Inline):
         return mark
-    names_a_file = isinstance(value, str) and mark.form.fullmatch(value) is None
-    return OptionTopic.SOURCE if names_a_file else OptionTopic.APPEARANCE
+    names_file = isinstance(value, str) and mark.names_file(value)
+    return OptionTopic.SOURCE if names_file else OptionTopic.APPEARANCE
 
 
 def marks_of(command: Callable[..., Any]) -> Marks:

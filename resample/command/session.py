@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from traceback import extract_tb
 from typing import TYPE_CHECKING, NoReturn
@@ -88,9 +89,10 @@ def _flush() -> None:
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     if any("sample:" in word for word in words):
+        from resample.command.applications import check_added
         from resample.samples.finding import expanded
 
-        arguments = expanded(words)
+        arguments = expanded(words, partial(check_added, app, words))
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     LOG.debug("peak memory: %s", amount(peak_memory()))
     _flush()

@@ -1,5 +1,6 @@
 """Distribute a command's work to local processes or other machines by dask (an extra)."""
 
+import asyncio
 import logging
 import os
 import tempfile
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 PACKAGE = "hybrid-resample"
 PATIENCE = 60  # seconds to wait for workers that are restarted
+ANSWER = 10  # seconds to wait for an answer of a scheduler
 SHARE = 0.5  # fraction of a worker's memory for the data of its tasks
 
 
@@ -110,8 +112,9 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
 
     if sharing.scheduler is not None:
         try:
-            return Client(sharing.scheduler, set_as_default=False, timeout="10s")
-        except (OSError, ValueError) as error:
+            asyncio.run(asyncio.wait_for(_meet(sharing.scheduler), ANSWER))
+            return Client(sharing.scheduler, set_as_default=False, timeout=ANSWER)
+        except Exception as error:  # an answer that makes no sense raises anything
             raise OSError(
                 f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
             ) from None
@@ -134,6 +137,21 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             silence_logs=logging.CRITICAL,
         )
     return Client(held.enter_context(cluster), set_as_default=False)
+
+
+async def _meet(address: str) -> None:
+    """Ask what answers at an address who it is: clients of dask do not survive all answers."""
+    from distributed import Security
+    from distributed.core import connect
+
+    comm = await connect(address, **Security().get_connection_args("client"))
+    try:
+        await comm.write({"op": "identity", "reply": True})
+        kind = (await comm.read())["type"]
+        if kind != "Scheduler":
+            raise ValueError(f"it is a {kind}")
+    finally:
+        comm.abort()
 
 
 @contextmanager

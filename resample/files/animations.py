@@ -33,12 +33,13 @@ from resample.console import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
 from resample.files.writing import (
     check_targets,
-    leave_to_others,
     remove_left,
     replacing,
+    take_lock,
     write_json,
 )
 from resample.memory import ALLOWED, allow, allowing
+from resample.reading.texts import json_of, text_of
 from resample.watching import Executor, WorkerPool, shared_out
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
@@ -49,11 +50,6 @@ MOST_FRAMES = 10_000
 
 Levels = NDArray[np.uint8]
 Frames = Callable[[int], Levels]  # by number
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 
 def _has_no_more(_: int) -> bool:
@@ -206,36 +202,28 @@ def write_film(
 
 @contextmanager
 def _alone(folder: Path, path: Path) -> Iterator[None]:
-    """Lock a folder against other processes that make frames."""
-    if fcntl is None:
+    """Lock a folder against other processes that make frames, where there are locks."""
+    if os.name == "nt":  # where folders cannot be opened
         yield
         return
     opened = os.open(folder, os.O_RDONLY)
     try:
-        if _is_taken(opened, folder):
-            raise OSError(
-                f"{path} is being made by another process; wait until it ends, or give another name"
-            )
+        take_lock(opened, folder)
+    except BlockingIOError:
+        os.close(opened)
+        raise OSError(
+            f"{path} is being made by another process; wait until it ends, or give another name"
+        ) from None
+    except OSError:  # a file system without locks
+        pass
+    try:
         yield
     finally:
         os.close(opened)
 
 
-def _is_taken(opened: int, folder: Path) -> bool:
-    """Whether another process holds or has just removed the folder; otherwise lock it."""
-    try:
-        fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return not os.path.samestat(os.fstat(opened), os.stat(folder))
-    except (BlockingIOError, FileNotFoundError):
-        return True
-    except OSError:  # a file system without locks
-        return False
-
-
 def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Executor | None) -> None:
     """Make all frames that are missing in a folder."""
-    if executor is not None:
-        remove_left(folder)
     missing = (
         n
         for n, name in enumerate(_names(shots.total))
@@ -254,10 +242,8 @@ def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: 
     from PIL import Image
 
     path = folder / FRAME.format(n)
-    if by_others:
-        leave_to_others(folder)
-        if _is_whole(path):  # made by a process that ended before it was recorded
-            return n
+    if by_others and _is_whole(path):  # made by a process that ended before it was recorded
+        return n
     levels = frame(n)
     with replacing(path) as temporary:
         Image.fromarray(levels).save(temporary)
@@ -300,7 +286,7 @@ def _names(count: int) -> list[str]:
 
 def _facts(path: Path) -> dict[str, Any]:
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        held = json_of(text_of(path))
     except ValueError:
         held = None
     return held if isinstance(held, dict) else {}

@@ -1,7 +1,8 @@
 """Write files atomically.
 
-Temporary files beside a target carry the process and machine in their names. A killed process
-leaves them behind; the next one that writes into the folder removes them.
+Temporary files are beside their target. While a process writes them it holds a lock on a file
+beside them, which the system releases however the process ends. What a killed process leaves
+behind is removed by the next one on this machine that writes into the folder.
 
 C and C++ libraries may silently lose data on a full disk: so Python writes the file where it can,
 and elsewhere the end of the file is checked.
@@ -16,7 +17,7 @@ import re
 import secrets
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
@@ -24,18 +25,23 @@ from pathlib import Path
 from platform import node
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from resample.reading.owners import BY_OTHERS, NotOwnError, check_own, tell_unused
 from resample.words import one_line
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-LEFT = re.compile(r"\..+\.tmp-([0-9a-f]{6})-([0-9]{1,10})-[0-9a-f]{8}(?:\..*)?")
+LOCK = re.compile(r"(?s)(\..*)\.lock-([0-9a-f]{6})(-[0-9a-f]{8})")  # files that are locked
 MOST = 40  # characters of a target's name, as file systems limit names
 NO_SPACE = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 PROBE = 1 << 16  # bytes to write as a test for a full disk after a library failed
 INCOMPLETE = "the file is incomplete; is the disk full?"
 PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
-_being_written: set[str] = set()  # names, without folders
 _tidied: set[Path] = set()  # folders, once per process
 
 
@@ -48,8 +54,9 @@ def replacing(path: str | Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
         raise OSError(errno.EISDIR, "is not a regular file, so it is not replaced", str(path))
-    with beside(target) as temporary:
+    with ExitStack() as held:
         try:
+            temporary = held.enter_context(beside(target))
             temporary.open("xb").close()
         except OSError as error:
             raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
@@ -146,60 +153,72 @@ def beside(target: Path) -> Iterator[Path]:
     if target.parent not in _tidied:
         _tidied.add(target.parent)
         remove_left(target.parent)
-    temporary = _named(target)
-    _being_written.add(temporary.name)
+    while True:
+        owner = f"{_machine()}-{secrets.token_hex(4)}"
+        lock = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
+        opened = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        try:
+            take_lock(opened, lock)
+        except BlockingIOError:  # a process that tidies up has just found it
+            os.close(opened)
+            continue
+        except OSError:  # a file system without locks, where nothing is tidied up
+            pass
+        break
+    temporary = lock.with_name(_start_of(lock) + target.suffix)
     try:
         yield temporary
     finally:
         _remove(temporary)
-        _being_written.discard(temporary.name)
+        _release(opened, lock)
 
 
 @contextmanager
 def inheriting(target: Path) -> Iterator[list[Path]]:
     """Take over the folders of killed processes of this machine for the same target.
 
-    They belong to this process from now on, which can resume their work.
+    They are locked by this process from now on, which can resume their work.
 
     Yields: the folders. Those that still exist at the end are removed.
     """
-    start, found = f".{target.stem[:MOST]}.tmp-", []
-    with suppress(OSError):
-        for name in sorted(os.listdir(target.parent)):
-            path = target.parent / name
-            if name.startswith(start) and path.suffix == target.suffix and _is_left(name):
-                with suppress(OSError):  # another process was faster
-                    found.append(_taken_over(path, target))
-    try:
+    found: list[Path] = []
+    with ExitStack() as held:
+        for opened, lock, names in _left(target.parent):
+            path = lock.with_name(_start_of(lock) + target.suffix)
+            is_same = lock.name.startswith(f".{target.stem[:MOST]}.lock-") and path.name in names
+            if is_same and path.is_dir():
+                held.callback(_release, opened, lock)
+                held.callback(_remove, path)
+                found.append(path)
+            else:
+                os.close(opened)
         yield found
-    finally:
-        for path in found:
-            _remove(path)
-            _being_written.discard(path.name)
 
 
-def _taken_over(path: Path, target: Path) -> Path:
-    """Rename a folder of a dead process to a name of this process."""
-    if not path.is_dir():
-        raise NotADirectoryError(path)
-    own = _named(target)
-    _being_written.add(own.name)
-    try:
-        return path.rename(own)
-    except OSError:
-        _being_written.discard(own.name)
-        raise
+def _start_of(lock: Path) -> str:
+    """Names of temporary files begin so, of whom holds a lock."""
+    return LOCK.sub(r"\1.tmp-\2\3", lock.name)
 
 
-def _named(target: Path) -> Path:
-    """Temporary name beside a target that identifies this process."""
-    owner = f"{_machine()}-{os.getpid()}-{secrets.token_hex(4)}"
-    return target.with_name(f".{target.stem[:MOST]}.tmp-{owner}{target.suffix}")
+def _release(opened: int, lock: Path) -> None:
+    os.close(opened)
+    with suppress(OSError):
+        lock.unlink()
 
 
-def leave_to_others(folder: Path) -> None:
-    """Leave leftovers in a folder to another process."""
-    _tidied.add(folder)
+def take_lock(opened: int, path: Path) -> None:
+    """Lock an open file or folder until it is closed or the process ends; Windows has no locks.
+
+    Raises BlockingIOError: another process has locked or removed it. Raises OSError: the file
+    system has no locks.
+    """
+    if fcntl is None:
+        return
+    fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with suppress(FileNotFoundError):
+        if os.path.samestat(os.fstat(opened), os.stat(path)):
+            return
+    raise BlockingIOError(errno.EAGAIN, "has just been removed", str(path))
 
 
 def remove_left(folder: Path) -> None:
@@ -207,16 +226,29 @@ def remove_left(folder: Path) -> None:
 
     Files of living processes and of other machines stay, as do those that cannot be removed.
     """
+    for opened, lock, names in _left(folder):
+        for name in names:
+            _remove(folder / name)
+        _release(opened, lock)
+
+
+def _left(folder: Path) -> Iterator[tuple[int, Path, list[str]]]:
+    """Locks of dead processes of this machine, which are ours now, and their temporary files."""
+    names: list[str] = []
     with suppress(OSError):
-        for name in os.listdir(folder):
-            if _is_left(name):
-                _remove(folder / name)
-
-
-def _is_left(name: str) -> bool:
-    """Whether a name belongs to a dead process of this machine."""
-    left = LEFT.fullmatch(name)
-    return bool(left and left[1] == _machine() and not _is_at_work(int(left[2]), name))
+        names = os.listdir(folder)
+    for name in names:
+        found, path = LOCK.fullmatch(name), folder / name
+        if fcntl is None or found is None or found[2] != _machine():
+            continue
+        start = _start_of(path)
+        with suppress(OSError), ExitStack() as held:
+            how = os.O_RDWR if os.access(path, os.W_OK) else os.O_RDONLY
+            opened = os.open(path, how | os.O_NONBLOCK)
+            held.callback(os.close, opened)
+            take_lock(opened, path)
+            held.pop_all()
+            yield opened, path, [one for one in names if f"{one}.".startswith(f"{start}.")]
 
 
 def _remove(path: Path) -> None:
@@ -225,21 +257,6 @@ def _remove(path: Path) -> None:
             shutil.rmtree(path)
         else:
             path.unlink(missing_ok=True)
-
-
-def _is_at_work(process: int, name: str) -> bool:
-    """Whether a process is alive, and not a later one of the same number."""
-    if process == os.getpid():
-        return name in _being_written
-    if os.name == "nt":  # where the test would end it
-        return True
-    try:
-        os.kill(process, 0)
-    except PermissionError:  # a process of another user
-        return True
-    except (ProcessLookupError, OverflowError):
-        return False
-    return True
 
 
 @cache
@@ -275,14 +292,24 @@ class _Abandoned(Exception):  # noqa: N818 - no error: the file was only tried
     """Raised to leave the target of `replacing` unchanged."""
 
 
-def load_arrays(file: Path, *names: str) -> "dict[str, NDArray[Any]] | None":
-    """Load the arrays of a cache file and mark it as used; None if it is missing or damaged."""
+def load_arrays(
+    file: Path, *names: str, is_beside: bool = False
+) -> "dict[str, NDArray[Any]] | None":
+    """Load the arrays of a cache file and mark it as used; None if it is missing or damaged.
+
+    `is_beside`: it is beside the data, and as trusted as these; any other file must be the user's.
+    """
+    from resample.memory.mapped import FOLDER_VARIABLE
     from resample.reading.arrays import read_npz
 
-    if not file.is_file():
-        return None
     try:
+        if not is_beside:
+            check_own(file.parent)
+            check_own(file)
         held = read_npz(file, *names)  # checks its checksums
+    except NotOwnError as error:
+        tell_unused(error, FOLDER_VARIABLE)
+        return None
     except (ValueError, OSError, LookupError):
         return None
     with suppress(OSError):
@@ -302,10 +329,12 @@ def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None)
     if most is not None and size > most:
         return False
     with suppress(OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
+        file.parent.mkdir(0o755, parents=True, exist_ok=True)
         if most is not None:
+            check_own(file.parent)
             _evict(file.parent, size, most)
         with replacing(file) as temporary, temporary.open("wb") as stream:
+            temporary.chmod(temporary.stat().st_mode & ~BY_OTHERS)
             np.savez(stream, **arrays)
         return True
     return False

@@ -21,6 +21,7 @@ from resample.files.writing import load_arrays, source_fingerprint, store_arrays
 from resample.fingerprints import fingerprint
 from resample.memory import mapped
 from resample.outofcore.bricks import BrickArray
+from resample.reading.texts import json_of
 
 LARGE = 1 << 16  # bytes from which an array is identified by its address
 LARGEST = 1 << 26  # bytes of an array that a key for other commands may hold
@@ -135,7 +136,7 @@ class FactCache:
             return None
         kinds = {kind.__name__: kind for kind in self.kinds}
         with suppress(ValueError, LookupError, TypeError):
-            return CachedResult(_restored(json.loads(str(held["form"])), held, kinds), None)
+            return CachedResult(_restored(json_of(str(held["form"])), held, kinds), None)
         return None
 
 

@@ -8,12 +8,15 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample import registry
+from resample.reading.limits import neighbour
+from resample.reading.owners import NotOwnError, own_bytes, tell_unused
+from resample.reading.texts import json_of
 
 if TYPE_CHECKING:
     from resample.samples.writing import DefaultOptions
@@ -22,6 +25,7 @@ PREFIX = "sample:"
 VIEW = "--view"  # option for pictures with depth and pose
 FOLDER_VARIABLE = "HYBRID_RESAMPLE_DATA"  # also used for downloaded volumes
 CONTENTS = "contents.json"  # list of files in the folder of a sample
+OWN_FOLDER = "FOLDER/"  # stands for the folder of a sample in the options that it adds
 PICTURES = ("--texture", "--truth", "--reference", "-R")  # options that take one file
 
 
@@ -93,30 +97,69 @@ def sample_path(spec: str) -> Path:
 
 
 def kept(spec: str) -> CachedSample:
-    """Files of a sample, written if missing; errors as in `sample`."""
+    """Files of a sample, written if missing; errors as in `sample`.
+
+    They are in the first folder where they are, or can be written, and are the user's own.
+    """
     spec = spec.removeprefix(PREFIX)
     name = spec.partition(":")[0]
     plugin = registry.load("samples", name)
-    base = _base()
-    target = base / _digest(spec, str(sys.modules[plugin.__module__].__file__))
-    if not (target / CONTENTS).is_file():
-        made = Path(tempfile.mkdtemp(prefix=".sample-", dir=base))
+    digest = _digest(spec, str(sys.modules[plugin.__module__].__file__))
+    for base in map(Path, _bases()):
+        target = base / digest
         try:
-            _fill(made, spec, name)
-            with contextlib.suppress(OSError):  # another process was faster
-                made.rename(target)
-        finally:
-            shutil.rmtree(made, ignore_errors=True)
-    facts = json.loads((target / CONTENTS).read_text("utf-8"))
-    return CachedSample(
-        target, [target / file for file in facts["files"]], _with_folder(target, facts["said"])
-    )
+            if not (target / CONTENTS).is_file():
+                _make(target, spec, name)
+            return _read(target)
+        except OSError as error:
+            failed = error
+            if isinstance(error, NotOwnError):
+                tell_unused(error, FOLDER_VARIABLE)
+    raise failed
 
 
-def expanded(words: Sequence[str]) -> list[str]:
-    """Replace samples in a command's arguments by their files and options."""
+def _make(target: Path, spec: str, name: str) -> None:
+    """Write a sample and its list of files to a folder, which appears complete."""
+    from resample.samples.writing import store
+
+    target.parent.mkdir(parents=True, exist_ok=True)
+    made = Path(tempfile.mkdtemp(prefix=".sample-", dir=target.parent))
+    try:
+        contents = made / CONTENTS
+        contents.write_text(json.dumps(store(sample(spec), made, name)), "utf-8")
+        contents.chmod(0o600)
+        with contextlib.suppress(OSError):  # another process was faster
+            made.rename(target)
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def _read(target: Path) -> CachedSample:
+    """Read the list of a sample's files, and what it adds to commands."""
+    from resample.samples.writing import DefaultOptions
+
+    path = target / CONTENTS
+    text = own_bytes(path, "tree").decode()
+    try:
+        files, options = json_of(text)
+        return CachedSample(
+            target,
+            [neighbour(path, file) for file in files],
+            [DefaultOptions(*each) for each in options],
+        )
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{error}; remove {target}, which is written again") from None
+
+
+def expanded(
+    words: Sequence[str], check: Callable[[str, str], object] = lambda *_: None
+) -> list[str]:
+    """Replace samples in a command's arguments by their files and options.
+
+    `check` is called with the name and value of each option that a sample adds, to reject it.
+    """
     made: list[str] = []
-    options: list[DefaultOptions] = []
+    added: list[tuple[Path, DefaultOptions]] = []
     before = ""
     for word in words:
         option, equals, value = word.partition("=")
@@ -128,16 +171,20 @@ def expanded(words: Sequence[str]) -> list[str]:
             found = kept(word)
             alone = before in PICTURES
             made += [str(file) for file in (found.files[:1] if alone else found.files)]
-            options += () if alone else found.options
+            added += () if alone else [(found.folder, each) for each in found.options]
         elif option in PICTURES and equals and value.startswith(PREFIX):
             made.append(f"{option}={sample_path(value)}")
         else:
             made.append(word)
         before = word
-    for each in options:
+    for folder, each in added:
         given = any(word.startswith(tuple(each.unless)) for word in words)
         if not given and set(words) & set(each.commands):
-            made += expanded(each.words)
+            for option, value in zip(each.words[::2], each.words[1::2], strict=True):
+                check(option, value)
+                file = value.removeprefix(OWN_FOLDER)
+                own = value if file == value else str(neighbour(folder / CONTENTS, file))
+                made += expanded([f"{option}={own}"])
     return made
 
 
@@ -152,42 +199,21 @@ def _view(text: str) -> str:
     return ",".join(map(str, [*files[:2], pose]))
 
 
-def _with_folder(folder: Path, stored: Sequence[Sequence[Any]]) -> "list[DefaultOptions]":
-    """Insert the folder's name into options."""
-    from resample.samples.writing import DefaultOptions
+def _bases() -> Iterator[str]:
+    """Folders of samples, the best first: that of the data, the user's cache, a temporary one."""
+    from platformdirs import user_cache_dir
 
-    return [
-        DefaultOptions(
-            commands, [word.replace("FOLDER/", f"{folder}{os.sep}") for word in words], unless
-        )
-        for commands, words, unless in stored
-    ]
-
-
-def _fill(folder: Path, spec: str, name: str) -> None:
-    """Write a sample and its list of files."""
-    from resample.samples.writing import store
-
-    stored = store(sample(spec), folder, name)
-    contents = {"files": list(stored.files), "said": [list(map(list, s)) for s in stored.options]}
-    (folder / CONTENTS).write_text(json.dumps(contents), "utf-8")
+    places = (os.environ.get(FOLDER_VARIABLE), user_cache_dir("hybrid-resample"))
+    yield from (os.path.join(place, "samples") for place in places if place)
+    yield _passing()
 
 
 @cache
-def _base() -> Path:
-    """Folder of all samples; a temporary one if none can be kept."""
-    from platformdirs import user_cache_dir
-
-    base = Path(os.environ.get(FOLDER_VARIABLE) or user_cache_dir("hybrid-resample")) / "samples"
-    try:
-        base.mkdir(parents=True, exist_ok=True)
-        if os.access(base, os.W_OK | os.X_OK):
-            return base
-    except OSError:
-        pass
-    passing = tempfile.mkdtemp(prefix="hybrid-resample-")
-    atexit.register(shutil.rmtree, passing, ignore_errors=True)
-    return Path(passing)
+def _passing() -> str:
+    """Folder that is removed with this process."""
+    folder = tempfile.mkdtemp(prefix="hybrid-resample-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def _digest(spec: str, source: str) -> str:

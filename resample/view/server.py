@@ -24,11 +24,15 @@ from resample.words import one_line
 if TYPE_CHECKING:
     import uvicorn
     from starlette.applications import Starlette
-    from starlette.requests import Request
+    from starlette.requests import HTTPConnection, Request
     from starlette.responses import Response
     from starlette.websockets import WebSocket
 
 LOOPBACK = "127.0.0.1"
+OWN = (LOOPBACK, "localhost", "::1")  # addresses that other machines cannot reach
+# Of addresses that stand for all: one of others, to find the address here that leads there; and one
+# for a machine without a network.
+ALL = {"0.0.0.0": ("192.0.2.1", LOOPBACK), "::": ("2001:db8::1", "::1")}  # noqa: S104
 MOST_PAGES = 8  # open at the same time
 NOTABLE = 5.0  # seconds of compilation after which its end is reported
 LOG = logging.getLogger("resample")
@@ -62,7 +66,8 @@ def application(
 ) -> "Starlette":
     """Web application that serves a view to clients with the token, from these hosts (with port).
 
-    `shown` is called when a page has received a complete picture.
+    The address at which a connection arrives will do as well: a name of another's that leads here
+    is none. `shown` is called when a page has received a complete picture.
     """
     from starlette.applications import Starlette
     from starlette.responses import Response
@@ -70,11 +75,14 @@ def application(
 
     open_pages: set[PageSession] = set()
 
-    def is_known(given: str | None, host: str | None) -> bool:
-        return secrets.compare_digest((given or "").encode(), token.encode()) and host in hosts
+    def is_known(asking: "HTTPConnection") -> bool:
+        given, here = asking.query_params.get("token") or "", asking.scope.get("server")
+        own = [] if here is None else [_host(here[0].removeprefix("::ffff:"), here[1])]
+        is_one = asking.headers.get("host") in (*hosts, *own)
+        return is_one and secrets.compare_digest(given.encode(), token.encode())
 
     async def page(request: "Request") -> "Response":
-        if not is_known(request.query_params.get("token"), request.headers.get("host")):
+        if not is_known(request):
             return Response("This page needs the address that the command printed.", 403)
         return _file("index.html")
 
@@ -85,9 +93,8 @@ def application(
         return _file(name) if name in parts() else Response("", 404)
 
     async def talk(socket: "WebSocket") -> None:
-        origin = (socket.headers.get("origin") or "").removeprefix("http://")
-        known = is_known(socket.query_params.get("token"), socket.headers.get("host"))
-        if not known or origin not in hosts or len(open_pages) >= MOST_PAGES:
+        is_own = socket.headers.get("origin") == f"http://{socket.headers.get('host')}"
+        if not is_own or not is_known(socket) or len(open_pages) >= MOST_PAGES:
             await socket.close(1008)
             return
         await socket.accept()
@@ -146,21 +153,22 @@ async def _talked(
 
 
 @contextlib.contextmanager
-def served(view: Viewable, shown: Callable[[], object] | None = None) -> Iterator[tuple[str, str]]:
+def served(
+    view: Viewable, shown: Callable[[], object] | None = None, host: str = LOOPBACK
+) -> Iterator[tuple[str, str]]:
     """Serve a view from a background thread.
 
     Yields: host with its port, and the token.
     """
     require_parts()
-    listening = socket.create_server((LOOPBACK, 0))
-    host, token = f"{LOOPBACK}:{listening.getsockname()[1]}", secrets.token_urlsafe(24)
-    server = _server(application(view, token, [host], shown))
+    (listening, hosts), token = _listening(host, 0), secrets.token_urlsafe(24)
+    server = _server(application(view, token, hosts, shown))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     try:
         while not server.started and thread.is_alive():
             time.sleep(0.01)
-        yield host, token
+        yield hosts[0], token
     finally:
         server.should_exit = True
         thread.join()
@@ -171,6 +179,28 @@ def _server(served: "Starlette") -> "uvicorn.Server":
 
     config = uvicorn.Config(served, log_level="warning", ws_max_size=LONGEST, lifespan="off")
     return uvicorn.Server(config)
+
+
+def _listening(host: str, port: int) -> tuple[socket.socket, list[str]]:
+    """Listen at an address; also its names with the port, first one that others can use."""
+    host = host.removeprefix("[").removesuffix("]")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    both = host == "::" and socket.has_dualstack_ipv6()
+    listening = socket.create_server((host, port), family=family, dualstack_ipv6=both)
+    names = [host, *OWN[:2], *([] if host in OWN else [socket.gethostname()])]
+    place, port = listening.getsockname()[:2]
+    if place in ALL:
+        away, names[0] = ALL[place]
+        with socket.socket(family, socket.SOCK_DGRAM) as asking, contextlib.suppress(OSError):
+            asking.connect((away, 9))  # sends nothing
+            names[0] = asking.getsockname()[0]
+    return listening, [_host(name, port) for name in dict.fromkeys(names)]
+
+
+def _host(name: str, port: int) -> str:
+    """Host with its port as browsers write it."""
+    shown = f"[{name}]" if ":" in name else name
+    return shown if port == 80 else f"{shown}:{port}"
 
 
 def show(view_of: Callable[[], Viewable], page: Serving) -> None:
@@ -190,13 +220,10 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
     ValueError: the extra is not installed. Raises OSError: the port is taken.
     """
     require_parts()
-    if host not in (LOOPBACK, "localhost"):
+    if host.strip("[]") not in OWN:
         say(f"anyone who reaches {host} and learns the address can view, and read, your files")
-    listening = socket.create_server((host, port))
-    port = listening.getsockname()[1]
-    token = secrets.token_urlsafe(24)
-    hosts = [f"{name}:{port}" for name in dict.fromkeys((host, LOOPBACK, "localhost"))]
-    address = f"http://{host}:{port}/?token={token}"
+    (listening, hosts), token = _listening(host, port), secrets.token_urlsafe(24)
+    address = f"http://{hosts[0]}/?token={token}"
     sys.stdout.write(f"{address}\n")
     sys.stdout.flush()
     if browser:

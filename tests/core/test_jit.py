@@ -26,7 +26,7 @@ compiled_only = pytest.mark.skipif(
 @pytest.fixture
 def kept(monkeypatch, tmp_path):
     """A folder of our own for kernels."""
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setattr(compiling, "folder", lambda: tmp_path / "kernels")
     return tmp_path / "kernels"
 
 
@@ -116,7 +116,7 @@ def add_one(counter, numbers):
 @compiled_only
 def test_kernels_work_where_no_folder_can_be_written_to(monkeypatch, tmp_path):
     (tmp_path / "file").touch()
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "file"))
+    monkeypatch.setattr(compiling, "folder", lambda: tmp_path / "file")
     assert jit.kernel(double)(3.0) == 6.0
 
 

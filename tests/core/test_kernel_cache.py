@@ -4,7 +4,6 @@ import os
 import time
 from pathlib import Path
 
-import numba
 import pytest
 
 from resample.engine import jit
@@ -50,7 +49,7 @@ def _flipped(data, at):
 
 @pytest.mark.skipif(jit.IS_PLAIN, reason="plain Python has no machine code")
 def test_a_kernel_whose_file_is_damaged_is_compiled_anew(tmp_path, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiling, "folder", lambda: tmp_path)
     called = jit.kernel(nothing.__wrapped__)
     called(1)
     (file,) = tmp_path.glob("*.kernel")
@@ -103,8 +102,8 @@ def test_a_disk_that_is_full_leaves_no_file_and_is_told_of(tmp_path, monkeypatch
 
 
 def test_kernels_are_in_the_users_cache_unless_numba_is_told_a_folder(monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path))
     assert compiling.folder() == tmp_path / "kernels"
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "elsewhere")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "elsewhere")
     assert compiling.folder() == Path("elsewhere")

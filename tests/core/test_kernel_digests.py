@@ -3,7 +3,6 @@
 import importlib
 import sys
 
-import numba
 import pytest
 
 from resample.engine import jit
@@ -230,7 +229,10 @@ def added(number):
 
 
 def test_a_kernel_runs_from_the_cache_after_an_edit_that_moves_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    jit.compiler()
+    from resample.engine.compiled import compiling
+
+    monkeypatch.setattr(compiling, "folder", lambda: tmp_path / "cache")
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.syspath_prepend(tmp_path)
     for text in (ADDED, ADDED.replace("@kernel", "# moved\n\n\n@kernel")):

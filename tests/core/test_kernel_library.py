@@ -41,7 +41,7 @@ def native(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("library")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(numba.config, "CACHE_DIR", str(folder))
+        patch.setattr(compiling, "folder", lambda: folder)
         patch.setenv("RESAMPLE_KERNELS_LOG", str(folder / "log"))
         # Anew, as other tests may have called them: what is in memory is not stored again.
         anew = [jit.making_kernel(each.__wrapped__) for each in (sums, steps, copy_into, nothing)]

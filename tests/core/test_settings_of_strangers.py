@@ -25,10 +25,12 @@ from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
 from resample_points.command import rendering as cloud_films
+from resample_texture.command.choices import MATRIX
 from resample_texture.figures import scenes
 from resample_texture.geometry.matrices import parse_matrix
 from resample_volume.classification.presets import is_file
 from resample_volume.command import animation as volume_films
+from resample_volume.command.choices import TRANSFER
 from resample_warp3d.command import animation as depth_films
 from tests import commands
 
@@ -183,20 +185,33 @@ def test_values_that_say_the_look_are_never_taken_for_files():
     [
         (
             abouts.ANGLES,
-            [*NAMED, "30/20", "-30/20/1.5", "1e1/.5/1./0.1/-0.2"],
-            ["a.toml", "/etc/passwd", "images.txt:3", "30", "../30", "30//20", "poses", ""],
+            [*NAMED, "30/20", "-30/20/1.5", "1e1/.5/1./0.1/-0.2", "30,20\n", "30/20/0"],
+            ["a.toml", "/etc/passwd", "images.txt:3", "30", "../30", "poses", "", "front\n"],
         ),
         (
-            abouts.NUMBERS,
-            ["1,0,0", "[[1, 0], [0, 1]]", "k=0.1,0.2", "1 2\n3", "-1e-3;2"],
-            ["m.txt", "1..2", "/1", "1/2", "", "k=", "nan", "1,2,m.npy"],
+            abouts.LENS,
+            ["1,0,0", "k=0.1,0.2", "1 2\n3", "m.txt"],
+            ["a.json", "A.YML", "1,2,m.xml", "1\n.toml", "k=1/a.yaml"],
         ),
         (
-            abouts.TRANSFER,
+            MATRIX,
+            ["1,0,0", "[[1, 0], [0, 1]]", "1 2\n3", "-1e-3;2", "nan"],
+            ["m.txt", "1..2", "/1", "1/2", "k=1", "1,2,m.npy", "1\0"],
+        ),
+        (
+            TRANSFER,
             ["auto", "bone:opacity=0.2+skin", "300..900", "40/red/0,90/#fff/0.5", "red,none"],
-            ["a.json", "A.TOML", "bone+a.json", "red,../a.toml", "a.toml:opacity=1"],
+            [
+                "a.json",
+                "A.TOML",
+                "bone+a.json",
+                "red,../a.toml",
+                "a.json+\nb",
+                "\n/a.json",
+                "a.toml ",
+            ],
         ),
-        (abouts.words("orbit", "still"), ["orbit", "still"], ["orbits", "a.toml", ""]),
+        (Inline(("orbit", "still")), ["orbit", "still"], ["orbits", "a.toml", "", "still\n"]),
     ],
 )
 def test_forms_of_values_tell_looks_from_files(mark, looks, files):
@@ -206,7 +221,7 @@ def test_forms_of_values_tell_looks_from_files(mark, looks, files):
 
 @pytest.mark.sweep
 def test_a_long_value_is_told_from_a_file_at_once():
-    for mark in (abouts.ANGLES, abouts.NUMBERS, abouts.TRANSFER):
+    for mark in (abouts.ANGLES, abouts.LENS, MATRIX, TRANSFER):
         assert about(mark, "1" * 10**6 + "/x.json") is OptionTopic.SOURCE
 
 

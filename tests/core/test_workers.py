@@ -2,8 +2,11 @@
 
 import builtins
 import os
+import socket
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from types import SimpleNamespace
 
 import cyclopts
@@ -205,3 +208,44 @@ def test_without_dask_workers_say_which_extra_they_need(monkeypatch):
     monkeypatch.setattr(builtins, "__import__", missing)
     with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[dist\]'"):
         check_sharing(Sharing(workers=2))
+
+
+NONSENSE = {
+    "a web server": b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n",
+    "zeros": bytes(64),
+    "one endless frame": (1).to_bytes(8, "little") + (1 << 60).to_bytes(8, "little"),
+    "endlessly many frames": (1 << 40).to_bytes(8, "little"),
+    "noise": bytes(np.random.default_rng(7).integers(0, 256, 4096, np.uint8)),
+    "nobody, who hangs up": None,
+    "silence": b"",
+}
+
+
+@pytest.mark.parametrize("said", NONSENSE.values(), ids=NONSENSE)
+def test_a_scheduler_that_answers_nonsense_is_refused_in_a_line(said, capsys, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(workers, "ANSWER", 2)
+    app, met = cyclopts.App(), []
+
+    @app.default
+    def work(scheduler: str) -> None:
+        with at_work(Sharing(scheduler=scheduler)):
+            pass
+
+    def answer() -> None:
+        caller, _ = server.accept()
+        met.append(caller)
+        with suppress(OSError):
+            caller.close() if said is None else caller.sendall(said)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        start = time.monotonic()
+        assert ended(app, address) == 2
+        assert time.monotonic() - start < 10
+    told = capsys.readouterr().err
+    assert told.startswith(f"resample: error: no scheduler of dask answers at {address}: ")
+    assert told.count("\n") == 1
+    (caller,) = met
+    caller.close()

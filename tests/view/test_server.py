@@ -3,6 +3,7 @@
 import gc
 import json
 import random
+import socket
 import threading
 import time
 import urllib.error
@@ -17,6 +18,7 @@ import pytest
 from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from resample.view import server
 from resample.view.sessions import difference
 from resample.view.views import PagePicture
 from resample.watching import Cancel, CancelledError
@@ -98,6 +100,52 @@ def test_the_page_needs_the_token_and_asks_no_other_host(place: Served) -> None:
     assert fetched(place.address, Host="evil.example")[0] == 403  # a name that leads here
     for path in ("server.py", "..%2fserver.py", "index.html"):
         assert fetched(f"http://{place.host}/{path}")[0] == 404
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "::1", "[::1]", "localhost", "", "0"])
+def test_each_address_to_listen_at_has_one_that_works(host: str) -> None:
+    with socket.socket(socket.AF_INET6) as tried:
+        try:
+            tried.bind(("::1", 0))
+        except OSError:
+            if ":" in host:
+                pytest.skip("this machine has no IPv6")
+    with server.served(Anything(), host=host) as (shown, token):
+        port = shown.rpartition(":")[2]
+        assert not shown.startswith(("0.0.0.0", "[::]"))
+        others = ["[::1]"] if "::1" in host else ["127.0.0.1", "localhost"]
+        for name in (shown, *(f"{other}:{port}" for other in others)):
+            place = Served(name, token)
+            assert fetched(place.address)[0] == 200
+            with place.page() as page:
+                assert page.drawn({"mark": 1})[0]["kind"] == "frame"
+        assert fetched(place.address, Host=f"evil.example:{port}")[0] == 403
+        with (
+            pytest.raises((InvalidStatus, ConnectionClosed)),
+            place.page(origin=f"http://evil.example:{port}"),
+        ):
+            pass
+
+
+@pytest.mark.parametrize(
+    ("host", "shown", "warned"),
+    [("::1", "[::1]", 0), ("127.0.0.1", "127.0.0.1", 0), ("0.0.0.0", "10.1.2.3", 1)],
+)
+def test_the_address_is_printed_as_browsers_take_it(host, shown, warned, monkeypatch, capsys):
+    class Nobody:
+        def run(self, sockets: list[socket.socket]) -> None:
+            sockets[0].close()
+
+    def listening(*_: object) -> tuple[socket.socket, list[str]]:
+        return socket.create_server(("127.0.0.1", 0)), [f"{shown}:8000"]
+
+    if host != "::1":
+        monkeypatch.setattr(server, "_listening", listening)
+    monkeypatch.setattr(server, "_server", lambda _: Nobody())
+    server.serve(Anything(), host=host, browser=False)
+    out, error = capsys.readouterr()
+    assert out.startswith(f"http://{shown}:")
+    assert error.count("can view, and read, your files") == warned
 
 
 def test_sockets_need_the_token_and_the_page_s_own_origin(place: Served) -> None:

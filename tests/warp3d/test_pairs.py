@@ -140,6 +140,19 @@ def test_an_even_slope_is_no_edge():
     assert not edges_in_view(image_of(nearness), of_rectified(1.0), SHAPE).any()
 
 
+@pytest.mark.parametrize("key", ["left", "disp_right", "color", "pose"])
+@pytest.mark.parametrize("name", ["../out/x", "../../x"])
+def test_facts_that_name_files_outside_of_their_folder_are_refused(key, name, stereo):
+    path = stereo / "square" / "calib.json"
+    facts = json.loads(path.read_text()) | {key: name}
+    if key in ("color", "pose"):
+        (path.parent / "x").mkdir()
+        facts = {"color": "x/*.png", "depth": "x/*.png", "pose": "poses.txt", key: name}
+    path.write_text(json.dumps(facts))
+    with pytest.raises(ValueError, match=r"calib\.json names"):
+        load_pairs(stereo)
+
+
 def test_a_folder_without_facts_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"calib\.json"):
         load_pairs(tmp_path)

@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.flags import OptionTopic, words
+from resample.command.flags import Inline, OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
@@ -115,7 +115,7 @@ def animate(
     /,
     *,
     output: flags.FilmOutput,
-    path: Annotated[str, words("orbit", "sway")] = "orbit",
+    path: Annotated[str, Inline(("orbit", "sway"))] = "orbit",
     frames: flags.AppearanceFlag[int | None] = None,
     start: Annotated[CloudStart, flags.Flat] = START,
     fps: flags.FramesPerSecond = 24.0,

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.applications import fetcher
-from resample.command.flags import OptionTopic, words
+from resample.command.flags import OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, method_names
@@ -16,6 +16,7 @@ from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_texture.command import everyday, projecting
 from resample_texture.command.choices import (
+    MATRIX,
     Besides,
     Edges,
     Filling,
@@ -280,7 +281,7 @@ def compare(
     image: Picture,
     /,
     *,
-    scene: Annotated[str, words(*SCENES, or_numbers=True), flags.Hyphen] = "floor",
+    scene: Annotated[str, MATRIX._replace(known=SCENES), flags.Hyphen] = "floor",
     methods: flags.AppearanceFlag[str] = COMPARED,
     output: flags.OptionalOutput = None,
     as_json: flags.Json = False,

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.flags import OptionTopic, words
+from resample.command.flags import Inline, OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
 from resample.command.settings import (
@@ -245,7 +245,7 @@ def animate(
     /,
     *,
     output: flags.FilmOutput,
-    path: Annotated[str, words("orbit", "zoom", "threshold", "still")] = "orbit",
+    path: Annotated[str, Inline(("orbit", "zoom", "threshold", "still"))] = "orbit",
     frames: flags.AppearanceFlag[int | None] = None,
     fps: flags.FramesPerSecond = 24.0,
     look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,

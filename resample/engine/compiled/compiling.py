@@ -34,6 +34,7 @@ from numba.np.numpy_support import as_dtype
 
 from resample.engine.compiled import digests, library
 from resample.engine.compiled.entries import FIRST, SUFFIX, Entry, read, write
+from resample.reading.owners import check_own
 
 try:
     import fcntl
@@ -138,8 +139,11 @@ def _classes(given: Any) -> Iterator[type]:
 
 
 def folder() -> Path:
-    """Where kernels are kept: NUMBA_CACHE_DIR, else a folder of the user's cache."""
-    asked = numba.config.CACHE_DIR
+    """Where kernels are kept: NUMBA_CACHE_DIR, else a folder of the user's cache.
+
+    numba's own setting will not do: it may come from a file in the working folder.
+    """
+    asked = os.environ.get("NUMBA_CACHE_DIR")
     if asked:
         return Path(asked)
     from resample.memory import mapped
@@ -194,7 +198,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
             return None
         LOG.debug("%s: taken from %s", self._name, path)
         _note_use(path)
-        payload = pickle.loads(entry.payload)  # noqa: S301  the user's own, checked above
+        payload = pickle.loads(entry.payload)  # noqa: S301  the user's own: `read` checks
         return CompileResult._rebuild(target_context, *payload)
 
     def save_overload(self, signature: Any, made: Any) -> None:
@@ -224,7 +228,8 @@ def in_turn(name: str) -> Iterator[None]:
     with ExitStack() as held:
         with suppress(OSError):  # a folder that has gone, a file system without locks: do not wait
             if fcntl is not None:
-                folder().mkdir(parents=True, exist_ok=True)
+                folder().mkdir(0o755, parents=True, exist_ok=True)
+                check_own(folder())
                 lock = held.enter_context((folder() / f"{name}.lock").open("ab"))
                 fcntl.flock(lock, fcntl.LOCK_EX)
                 # To close the file is not enough: a forked process may hold it, too.

@@ -15,6 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from resample.reading.owners import NotOwnError, check_own, own_bytes
+
 LOG = logging.getLogger("resample")
 FIRST = b"resample kernel 2\n"  # bytes that files begin with
 SUFFIX = ".kernel"
@@ -43,7 +45,10 @@ def read(path: Path) -> Entry | None:
         None if there is no file, or if it is damaged: then it is removed.
     """
     try:
-        data = path.read_bytes()
+        data = own_bytes(path)
+    except NotOwnError as error:
+        say_that_nothing_is_kept(str(error))
+        return None
     except OSError:
         return None
     start = len(FIRST) + SIZE
@@ -67,7 +72,8 @@ def write(path: Path, entry: Entry) -> None:
     """
     data = json.dumps(entry[:-1]).encode() + b"\n" + entry.payload
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(0o755, parents=True, exist_ok=True)
+        check_own(path.parent)
         _prune_once(path.parent)
         with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".new", delete=False) as file:
             try:

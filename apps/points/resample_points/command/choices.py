@@ -8,7 +8,7 @@ from pydantic import Field
 
 from resample.command.flags import (
     CAMERA,
-    NUMBERS,
+    LENS,
     FieldOfView,
     Hyphen,
     OptionTopic,
@@ -198,7 +198,7 @@ class CloudAim(CloudStart):
         Field(description="File or file:frame of a pose; instead of --camera, needs --intrinsics."),
     ] = None
     intrinsics: Annotated[
-        str | None, NUMBERS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for --pose.")
+        str | None, LENS, Hyphen, Field(description="fx,fy,cx,cy[,skew] in px; for --pose.")
     ] = None
     panorama: Annotated[
         str | None,

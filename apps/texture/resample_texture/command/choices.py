@@ -11,11 +11,12 @@ from pydantic import Field
 from resample.command.flags import (
     CALIBRATED,
     COUNTED,
-    NUMBERS,
+    LENS,
     SIZE,
     Coverage,
     FieldOfView,
     Hyphen,
+    Inline,
     OptionTopic,
     Stats,
     Switch,
@@ -42,6 +43,7 @@ INTERPOLATIONS = (
     "Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
     "bilinear, nearest, gaussian."
 )
+MATRIX = Inline(rule="resample_texture.geometry.matrices:is_file")
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
@@ -63,7 +65,7 @@ class WarpGeometry(Choices):
 
     matrix: Annotated[
         str | None,
-        NUMBERS,
+        MATRIX,
         Hyphen,
         Field(
             description="3 x 3 homography or 2 x 3 affine map from source to target: 9 or 6 "
@@ -95,7 +97,7 @@ class WarpGeometry(Choices):
     ] = None
     lens: Annotated[
         str | None,
-        NUMBERS,
+        LENS,
         Hyphen,
         Field(description=f"{CALIBRATED}. Its distortion is removed."),
     ] = None

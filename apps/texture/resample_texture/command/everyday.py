@@ -9,11 +9,11 @@ from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command import flags
-from resample.command.flags import CALIBRATED, NUMBERS, SIZE, Hyphen, OptionTopic, Switch
+from resample.command.flags import CALIBRATED, LENS, SIZE, Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, Written, height_and_width
 from resample.files.stores.opening import Address, Place
 from resample.words import numbers_in
-from resample_texture.command.choices import Besides, Filling, Picture, PictureWarping
+from resample_texture.command.choices import MATRIX, Besides, Filling, Picture, PictureWarping
 
 if TYPE_CHECKING:
     from resample_texture.command.inputs import Aim, PictureTarget
@@ -186,7 +186,7 @@ class Undistortion(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     lens: Annotated[
-        str, NUMBERS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
+        str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
     ]
     fisheye: Annotated[
         bool,
@@ -195,7 +195,7 @@ class Undistortion(Choices):
     ] = False
     new_matrix: Annotated[
         str | None,
-        NUMBERS,
+        MATRIX,
         Hyphen,
         Field(
             description="Pinhole camera to rectify for: fx,fy,cx,cy, 9 numbers or a file. "
@@ -205,7 +205,7 @@ class Undistortion(Choices):
     ] = None
     rectify: Annotated[
         str | None,
-        NUMBERS,
+        MATRIX,
         Hyphen,
         Field(
             description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "

@@ -53,11 +53,16 @@ def homography(
 
 def parse_matrix(text: str) -> Doubles:
     """Read a matrix (3, 3) from a command line's text."""
+    return _read_matrix(text) if is_file(text) else _of_lines([_numbers(text)], repr(text))
+
+
+def is_file(text: str) -> bool:
+    """Whether a text of a command line names a file of a matrix rather than giving numbers."""
     try:
-        numbers = [_numbers(text)]
+        _numbers(text)
     except ValueError:
-        return _read_matrix(text)
-    return _of_lines(numbers, repr(text))
+        return True
+    return False
 
 
 def _read_matrix(text: str) -> Doubles:

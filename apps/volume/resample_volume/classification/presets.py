@@ -1,5 +1,6 @@
 """Transfer functions by name: presets, tissues, colormaps, files, materials."""
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -100,6 +101,7 @@ PRESETS: dict[str, Callable[[], Transfer]] = {
 NUMBER = r"[-+]?[0-9]*\.?[0-9]+(?:e[-+]?[0-9]+)?"
 RANGE = re.compile(rf"({NUMBER})?\.\.({NUMBER})?", re.IGNORECASE)  # of values: 300..900, 500..
 JOINT = re.compile(r"(?<![0-9][eE])\+(?!1024\b)")  # between materials, not in 1e+5 or hu+1024
+BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of channels
 # Points of value, color as displayed, and opacity: 40,red,0 90,white,0.5 or 40/red/0,90/white/0.5.
 POINT, SLASHED = (rf"{NUMBER}{by}[^/,:+\s]+{by}{NUMBER}" for by in ",/")
 POINTS = re.compile(rf"{POINT}(?:\s+{POINT})*|{SLASHED}(?:,{SLASHED})*", re.IGNORECASE)
@@ -237,9 +239,18 @@ def load_transfer(name: str | Path) -> Transfer:
 
 def is_file(name: str) -> bool:
     """Return whether a name is of a file, which may contain a + itself."""
-    if Path(name).suffix.lower() not in SUFFIXES:
-        return False
-    return "+" not in name or Path(name).exists()
+    return _has_suffix(name) and ("+" not in name or os.path.exists(name))
+
+
+def names_file(text: str) -> bool:
+    """Return whether a look, or one of the looks of channels, may be read from a file."""
+    looks = (text, *BETWEEN.split(text))
+    words = (word for look in looks for word in (look, *JOINT.split(look)))
+    return any(_has_suffix(word.strip()) for word in words)
+
+
+def _has_suffix(name: str) -> bool:
+    return Path(name).suffix.lower() in SUFFIXES
 
 
 def _read(name: str) -> Transfer:

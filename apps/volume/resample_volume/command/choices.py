@@ -10,9 +10,9 @@ from resample.command.flags import (
     CAMERA,
     LIGHT,
     MEMORY,
-    TRANSFER,
     FieldOfView,
     Hyphen,
+    Inline,
     OptionTopic,
     Several,
     Switch,
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from resample_volume.types import Volume
 
 Lit = under(LIGHT)
+TRANSFER = Inline(rule="resample_volume.classification.presets:names_file")
 
 
 class ReadOptions(Choices):

@@ -8,7 +8,7 @@ from resample.console import note, say
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
 from resample.words import choices_in
-from resample_volume.classification.presets import PRESETS
+from resample_volume.classification.presets import BETWEEN, PRESETS
 from resample_volume.classification.scales import scaled
 from resample_volume.classification.surveys import findings, label_count
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
-BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of channels
 HIDDEN = "none"
 LABELS = "--labels FILE --label 1:color=red colors them"
 

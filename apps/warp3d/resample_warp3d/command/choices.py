@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import NUMBERS, Coverage, Hyphen, OptionTopic, Stats, Switch, words
+from resample.command.flags import LENS, Coverage, Hyphen, Inline, OptionTopic, Stats, Switch
 from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
 from resample.command.settings import (
     Choices,
@@ -75,7 +75,7 @@ class Depth(Choices):
     ] = None
     depth_intrinsics: Annotated[
         str | None,
-        NUMBERS,
+        LENS,
         Hyphen,
         Field(
             description="fx,fy,cx,cy[,skew] of a separate depth camera, px of the depth, or a "
@@ -395,7 +395,7 @@ class Travel(Choices):
 
     path: Annotated[
         str,
-        words("sway", "orbit", "dolly"),
+        Inline(("sway", "orbit", "dolly")),
         Field(
             description="Camera path: sway, left and right around the scene; orbit, in a circle; "
             "dolly, forward and back; or a file of poses: TUM, Open3D, NeRF, COLMAP or .toml."

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import CALIBRATED, COUNTED, NUMBERS, Hyphen, OptionTopic
+from resample.command.flags import CALIBRATED, COUNTED, LENS, Hyphen, OptionTopic
 from resample.command.intrinsics import (
     FILES,
     Shape,
@@ -30,7 +30,7 @@ class SourceCamera(Choices):
 
     intrinsics: Annotated[
         str | None,
-        NUMBERS,
+        LENS,
         Hyphen,
         Field(description=f"fx,fy,cx,cy[,skew] in px; fy may be negative; or {FILES}."),
     ] = None
@@ -42,7 +42,7 @@ class SourceCamera(Choices):
     ] = None
     lens: Annotated[
         str | None,
-        NUMBERS,
+        LENS,
         Hyphen,
         Field(description=f"{CALIBRATED}, instead of intrinsics; k=k1,k2,p1,p2[,k3...] with them."),
     ] = None

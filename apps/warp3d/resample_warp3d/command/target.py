@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import NUMBERS, SIZE, Hyphen, OptionTopic
+from resample.command.flags import LENS, SIZE, Hyphen, OptionTopic
 from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
 from resample.command.settings import Choices, height_and_width
 from resample.words import numbers_in
@@ -23,7 +23,7 @@ class TargetCamera(Choices):
 
     target_intrinsics: Annotated[
         str | None,
-        NUMBERS,
+        LENS,
         Hyphen,
         Field(
             description="fx,fy,cx,cy[,skew] of the new picture, or a file as for --intrinsics. "
@@ -39,7 +39,7 @@ class TargetCamera(Choices):
     ] = None
     target_lens: Annotated[
         str | None,
-        NUMBERS,
+        LENS,
         Hyphen,
         Field(
             description="Lens of the new picture, as for --lens, instead of intrinsics. [default: "

@@ -5,7 +5,6 @@ pairs with one or two disparity maps, or frames with depth and poses.
 """
 
 import itertools
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +15,8 @@ from resample.cameras.files import left_out, read_poses
 from resample.cameras.models import Camera
 from resample.colors import to_srgb
 from resample.files.images import read_image
+from resample.reading.limits import neighbour
+from resample.reading.texts import json_of, text_of
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.encodings import BareDisparity, PlanarDepth
 from resample_warp3d.depth.equation import between, inverse, of_rectified, places, warp_places
@@ -117,43 +118,43 @@ def _warped(image: DepthImage | Source, equation: Equation) -> tuple[Doubles, Do
 
 def _pairs_of(path: Path) -> Iterator[PicturePair]:
     """Yield the pairs that a `calib.json` describes."""
-    facts = json.loads(path.read_text(encoding="utf-8"))
+    facts = json_of(text_of(path))
     if "disp_left" in facts:
-        return _stereo_pairs(path.parent, facts)
+        return _stereo_pairs(path, facts)
     if "pose" in facts:
-        return _frame_pairs(path.parent, facts)
+        return _frame_pairs(path, facts)
     raise ValueError(f"{path} names neither disparity maps (disp_left) nor poses (pose)")
 
 
-def _stereo_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair]:
+def _stereo_pairs(path: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair]:
     """Yield left to right, and right to left if the right view has a map."""
-    left, right = (_stereo_frame(folder, facts, side) for side in ("left", "right"))
+    left, right = (_stereo_frame(path, facts, side) for side in ("left", "right"))
     for name, source, target, fraction in (
         ("left to right", left, right, 1.0),
         ("right to left", right, left, -1.0),
     ):
         if source.nearness.size:
-            title = f"{folder.name}: {name}"
+            title = f"{path.parent.name}: {name}"
             yield _pair(title, source, target, of_rectified(fraction), _same_disparity)
 
 
-def _stereo_frame(folder: Path, facts: Mapping[str, Any], side: str) -> PairView:
+def _stereo_frame(path: Path, facts: Mapping[str, Any], side: str) -> PairView:
     """Read one view of a rectified pair; its nearness is the disparity in px."""
-    color = _encoded(folder / facts[side])
+    color = _encoded(neighbour(path, str(facts[side])))
     stored = facts.get(f"disp_{side}")
     if stored is None:
         return PairView(color, np.empty((0, 0), np.float32))
-    raw = read_depth(folder / str(stored).split()[0])
+    raw = read_depth(neighbour(path, str(stored).split()[0]))
     return PairView(color, BareDisparity(facts["disparity_scale"]).nearness(raw))
 
 
-def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair]:
+def _frame_pairs(path: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair]:
     """Yield pairs of frames of a moving camera."""
     colors, depths = (
-        sorted(file for file in (folder / str(facts[kind]).partition("/")[0]).iterdir())
+        sorted(file for file in neighbour(path, str(facts[kind]).partition("/")[0]).iterdir())
         for kind in ("color", "depth")
     )
-    file = folder / str(facts["pose"]).split()[0].rstrip(":")
+    file = neighbour(path, str(facts["pose"]).split()[0].rstrip(":"))
     complaint = left_out(file, poses=True)
     if complaint is not None:
         raise ValueError(f"each picture needs its pose; {complaint}")
@@ -165,13 +166,15 @@ def _frame_pairs(folder: Path, facts: Mapping[str, Any]) -> Iterator[PicturePair
         for pose in read_poses(file)
     ]
     encoding = PlanarDepth(facts["depth_scale"])
-    for first, second in FRAMES.get(folder.name) or itertools.pairwise(numbers):
+    for first, second in FRAMES.get(path.parent.name) or itertools.pairwise(numbers):
         a, b = numbers.index(first), numbers.index(second)
         source, target = (
             PairView(_encoded(colors[n]), encoding.nearness(read_depth(depths[n]))) for n in (a, b)
         )
         equation = between(cameras[a], cameras[b])
-        yield _pair(f"{folder.name}: {first} to {second}", source, target, equation, _same_depth)
+        yield _pair(
+            f"{path.parent.name}: {first} to {second}", source, target, equation, _same_depth
+        )
 
 
 def _pair(

@@ -190,8 +190,10 @@ class StoredStatistics:
         """Load the statistics of an earlier command; None if missing, or the store has changed."""
         if bricks.size < LEAST:
             return None
-        for path in self._paths(bricks):
-            held = load_arrays(path, *BrickStats._fields, "state")
+        *beside, own = self._paths(bricks)
+        for path in (*beside, own):
+            names = (*BrickStats._fields, "state")
+            held = load_arrays(path, *names, is_beside=path is not own)
             found = None if held is None else _statistics(held, bricks)
             if held is not None and found is not None and str(held["state"]) == self._mark:
                 LOG.debug("%s: statistics loaded from %s", self.store.name, path)
