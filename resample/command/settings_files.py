@@ -94,13 +94,13 @@ Outside = Annotated[
 ]
 
 
-def with_settings(app: App, former: Mapping[str, str] | None = None) -> None:
+def with_settings(app: App) -> None:
     """Add the common options to every command of an application that has options.
 
     They are `--settings`, `--settings-trusted`, `--save-settings`, `--memory`, `--limit` and
-    `--allow-outside`. Settings may also name a command as it was called before (`former`).
+    `--allow-outside`.
     """
-    app.config = (partial(_take, app.name[0], former or {}),)
+    app.config = (partial(_take, app.name[0]),)
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
         if command is not None and _has_options(command):
@@ -157,7 +157,6 @@ def read_settings(
     marks: Marks,
     *,
     is_trusted: bool = False,
-    former: str | None = None,
 ) -> Settings:
     """Read options of a command from a file and convert their types.
 
@@ -171,7 +170,7 @@ def read_settings(
     with naming(str(path)):
         content = toml_of(text)
         owner = content.pop(COMMAND, name)
-        if owner not in (name, former):
+        if owner != name:
             raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")
         for key, value in list(content.items()):
             _check_name(key, options)
@@ -222,7 +221,6 @@ def _options(arguments: ArgumentCollection) -> dict[str, Argument]:
 
 def _take(
     application: str,
-    former: Mapping[str, str],
     app: App,
     commands: tuple[str, ...],
     given: ArgumentCollection,
@@ -244,7 +242,6 @@ def _take(
         known,
         marks_of(app.default_command),
         is_trusted=key == "settings-trusted",
-        former=former.get(" ".join(commands)),
     )
     for one in reversed(commands):
         content = {one: content}

@@ -26,7 +26,7 @@ OPEN_TEXTS = {
     "path", "name", "spec", "cloud", "given", "volume", "reader",  # files and sources
     "camera", "view", "source", "target",  # viewpoints and projections
     "appearance", "look", "transfer", "framing", "colors", "crop", "clip", "slab", "where", "text",
-    "only", "columns", "quantity", "quantities", "units", "part", "scale", "kind",
+    "only", "columns", "quantity", "quantities", "units", "length", "part", "scale", "kind",
     "note", "space", "up", "painters", "background", "memory", "choices", "settings",
 }  # fmt: skip
 

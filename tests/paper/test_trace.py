@@ -7,7 +7,7 @@ import pytest
 
 import resample.engine.jit
 from resample import Camera, Footprint, Resampler, Samples
-from resample.engine.compiled import sources
+from resample.engine.compiled import digests
 from resample.hybrid.blend.nearest import NearestSurface
 from resample.hybrid.blend.over import OverBlend
 from resample.hybrid.blend.sum import WeightedSum
@@ -66,34 +66,38 @@ APPLICATIONS = {
 
 
 def kernels_called(run):
-    """Modules whose parallel kernels Python calls."""
-    modules = set()
+    """Parallel kernels that Python calls."""
+    kernels = set()
 
     def note(frame, event, _):
         code = frame.f_code
         is_kernel = code.co_name == "call" and code.co_filename == resample.engine.jit.__file__
         if event == "call" and is_kernel and "compiled" in frame.f_locals:
-            modules.add(frame.f_locals["compiled"].__module__)
+            kernels.add(frame.f_locals["compiled"])
 
     sys.setprofile(note)
     try:
         run()
     finally:
         sys.setprofile(None)
-    return modules
+    return kernels
 
 
 @pytest.mark.parametrize("name", APPLICATIONS)
 def test_all_applications_pass_through_the_same_modules(name):
     run, blend, adapter = APPLICATIONS[name]
-    called = kernels_called(run)
-    assert {"resample.hybrid.paint", adapter} <= called
+    called = {each.__module__: each for each in kernels_called(run)}
+    assert {"resample.hybrid.paint", adapter} <= called.keys()
     painters = {f"resample.engine.{painter}" for painter in PAINTERS}
     assert not {module for module in called if module.rpartition(".")[0] in painters}
-    compiled = sources.modules("resample.hybrid.paint", [blend, LookupTables])
-    assert compiled | sources.modules(adapter) >= CORE
-    assert blend.__module__ in compiled
-    assert "resample.hybrid.ellipse" in sources.modules("resample.hybrid.voxels")
+    compiled = [called[module] for module in ("resample.hybrid.paint", adapter)]
+    parts = {
+        part for each in compiled for part in digests.made_from(each, [blend, LookupTables])[1]
+    }
+    modules = {part.rpartition(".")[0] for part in parts}
+    assert modules >= CORE
+    assert blend.__module__ in modules
+    assert ("resample.hybrid.ellipse" in modules) == (name == "volume")
 
 
 def test_the_index_correction_table_is_read(monkeypatch):

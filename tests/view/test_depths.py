@@ -92,7 +92,7 @@ def test_mistakes_are_said_in_a_line(wrong: dict[str, Any], said: str, place: Se
         assert page.drawn(page.about["settings"])[0]["kind"] == "frame"
 
 
-def test_options_of_the_other_kind_are_refused(
+def test_options_of_clouds_are_refused(
     files: tuple[str, str, str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -100,8 +100,8 @@ def test_options_of_the_other_kind_are_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     color, depth, cloud = files
-    assert "belongs to a picture" in refused(app, capsys, "view", cloud, "--fov", 60)
-    assert "belongs to a cloud" in refused(app, capsys, "view", color, depth, "--camera", "top")
+    assert "needs DEPTH" in refused(app, capsys, "view", cloud, "--fov", 60)
+    assert "Unknown option" in refused(app, capsys, "view", color, depth, "--camera", "top")
     assert "give --intrinsics" in refused(app, capsys, "view", color, depth)
 
 

@@ -232,7 +232,7 @@ def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
         for wrong, said in (
             ({"transfer": "none.toml"}, "a page only changes the look"),
             ({"labels": "labels.nrrd"}, "a page only changes the look"),
-            ({"camera": "1/2/3/4"}, "give azimuth,elevation,zoom"),
+            ({"camera": "1,2,3,4"}, "a page only changes the look"),
             ({"projection": "sideways"}, "composite"),
             ({"speed": 3}, "no option 'speed'"),
             ({"projection": "first-hit"}, "iso"),

@@ -123,6 +123,8 @@ def _located(name: str | Path, reader: Reader | None) -> tuple[Any, Any]:
     path = Path(_unprefixed(name))
     if reader is None and path.exists():
         reader = find_reader(path)
+        if path.is_file() and path.stat().st_size == 0:
+            raise ValueError(f"{path} is empty")
     return path, reader
 
 
@@ -143,8 +145,6 @@ def find_reader(path: str | Path) -> Reader:
         return _distant(None)
     path = Path(path)
     readers, broken = _readers()
-    if path.is_file() and path.stat().st_size == 0 and _suffix(path.name, readers):
-        raise ValueError(f"{path} is empty")
     if path.is_dir():
         from resample.files.stores.opening import is_store
 
