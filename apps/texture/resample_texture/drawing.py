@@ -22,6 +22,7 @@ from resample_texture.geometry.shifts import (
 )
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
+    LEVELS,
     Encoding,
     check_picture,
     complex_of_parts,
@@ -40,8 +41,15 @@ from resample_texture.texels.gaps import (
     missing_in,
     unmasked,
 )
+from resample_texture.texels.levels import (
+    in_levels,
+    levels_of,
+    light_for,
+    light_of,
+    share_of_levels,
+)
 from resample_texture.texels.spans import WIDE
-from resample_texture.types import Alpha, AnyAlpha, Edge, Method, Warped, WarpedMeans
+from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
 
 if TYPE_CHECKING:
     from resample_texture.texels.gather import MixedTiles
@@ -77,7 +85,7 @@ class Drawing(NamedTuple):
 
 
 def drawn(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
 
@@ -102,7 +110,7 @@ def drawn(
 
 
 def _drawn_copies(
-    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: bool | None,
+    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: AnyLight | None,
     alpha: AnyAlpha | None,
 ) -> Warped:  # fmt: skip
     """Copy texels, value for value."""
@@ -112,7 +120,7 @@ def _drawn_copies(
     if drawing.fill is not None:
         return filled(moved, drawing.fill)
     if drawing.as_light:
-        return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
+        return Warped(_as_light(moved.image, linear_light, alpha), moved.coverage)
     return moved
 
 
@@ -125,7 +133,7 @@ def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
     return drawing._replace(method=quick)
 
 
-def light_of(image: NDArray[Any], linear_light: bool | None, alpha: AnyAlpha | None) -> Floats:
+def _as_light(image: NDArray[Any], linear_light: AnyLight | None, alpha: AnyAlpha | None) -> Floats:
     """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":
         return image.astype(np.float32)
@@ -134,12 +142,18 @@ def light_of(image: NDArray[Any], linear_light: bool | None, alpha: AnyAlpha | N
 
 
 def _drawn_whole(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp a picture without windows."""
     if image.dtype.kind == "c":
         return _drawn_complex(image, drawing, _drawn_whole)
     is_sum = adds(drawing.method)
+    if not is_sum and light_for(linear_light, image.dtype) == "pixels":
+        share = share_of_levels(drawing.method, drawing.geometry, drawing.shape, image.shape[:2])
+        if share.any():
+            return _drawn_in_levels(image, drawing, share, alpha)
+    if linear_light is False and image.dtype == np.uint8:
+        drawing = drawing._replace(method=in_levels(drawing.method))
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
     warped = _run_with_gaps(drawing, texels, encoding.gaps)
@@ -149,6 +163,29 @@ def _drawn_whole(
         plain = added(warped, run(drawing._replace(method=mean), there).image, encoding.gaps)
         return _as_stored(plain, encoding)
     return drawing.stored(warped, encoding)
+
+
+def _drawn_in_levels(
+    image: NDArray[Any], drawing: Drawing, share: Floats, alpha: AnyAlpha | None
+) -> Warped:
+    """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
+    is_stored = image.dtype.name in LEVELS
+    interpolating = drawing._replace(method=in_levels(drawing.method))
+    light, encoding = decoded(image, linear_light=not is_stored, alpha=alpha)
+    levels = light if is_stored else levels_of(light, encoding)
+    warped = _run_with_gaps(interpolating, levels, encoding.gaps)
+    is_alone = bool((share == 1.0).all())
+    if is_alone and is_stored and not drawing.as_light and (warped.coverage == 1.0).all():
+        return drawing.stored(warped, encoding)
+    made = light_of(warped, encoding)
+    if not is_alone:
+        if is_stored:
+            light, _ = decoded(image, linear_light=True, alpha=alpha)
+        averaged = _run_with_gaps(drawing, light, encoding.gaps).image
+        made = averaged + share * (made - averaged)
+    encoding = encoding._replace(is_encoded=is_stored)
+    encoding = encoding.as_light() if drawing.as_light else encoding
+    return drawing.stored(Warped(made, warped.coverage), encoding)
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:
@@ -243,7 +280,7 @@ def drawn_in_parts(
     drawing: Drawing,
     parts: DrawnParts,
     *,
-    linear_light: bool | None,
+    linear_light: AnyLight | None,
     alpha: AnyAlpha | None,
 ) -> Warped:
     """Warp a picture window by window; it need only support slices."""
@@ -285,7 +322,7 @@ class _Read:
     """Texels of a sliceable picture, decoded on demand."""
 
     def __init__(
-        self, image: Any, drawing: Drawing, linear_light: bool | None, alpha: AnyAlpha | None
+        self, image: Any, drawing: Drawing, linear_light: AnyLight | None, alpha: AnyAlpha | None
     ) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])

@@ -10,6 +10,7 @@ from resample.profiles.named import plugin_of
 from resample.types import Floats
 from resample.words import number
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.texels.levels import in_levels
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
@@ -245,6 +246,12 @@ class _Near:
 
     method: Hybrid
 
+    @property
+    def in_levels(self) -> Method:
+        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        method: Any = in_levels(self.method)
+        return _Near(method)
+
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
@@ -267,6 +274,12 @@ class _Planned:
     def keeps_texels(self) -> bool:
         """Whether a shift by whole pixels leaves texels as they are."""
         return self.method.keeps_texels
+
+    @property
+    def in_levels(self) -> Method:
+        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        method: Any = in_levels(self.method)
+        return _Planned(method, self.plan._replace(cells=method.cells))
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge

@@ -93,7 +93,7 @@ def planned(
     """Plan how a target (height, width) gathers from sources (height, width)."""
     region = geometry.region if isinstance(geometry, Homography) else None
     whole = size if region is None else region.size or size
-    places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
+    places, view = places_of(size, geometry, shape), _view((*whole, 1), edge, cells)
     tiles = around = _measured(places, view, shape)
     axes = separable_plan(size, geometry, shape, edge, cells)
     if axes is not None:
@@ -227,7 +227,7 @@ def mixed_tiles(
     return MixedTiles(_visible(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
 
 
-def _places(
+def places_of(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int]
 ) -> Plane | Map:
     """Return the map from pixels to the source, as kernels take it."""
@@ -258,7 +258,7 @@ def _measured_once(
     geometry: Homography, shape: tuple[int, int], size: tuple[int, int], edge: Edge, cells: CellGrid
 ) -> TargetTiles:
     """Measure the tiles of a whole target, cached; `size` is the source's."""
-    return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
+    return _measured(places_of(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 
 def _around(bounds: Integers) -> list[int]:
