@@ -152,8 +152,6 @@ def _drawn_whole(
         share = share_of_levels(drawing.method, drawing.geometry, drawing.shape, image.shape[:2])
         if share.any():
             return _drawn_in_levels(image, drawing, share, alpha)
-    if linear_light is False and image.dtype == np.uint8:
-        drawing = drawing._replace(method=in_levels(drawing.method))
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
     warped = _run_with_gaps(drawing, texels, encoding.gaps)
@@ -170,22 +168,27 @@ def _drawn_in_levels(
 ) -> Warped:
     """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
     is_stored = image.dtype.name in LEVELS
-    interpolating = drawing._replace(method=in_levels(drawing.method))
+    interpolating: Any = in_levels(drawing.method)
+    averaging: Any = drawing.method
+    if share.size > 1 and hasattr(averaging, "partly"):  # tiles that need one of them alone
+        interpolating = interpolating.partly(share[..., 0] > 0.0)
+        averaging = averaging.partly(share[..., 0] < 1.0)
     light, encoding = decoded(image, linear_light=not is_stored, alpha=alpha)
     levels = light if is_stored else levels_of(light, encoding)
-    warped = _run_with_gaps(interpolating, levels, encoding.gaps)
+    warped = _run_with_gaps(drawing._replace(method=interpolating), levels, encoding.gaps)
     is_alone = bool((share == 1.0).all())
     if is_alone and is_stored and not drawing.as_light and (warped.coverage == 1.0).all():
         return drawing.stored(warped, encoding)
-    made = light_of(warped, encoding)
+    made, coverage = light_of(warped, encoding), warped.coverage
     if not is_alone:
         if is_stored:
             light, _ = decoded(image, linear_light=True, alpha=alpha)
-        averaged = _run_with_gaps(drawing, light, encoding.gaps).image
-        made = averaged + share * (made - averaged)
+        averaged = _run_with_gaps(drawing._replace(method=averaging), light, encoding.gaps)
+        made = averaged.image + share * (made - averaged.image)
+        coverage = np.maximum(coverage, averaged.coverage)  # 0 where a tile is left out
     encoding = encoding._replace(is_encoded=is_stored)
     encoding = encoding.as_light() if drawing.as_light else encoding
-    return drawing.stored(Warped(made, warped.coverage), encoding)
+    return drawing.stored(Warped(made, coverage), encoding)
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:

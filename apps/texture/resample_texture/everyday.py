@@ -239,7 +239,7 @@ def project(
     before, after = _projection(source), _projection(target)
     before.check((picture.shape[0], picture.shape[1]))
     after.check(shape)
-    choices.setdefault("linear_light", is_encoded)
+    choices.setdefault("linear_light", light_for(None, picture.dtype, is_encoded))
     turned = rotation(turn)
     made: Warped | None = None
     for n, (left, top, width, height) in enumerate(after.tiles(shape)):

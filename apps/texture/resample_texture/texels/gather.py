@@ -108,25 +108,45 @@ def planned(
     return GatherPlan(size, geometry, shape, edge, cells, places, tiles, around, None)
 
 
-def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warped:
+def gather(
+    plan: GatherPlan,
+    source: Floats,
+    *,
+    near_only: bool = False,
+    wanted: NDArray[np.bool_] | None = None,
+) -> Warped:
     """Warp a source (H, W, C) to (height, width) under the area filter.
 
-    With `near_only`, tiles that do not gather stay empty.
+    With `near_only`, tiles that do not gather stay empty, as do those without `wanted` pixels
+    (height, width).
     """
     _, geometry, shape, edge, cells, places, tiles, around, axes = plan
     held = _source_part(source, geometry)
     if axes is not None:
         return weigh(axes, held, edge, cells)
     view = _view((*held.size, source.shape[2]), edge, cells)
-    make = np.zeros if near_only else np.empty  # mending of gaps reads all pixels
+    is_far = ~tiles.is_near
+    if wanted is not None:
+        is_wanted = _has_any(wanted, tiles.bounds)
+        is_far, tiles = is_far & is_wanted, tiles._replace(is_near=tiles.is_near & is_wanted)
+    is_whole = wanted is None and not near_only
+    make = np.empty if is_whole else np.zeros  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
-    if not (near_only or tiles.is_near.all()):
+    if is_far.any() and not near_only:
         _project_far(plan, source, warped)
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         fill_tiles(places, view, near, seen, warped.image, warped.coverage)
+    if wanted is not None:  # the rectangle of far texels may have covered others, too
+        for left, top, right, bottom in tiles.bounds[~is_wanted].tolist():
+            warped.image[top:bottom, left:right] = warped.coverage[top:bottom, left:right] = 0
     return warped
+
+
+def _has_any(wanted: NDArray[np.bool_], bounds: Integers) -> NDArray[np.bool_]:
+    """Whether each tile (T, 4) has any of the pixels (height, width)."""
+    return np.array([wanted[top:bottom, left:right].any() for left, top, right, bottom in bounds])
 
 
 class Far(NamedTuple):

@@ -1,8 +1,8 @@
 """Levels between texels, light under pixels.
 
 What people see, and what a camera's curve has made, are levels: these are interpolated. What a
-pixel averages is light. So a pixel that is hardly longer than a texel is interpolated in levels, one
-that is `LONG` texels or longer is a mean of light, and between these both are mixed.
+pixel averages is light. So a pixel that is hardly longer than a texel is interpolated in levels,
+one that is `LONG` texels or longer is a mean of light, and between these both are mixed.
 """
 
 import dataclasses
