@@ -80,31 +80,27 @@ def test_floats_of_the_same_light_are_drawn_alike(matrix, channels, dtype):
 
 
 def test_tiles_that_need_one_of_both_have_the_same_bits(monkeypatch):
-    image = photo(200, 300)
-    shown = [warp(image, FLOOR, (200, 300), edge=edge) for edge in ("mirror", "transparent")]
+    partly = warp(photo(200, 300), FLOOR, (200, 300))
     monkeypatch.delattr(Hybrid, "partly")
-    for edge, partly in zip(("mirror", "transparent"), shown, strict=True):
-        whole = warp(image, FLOOR, (200, 300), edge=edge)
-        np.testing.assert_array_equal(partly.image, whole.image)
-        np.testing.assert_array_equal(partly.coverage, whole.coverage)
+    whole = warp(photo(200, 300), FLOOR, (200, 300))
+    np.testing.assert_array_equal(partly.image, whole.image)
+    np.testing.assert_array_equal(partly.coverage, whole.coverage)
 
 
 def test_every_way_to_warp_follows_the_rule(tmp_path, monkeypatch):
     """Plans, batches, regions, chunks, and commands."""
     monkeypatch.chdir(tmp_path)
     image, shape = photo(200, 300), (200, 300)
-    shown = warp(image, FLOOR, shape, edge="mirror").image
-    np.testing.assert_array_equal(Plan(FLOOR, shape, shape, edge="mirror")(image).image, shown)
-    np.testing.assert_array_equal(
-        warp(np.stack([image] * 2), FLOOR, shape, edge="mirror").image[1], shown
-    )
-    part = warp(image, FLOOR, shape, edge="mirror", roi=(40, 30, 90, 80)).image
+    shown = warp(image, FLOOR, shape).image
+    np.testing.assert_array_equal(Plan(FLOOR, shape, shape)(image).image, shown)
+    np.testing.assert_array_equal(warp(np.stack([image] * 2), FLOOR, shape).image[1], shown)
+    part = warp(image, FLOOR, shape, roi=(40, 30, 90, 80)).image
     np.testing.assert_array_equal(part, shown[30:110, 40:130])
-    chunks = warp_chunks(dask.array.from_array(image, 64), FLOOR, shape, edge="mirror", side=64)
+    chunks = warp_chunks(dask.array.from_array(image, 64), FLOOR, shape, side=64)
     np.testing.assert_array_equal(chunks.compute(), shown)
     Image.fromarray(image).save("photo.png")
     numbers = ",".join(f"{v:.17g}" for v in FLOOR.ravel())
-    words = ["photo.png", f"--matrix={numbers}", "--size", "300x200", "--edge", "mirror"]
+    words = ["photo.png", f"--matrix={numbers}", "--size", "300x200", "--background", "black"]
     assert ended(app, "warp", *words, "-o", "a.png") == 0
     made = np.asarray(Image.open("a.png")).astype(int)
     assert np.abs(made - shown).max() <= 1

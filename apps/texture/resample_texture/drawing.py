@@ -43,10 +43,10 @@ from resample_texture.texels.gaps import (
 )
 from resample_texture.texels.levels import (
     in_levels,
-    levels_of,
     light_for,
-    light_of,
+    mixed_light,
     share_of_levels,
+    texels_in_levels,
 )
 from resample_texture.texels.spans import WIDE
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
@@ -167,28 +167,22 @@ def _drawn_in_levels(
     image: NDArray[Any], drawing: Drawing, share: Floats, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
-    is_stored = image.dtype.name in LEVELS
+    is_stored, is_alone = image.dtype.name in LEVELS, bool((share == 1.0).all())
     interpolating: Any = in_levels(drawing.method)
     averaging: Any = drawing.method
     if share.size > 1 and hasattr(averaging, "partly"):  # tiles that need one of them alone
         interpolating = interpolating.partly(share[..., 0] > 0.0)
         averaging = averaging.partly(share[..., 0] < 1.0)
-    light, encoding = decoded(image, linear_light=not is_stored, alpha=alpha)
-    levels = light if is_stored else levels_of(light, encoding)
-    warped = _run_with_gaps(drawing._replace(method=interpolating), levels, encoding.gaps)
-    is_alone = bool((share == 1.0).all())
+    texels, encoding = texels_in_levels(image, alpha)
+    warped = _run_with_gaps(drawing._replace(method=interpolating), texels, encoding.gaps)
     if is_alone and is_stored and not drawing.as_light and (warped.coverage == 1.0).all():
-        return drawing.stored(warped, encoding)
-    made, coverage = light_of(warped, encoding), warped.coverage
+        return drawing.stored(warped, encoding._replace(is_encoded=False))
+    averaged = None
     if not is_alone:
-        if is_stored:
-            light, _ = decoded(image, linear_light=True, alpha=alpha)
+        light, _ = decoded(image, linear_light=True, alpha=alpha)
         averaged = _run_with_gaps(drawing._replace(method=averaging), light, encoding.gaps)
-        made = averaged.image + share * (made - averaged.image)
-        coverage = np.maximum(coverage, averaged.coverage)  # 0 where a tile is left out
-    encoding = encoding._replace(is_encoded=is_stored)
-    encoding = encoding.as_light() if drawing.as_light else encoding
-    return drawing.stored(Warped(made, coverage), encoding)
+    warped = mixed_light(warped, averaged, share, encoding)
+    return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:
@@ -332,6 +326,7 @@ class _Read:
         has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
         self.gaps = self.channels if has_gaps else 0
         self.light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+        self.is_in_levels = False  # whether texels are levels, for now
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -348,14 +343,26 @@ class _Read:
 
     def projected(self, mixed: "MixedTiles") -> Warped:
         """Project the texels of the far tiles."""
-        _, encoding = self._decoded(self.image[0:1, 0:1])
-        encoding = encoding.as_light() if self.drawing.as_light else encoding
         from resample.engine import jit
 
-        with jit.threads(self.drawing.threads):
-            return self.drawing.stored(mixed.projected(self), encoding, mixed.far.part)
+        drawing, there, share = self.drawing, mixed.far.part, np.zeros((1, 1, 1), np.float32)
+        if light_for(self.light["linear_light"], self.image.dtype) == "pixels":
+            place = drawing.geometry, drawing.shape, self.shape[:2]
+            share = share_of_levels(drawing.method, *place, there)
+        with jit.threads(drawing.threads):
+            warped = mixed.projected(self)
+            if share.any():
+                self.is_in_levels = True
+                _, encoding = self._decoded(self.image[0:1, 0:1])
+                warped = mixed_light(mixed.projected(self), warped, share, encoding)
+                self.is_in_levels = False
+            _, encoding = self._decoded(self.image[0:1, 0:1])
+            encoding = encoding.as_light() if drawing.as_light else encoding
+            return drawing.stored(warped, encoding, there)
 
     def _decoded(self, part: NDArray[Any]) -> tuple[Floats, Encoding]:
+        if self.is_in_levels:
+            return texels_in_levels(np.asarray(part), self.light["alpha"], self.gaps)
         return decoded(np.asarray(part), **self.light, gaps=self.gaps)
 
 

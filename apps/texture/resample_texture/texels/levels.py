@@ -10,12 +10,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.types import Floats
-from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography
-from resample_texture.texels.encoding import Encoding
-from resample_texture.types import AnyLight, Method, Warped
+from resample_texture.geometry.mappings import ForwardMap, Geometry
+from resample_texture.texels.encoding import LEVELS, Encoding, decoded
+from resample_texture.types import AnyAlpha, AnyLight, Method, Warped
 
 SHORT, LONG = 1.05, 1.75  # texels along a pixel's longer axis
 STEPS = 65536  # of a curve's table, between which it is linear
@@ -46,30 +47,58 @@ def in_levels(method: Method) -> Method:
 
 
 def share_of_levels(
-    method: Method, geometry: Geometry, shape: tuple[int, int], size: tuple[int, int]
+    method: Method,
+    geometry: Geometry,
+    shape: tuple[int, int],
+    size: tuple[int, int],
+    part: tuple[slice, slice] = np.s_[:, :],
 ) -> Floats:
-    """Share (height, width, 1), or (1, 1, 1), of levels in pixels of a source (height, width)."""
+    """Share of levels in the pixels of a target (height, width), or in those of a part of it.
+
+    (h, w, 1), or (1, 1, 1) if all are as long. `size`: height and width of the source, texels.
+    """
     is_mixing = getattr(method, "interpolation", None) is not None or hasattr(method, "in_levels")
     if not is_mixing or isinstance(geometry, ForwardMap):
         return np.zeros((1, 1, 1), np.float32)
     from resample_texture.texels.gather import places_of
-    from resample_texture.texels.kernels.gather import put_longest
+    from resample_texture.texels.kernels.gather import Plane, put_longest
 
-    is_even = isinstance(geometry, Homography) and not geometry.matrix[2, :2].any()
-    longest = np.empty((1, 1) if is_even else shape, np.float32)
-    put_longest(places_of(size, geometry, shape), longest)
+    places, rows, columns = places_of(size, geometry, shape), range(shape[0]), range(shape[1])
+    rows, columns = rows[part[0]], columns[part[1]]
+    form = len(rows), len(columns)
+    if isinstance(places, Plane):
+        is_even = not places.inverse[2, :2].any()
+        left, top = places.left + columns.start, places.top + rows.start
+        places, form = places._replace(left=left, top=top), (1, 1) if is_even else form
+    longest = np.empty(form, np.float32)
+    put_longest(places, longest)
     share: Floats = np.nan_to_num((LONG - longest) / np.float32(LONG - SHORT))
     return share.clip(0, 1)[..., None]
 
 
-def levels_of(light: Floats, encoding: Encoding) -> Floats:
-    """Texels (H, W, C) of light as levels."""
-    return _curved(light, None, encoding, _table(is_back=False))
+def texels_in_levels(
+    image: NDArray[Any], alpha: AnyAlpha | None, gaps: int = 0
+) -> tuple[Floats, Encoding]:
+    """Texels (H, W, C) in levels, of a picture of levels or of light; and its encoding."""
+    if image.dtype.name in LEVELS:
+        texels, encoding = decoded(image, linear_light=False, alpha=alpha, gaps=gaps)
+        return texels, encoding._replace(is_encoded=True)
+    light, encoding = decoded(image, alpha=alpha, gaps=gaps)
+    return _curved(light, None, encoding, _table(is_back=False)), encoding
 
 
-def light_of(warped: Warped, encoding: Encoding) -> Floats:
-    """Warped levels (h, w, C), multiplied by their coverage, as light."""
-    return _curved(warped.image, warped.coverage[..., None], encoding, _table(is_back=True))
+def mixed_light(
+    levels: Warped, averaged: Warped | None, share: Floats, encoding: Encoding
+) -> Warped:
+    """Light of warped levels, and of warped light by 1 - `share`; both times their coverage.
+
+    Either may have left out pixels, with a coverage of 0, that are the other's alone.
+    """
+    made = _curved(levels.image, levels.coverage[..., None], encoding, _table(is_back=True))
+    if averaged is None:
+        return Warped(made, levels.coverage)
+    made = averaged.image + share * (made - averaged.image)
+    return Warped(made, np.maximum(levels.coverage, averaged.coverage))
 
 
 def _curved(values: Floats, weight: Floats | None, encoding: Encoding, table: Floats) -> Floats:
