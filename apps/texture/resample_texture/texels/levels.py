@@ -18,7 +18,7 @@ from resample_texture.geometry.mappings import ForwardMap, Geometry
 from resample_texture.texels.encoding import LEVELS, Encoding, decoded
 from resample_texture.types import AnyAlpha, AnyLight, Method, Warped
 
-SHORT, LONG = 1.05, 1.75  # texels along a pixel's longer axis
+SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
 STEPS = 65536  # of a curve's table, between which it is linear
 
 
