@@ -175,14 +175,26 @@ def _drawn_in_levels(
         averaging = averaging.partly(share[..., 0] < 1.0)
     texels, encoding = texels_in_levels(image, alpha)
     warped = _run_with_gaps(drawing._replace(method=interpolating), texels, encoding.gaps)
-    if is_alone and is_stored and not drawing.as_light and (warped.coverage == 1.0).all():
-        return drawing.stored(warped, encoding._replace(is_encoded=False))
     averaged = None
     if not is_alone:
         light, _ = decoded(image, linear_light=True, alpha=alpha)
         averaged = _run_with_gaps(drawing._replace(method=averaging), light, encoding.gaps)
-    warped = mixed_light(warped, averaged, share, encoding)
-    return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
+    if not is_stored or encoding.gaps or drawing.as_light or drawing.behind is not None:
+        warped = mixed_light(warped, averaged, share, encoding)
+        return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
+    # Where levels alone fill a pixel, they are what is stored.
+    made = drawing.stored(warped, encoding._replace(is_encoded=False))
+    is_mixed = (share[..., 0] < 1.0) | (warped.coverage < 1.0)
+    if is_mixed.any():
+        share = np.broadcast_to(share, (*drawing.shape, 1))[is_mixed][None]
+        some, rest = (
+            each and Warped(each.image[is_mixed][None], each.coverage[is_mixed][None])
+            for each in (warped, averaged)
+        )
+        assert some is not None
+        mixed = drawing.stored(mixed_light(some, rest, share, encoding), encoding)
+        made.image[is_mixed], made.coverage[is_mixed] = mixed.image[0], mixed.coverage[0]
+    return made
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:

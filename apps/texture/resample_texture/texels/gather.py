@@ -127,7 +127,9 @@ def gather(
     view = _view((*held.size, source.shape[2]), edge, cells)
     is_far = ~tiles.is_near
     if wanted is not None:
-        is_wanted = _has_any(wanted, tiles.bounds)
+        down, across = (np.arange(0, count, TILE) for count in shape)
+        rows = np.logical_or.reduceat(wanted, down, axis=0)
+        is_wanted = np.logical_or.reduceat(rows, across, axis=1).ravel()
         is_far, tiles = is_far & is_wanted, tiles._replace(is_near=tiles.is_near & is_wanted)
     is_whole = wanted is None and not near_only
     make = np.empty if is_whole else np.zeros  # mending of gaps reads all pixels
@@ -142,11 +144,6 @@ def gather(
         for left, top, right, bottom in tiles.bounds[~is_wanted].tolist():
             warped.image[top:bottom, left:right] = warped.coverage[top:bottom, left:right] = 0
     return warped
-
-
-def _has_any(wanted: NDArray[np.bool_], bounds: Integers) -> NDArray[np.bool_]:
-    """Whether each tile (T, 4) has any of the pixels (height, width)."""
-    return np.array([wanted[top:bottom, left:right].any() for left, top, right, bottom in bounds])
 
 
 class Far(NamedTuple):

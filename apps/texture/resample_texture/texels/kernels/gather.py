@@ -136,4 +136,5 @@ def put_longest(counter: Counter, geometry: Plane | Map, longest: Floats) -> Non
             (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
             across, down, both = ux * ux + vx * vx, uy * uy + vy * vy, ux * uy + vx * vy
             half = 0.5 * (across - down)
-            longest[row, column] = math.sqrt(0.5 * (across + down) + math.hypot(half, both))
+            root = math.sqrt(half * half + both * both)
+            longest[row, column] = math.sqrt(0.5 * (across + down) + root)
