@@ -50,3 +50,15 @@ def put_levels(
             # Clamp; NaN becomes 0.
             value = min(max(values[k], np.float32(0)), np.float32(1))
             levels[k] = table[np.uint64(np.int32(value * most + np.float32(0.5)))]
+
+
+@parallel_kernel
+def bend(counter: Counter, table: Floats, values: Floats, bent: Floats) -> None:
+    """Look values (N,) up in a table over 0..1, linear between its steps and beyond its ends."""
+    last = table.size - 2
+    for n in tasks(counter, -(-values.size // STRETCH)):
+        for k in range(n * STRETCH, min((n + 1) * STRETCH, values.size)):
+            place = values[k] * np.float32(table.size - 1)
+            step = min(max(int(place), 0), last)
+            part = place - np.float32(step)
+            bent[k] = table[step] + part * (table[step + 1] - table[step])

@@ -29,7 +29,7 @@ LARGEST_RADIUS = 8
 NEGLIGIBLE = 1e-7  # fraction of the middle tap of a prefilter below which taps are dropped
 LONGEST = 512  # samples over which a prefilter is computed
 FINE = 4096  # integration steps per sample
-LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0}  # allowed overshoot, fraction of a peak
+LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0, "usual": 1.0}  # overshoot, share of a peak
 ROUNDING = 1e-12  # weights at points below which they are errors of rounding
 SHORTEST = 1e-3  # samples; shorter sides are widened to it
 RAYS = 8  # quadrature points in half a part of a sample
@@ -153,11 +153,11 @@ class AreaSpline:
         Limit on ringing: `range` keeps pixels that cover at most two samples within the range of
         the surrounding samples; `peaks` lets a sample that stands out from its neighbours, but not
         from flat ground, stand out twice as far, as the signal it is the mean of may; `none` is
-        linear.
+        linear. `usual` is `range` for levels that people see, and `peaks` for all else.
     """
 
     degree: int = 4
-    limit: str = "peaks"
+    limit: str = "usual"
     is_mean: ClassVar[bool] = True
 
     def __post_init__(self) -> None:

@@ -33,7 +33,7 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.types import AnyAlpha, AnyEdge, ChunkOptions, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, AnyLight, ChunkOptions, Method, Warped
 
 SIDE = 1024  # px of chunks, unless the target has its own chunks
 
@@ -252,7 +252,7 @@ def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
 
 
 def _drawn(
-    source: Any, drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
+    source: Any, drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None

@@ -315,7 +315,7 @@ def compare(
     truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
     linear
-        Filter linear light, or the encoded values.
+        Average linear light, or the encoded values.
     edge
         What lies beyond the picture's edges. Not measured.
     size
@@ -397,14 +397,16 @@ def animate(
     from resample.files.pictures import read_picture
     from resample_texture.command import animation
     from resample_texture.command.rendering import require_film
-    from resample_texture.types import Edge
+    from resample_texture.types import AnyLight, Edge
 
     flight = animation.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
-    paint = animation.FlightOptions(registry.build("methods", method), Edge(edge), behind)
     check_film(output, fps)
     require_film(image, flight.size)
-    picture = animation.with_alpha(read_picture(image).data)
+    read = read_picture(image)
+    light: AnyLight | None = "pixels" if read.kind.is_encoded else None
+    paint = animation.FlightOptions(registry.build("methods", method), Edge(edge), behind, light)
+    picture = animation.with_alpha(read.data)
     write_shared(output, animation.shots(picture, flight, paint), fps=fps, resume=resume)
 
 

@@ -22,6 +22,7 @@ from resample_texture.geometry.shifts import (
 )
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
+    LEVELS,
     Encoding,
     check_picture,
     complex_of_parts,
@@ -40,8 +41,15 @@ from resample_texture.texels.gaps import (
     missing_in,
     unmasked,
 )
+from resample_texture.texels.levels import (
+    in_levels,
+    light_for,
+    mixed_light,
+    share_of_levels,
+    texels_in_levels,
+)
 from resample_texture.texels.spans import WIDE
-from resample_texture.types import Alpha, AnyAlpha, Edge, Method, Warped, WarpedMeans
+from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
 
 if TYPE_CHECKING:
     from resample_texture.texels.gather import MixedTiles
@@ -77,7 +85,7 @@ class Drawing(NamedTuple):
 
 
 def drawn(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
 
@@ -102,7 +110,7 @@ def drawn(
 
 
 def _drawn_copies(
-    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: bool | None,
+    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: AnyLight | None,
     alpha: AnyAlpha | None,
 ) -> Warped:  # fmt: skip
     """Copy texels, value for value."""
@@ -112,7 +120,7 @@ def _drawn_copies(
     if drawing.fill is not None:
         return filled(moved, drawing.fill)
     if drawing.as_light:
-        return Warped(light_of(moved.image, linear_light, alpha), moved.coverage)
+        return Warped(_as_light(moved.image, linear_light, alpha), moved.coverage)
     return moved
 
 
@@ -125,7 +133,7 @@ def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
     return drawing._replace(method=quick)
 
 
-def light_of(image: NDArray[Any], linear_light: bool | None, alpha: AnyAlpha | None) -> Floats:
+def _as_light(image: NDArray[Any], linear_light: AnyLight | None, alpha: AnyAlpha | None) -> Floats:
     """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":
         return image.astype(np.float32)
@@ -134,12 +142,16 @@ def light_of(image: NDArray[Any], linear_light: bool | None, alpha: AnyAlpha | N
 
 
 def _drawn_whole(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: bool | None, alpha: AnyAlpha | None
+    image: NDArray[Any], drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp a picture without windows."""
     if image.dtype.kind == "c":
         return _drawn_complex(image, drawing, _drawn_whole)
     is_sum = adds(drawing.method)
+    if not is_sum and light_for(linear_light, image.dtype) == "pixels":
+        share = share_of_levels(drawing.method, drawing.geometry, drawing.shape, image.shape[:2])
+        if share.any():
+            return _drawn_in_levels(image, drawing, share, alpha)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
     warped = _run_with_gaps(drawing, texels, encoding.gaps)
@@ -149,6 +161,40 @@ def _drawn_whole(
         plain = added(warped, run(drawing._replace(method=mean), there).image, encoding.gaps)
         return _as_stored(plain, encoding)
     return drawing.stored(warped, encoding)
+
+
+def _drawn_in_levels(
+    image: NDArray[Any], drawing: Drawing, share: Floats, alpha: AnyAlpha | None
+) -> Warped:
+    """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
+    is_stored, is_alone = image.dtype.name in LEVELS, bool((share == 1.0).all())
+    interpolating: Any = in_levels(drawing.method)
+    averaging: Any = drawing.method
+    if share.size > 1 and hasattr(averaging, "partly"):  # tiles that need one of them alone
+        interpolating = interpolating.partly(share[..., 0] > 0.0)
+        averaging = averaging.partly(share[..., 0] < 1.0)
+    texels, encoding = texels_in_levels(image, alpha)
+    warped = _run_with_gaps(drawing._replace(method=interpolating), texels, encoding.gaps)
+    averaged = None
+    if not is_alone:
+        light, _ = decoded(image, linear_light=True, alpha=alpha)
+        averaged = _run_with_gaps(drawing._replace(method=averaging), light, encoding.gaps)
+    if not is_stored or encoding.gaps or drawing.as_light or drawing.behind is not None:
+        warped = mixed_light(warped, averaged, share, encoding)
+        return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
+    # Where levels alone fill a pixel, they are what is stored.
+    made = drawing.stored(warped, encoding._replace(is_encoded=False))
+    is_mixed = (share[..., 0] < 1.0) | (warped.coverage < 1.0)
+    if is_mixed.any():
+        share = np.broadcast_to(share, (*drawing.shape, 1))[is_mixed][None]
+        some, rest = (
+            each and Warped(each.image[is_mixed][None], each.coverage[is_mixed][None])
+            for each in (warped, averaged)
+        )
+        assert some is not None
+        mixed = drawing.stored(mixed_light(some, rest, share, encoding), encoding)
+        made.image[is_mixed], made.coverage[is_mixed] = mixed.image[0], mixed.coverage[0]
+    return made
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:
@@ -243,7 +289,7 @@ def drawn_in_parts(
     drawing: Drawing,
     parts: DrawnParts,
     *,
-    linear_light: bool | None,
+    linear_light: AnyLight | None,
     alpha: AnyAlpha | None,
 ) -> Warped:
     """Warp a picture window by window; it need only support slices."""
@@ -285,13 +331,14 @@ class _Read:
     """Texels of a sliceable picture, decoded on demand."""
 
     def __init__(
-        self, image: Any, drawing: Drawing, linear_light: bool | None, alpha: AnyAlpha | None
+        self, image: Any, drawing: Drawing, linear_light: AnyLight | None, alpha: AnyAlpha | None
     ) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])
         has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
         self.gaps = self.channels if has_gaps else 0
         self.light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+        self.is_in_levels = False  # whether texels are levels, for now
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -308,14 +355,26 @@ class _Read:
 
     def projected(self, mixed: "MixedTiles") -> Warped:
         """Project the texels of the far tiles."""
-        _, encoding = self._decoded(self.image[0:1, 0:1])
-        encoding = encoding.as_light() if self.drawing.as_light else encoding
         from resample.engine import jit
 
-        with jit.threads(self.drawing.threads):
-            return self.drawing.stored(mixed.projected(self), encoding, mixed.far.part)
+        drawing, there, share = self.drawing, mixed.far.part, np.zeros((1, 1, 1), np.float32)
+        if light_for(self.light["linear_light"], self.image.dtype) == "pixels":
+            place = drawing.geometry, drawing.shape, self.shape[:2]
+            share = share_of_levels(drawing.method, *place, there)
+        with jit.threads(drawing.threads):
+            warped = mixed.projected(self)
+            if share.any():
+                self.is_in_levels = True
+                _, encoding = self._decoded(self.image[0:1, 0:1])
+                warped = mixed_light(mixed.projected(self), warped, share, encoding)
+                self.is_in_levels = False
+            _, encoding = self._decoded(self.image[0:1, 0:1])
+            encoding = encoding.as_light() if drawing.as_light else encoding
+            return drawing.stored(warped, encoding, there)
 
     def _decoded(self, part: NDArray[Any]) -> tuple[Floats, Encoding]:
+        if self.is_in_levels:
+            return texels_in_levels(np.asarray(part), self.light["alpha"], self.gaps)
         return decoded(np.asarray(part), **self.light, gaps=self.gaps)
 
 

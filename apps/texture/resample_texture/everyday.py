@@ -18,7 +18,16 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.types import AnyAlpha, AnyEdge, Method, ProjectOptions, ResizeOptions, Warped
+from resample_texture.texels.levels import light_for
+from resample_texture.types import (
+    AnyAlpha,
+    AnyEdge,
+    AnyLight,
+    Method,
+    ProjectOptions,
+    ResizeOptions,
+    Warped,
+)
 from resample_texture.warping import warp
 
 
@@ -28,7 +37,7 @@ def resize(
     *,
     method: str | Method = "hybrid",
     edge: AnyEdge = "clamp",
-    linear_light: bool | None = None,
+    linear_light: AnyLight | None = None,
     alpha: AnyAlpha | None = None,
     **choices: Unpack[ResizeOptions],
 ) -> Warped:
@@ -77,7 +86,7 @@ def scale(
     *,
     method: str | Method = "hybrid",
     edge: AnyEdge = "clamp",
-    linear_light: bool | None = None,
+    linear_light: AnyLight | None = None,
     alpha: AnyAlpha | None = None,
     **choices: Unpack[ResizeOptions],
 ) -> Warped:
@@ -123,7 +132,7 @@ def rotate(
     *,
     method: str | Method = "hybrid",
     edge: AnyEdge = "transparent",
-    linear_light: bool | None = None,
+    linear_light: AnyLight | None = None,
     alpha: AnyAlpha | None = None,
     **choices: Unpack[ResizeOptions],
 ) -> Warped:
@@ -164,11 +173,11 @@ def rotate(
     return warp(picture, matrix, target, method, edge=edge, **light, **choices)
 
 
-def _opened(image: Any, linear_light: bool | None) -> tuple[NDArray[Any], bool | None]:
+def _opened(image: Any, linear_light: AnyLight | None) -> tuple[NDArray[Any], AnyLight]:
     """Return a picture's array, and whether its light is filtered, as its file says by default."""
     picture, is_encoded = picture_and_encoding(image, kinds="biufc")
     check_layout(picture)
-    return picture, is_encoded if linear_light is None else linear_light
+    return picture, light_for(linear_light, picture.dtype, is_encoded)
 
 
 def _shape_of(image: NDArray[Any]) -> tuple[int, int]:
@@ -230,7 +239,7 @@ def project(
     before, after = _projection(source), _projection(target)
     before.check((picture.shape[0], picture.shape[1]))
     after.check(shape)
-    choices.setdefault("linear_light", is_encoded)
+    choices.setdefault("linear_light", light_for(None, picture.dtype, is_encoded))
     turned = rotation(turn)
     made: Warped | None = None
     for n, (left, top, width, height) in enumerate(after.tiles(shape)):

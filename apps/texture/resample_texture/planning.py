@@ -20,7 +20,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.types import AnyAlpha, AnyEdge, Fill, Method, Warped
+from resample_texture.types import AnyAlpha, AnyEdge, AnyLight, Fill, Method, Warped
 
 
 class Plan:
@@ -71,7 +71,7 @@ class Plan:
         self,
         image: NDArray[Any],
         *,
-        linear_light: bool | None = None,
+        linear_light: AnyLight | None = None,
         alpha: AnyAlpha | None = None,
         nodata: complex | None = None,
         fill: Fill | None = None,

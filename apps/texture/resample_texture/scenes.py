@@ -32,10 +32,12 @@ from resample_texture.geometry.mappings import (
     source_coordinates,
 )
 from resample_texture.texels.encoding import Encoding, decoded
+from resample_texture.texels.levels import light_for
 from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import (
     AnyAlpha,
     AnyEdge,
+    AnyLight,
     Edge,
     Method,
     PictureSceneOptions,
@@ -78,13 +80,12 @@ class PictureScene(AnyScene):
     """
 
     def __init__(
-        self, given: Any, *, linear_light: bool | None = None, alpha: AnyAlpha | None = None
+        self, given: Any, *, linear_light: AnyLight | None = None, alpha: AnyAlpha | None = None
     ) -> None:
         self.image, is_encoded = picture_and_encoding(given)
         check_layout(self.image)
-        if linear_light is None:
-            linear_light = is_encoded
-        self._light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+        light = light_for(linear_light, self.image.dtype, is_encoded)
+        self._light: dict[str, Any] = {"linear_light": light, "alpha": alpha}
         self._levels: list[Floats] = []  # the texels, and the levels of their 2 × 2 pyramid
         self._encoding: Encoding | None = None
 

@@ -44,6 +44,7 @@ class Alpha(StrEnum):
 
 
 AnyAlpha = Alpha | Literal["straight", "premultiplied", "none"]
+AnyLight = bool | Literal["pixels"]  # what is filtered in linear light
 Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
 
 
@@ -159,7 +160,7 @@ class MissingOptions(TypedDict, total=False):
 class ValueOptions(MissingOptions, total=False):
     """What values of a picture mean, as `warp` describes it."""
 
-    linear_light: bool | None
+    linear_light: AnyLight | None
     alpha: AnyAlpha | None
 
 
@@ -196,7 +197,7 @@ class ProjectOptions(SamplingOptions, ValueOptions, total=False):
 class ChunkOptions(PlaceOptions, total=False):
     """Options of `warp_chunks`, as `warp` describes them."""
 
-    linear_light: bool | None
+    linear_light: AnyLight | None
     alpha: AnyAlpha | None
     fill: Fill | None
     total: bool | None

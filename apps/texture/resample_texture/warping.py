@@ -23,6 +23,7 @@ from resample_texture.arguments import (
 from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
 from resample_texture.texels.gaps import masked
+from resample_texture.texels.levels import light_for
 from resample_texture.types import AnyEdge, Method, SamplingOptions, Warped, WarpOptions
 
 
@@ -77,9 +78,10 @@ def warp(
     inverse
         True: `matrix` maps target to source.
     linear_light
-        True: uint8 and uint16 are sRGB-encoded; their linear light is filtered, and the result is
-        encoded again. False: values are filtered as given. By default uint8 is taken for encoded,
-        and of files what they say to be.
+        `pixels`: uint8 and uint16 are sRGB-encoded; between texels their levels are interpolated,
+        and pixels that cover more than a texel average their light. True: light is interpolated,
+        too. False: values are filtered as given. By default `pixels` for uint8, and for files
+        that are encoded.
     alpha
         What a fourth channel is: `straight` (as for uint8 and uint16), `premultiplied` (as for all
         other types) or `none`.
@@ -133,7 +135,7 @@ def warp(
     linear_light, alpha = options.get("linear_light"), options.get("alpha")
     convention, inverse = options.get("convention", "corner"), options.get("inverse", False)
     image, is_encoded = picture_and_encoding(image, kinds="biufc")
-    linear_light = is_encoded if linear_light is None else linear_light
+    linear_light = light_for(linear_light, image.dtype, is_encoded)
     check_layout(image)
     border = edge_named(edge)
     shape = whole_pair(shape, "height", "width")

@@ -7,12 +7,12 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.poses import look_at
-from resample.engine.jit import threads
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
 from resample.types import Doubles, Floats
+from resample_texture.drawing import Drawing, drawn
 from resample_texture.geometry.cameras import plane_homography
-from resample_texture.types import Edge, Method
+from resample_texture.types import AnyLight, Edge, Method
 
 FOV = 50.0  # degrees along the frame's shorter side
 
@@ -69,6 +69,7 @@ class FlightOptions:
     method: Method
     edge: Edge = Edge.TRANSPARENT
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
+    light: AnyLight | None = None  # `pixels`, if the picture's levels are sRGB
 
 
 def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
@@ -79,6 +80,7 @@ def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
         "method": repr(paint.method),
         "edge": paint.edge.value,
         "background": paint.background,
+        "light": paint.light,
     }
     return Shots(flight.frames, lambda n: frame(source, flight, paint, n), job)
 
@@ -97,8 +99,8 @@ def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Leve
     """
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
-    with threads(None):
-        image = paint.method(source, geometry, flight.size, paint.edge).image
+    drawing = Drawing(paint.method, geometry, flight.size, paint.edge)
+    image = drawn(source, drawing, linear_light=paint.light, alpha=None).image
     return screen_levels(image, background=paint.background)
 
 

@@ -162,7 +162,7 @@ class PictureFiltering(Choices):
             "for hybrid]"
         ),
     ] = None
-    linear: Annotated[bool, Field(description="Filter linear light, or the encoded values.")] = True
+    linear: Annotated[bool, Field(description="Average linear light, or encoded values.")] = True
     encoding: Annotated[
         Literal["auto", "srgb", "linear"],
         Field(

@@ -33,7 +33,7 @@ from resample_texture.command.rendering import (
 from resample_texture.drawing import Drawing, DrawnParts, drawn, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.types import Edge, Warped
+from resample_texture.types import AnyLight, Edge, Warped
 
 MOST_AT_ONCE = 1 << 30  # bytes that a warp of the whole picture may take
 MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # target values per strip
@@ -255,6 +255,6 @@ class Large:
         loaded, choice = self.loaded, self.choice
         drawing, part = self._drawing(first, count)
         drawing = drawing._replace(has_gaps=loaded.has_gaps)
-        is_linear = choice.linear and loaded.kind.is_encoded
-        image, coverage = drawn(loaded.data, drawing, linear_light=is_linear, alpha=None)
+        light: AnyLight = "pixels" if choice.linear and loaded.kind.is_encoded else False
+        image, coverage = drawn(loaded.data, drawing, linear_light=light, alpha=None)
         return Warped(image[part], coverage[part])

@@ -20,7 +20,7 @@ from resample_texture.arguments import method_named
 from resample_texture.command.choices import PictureWarping
 from resample_texture.command.inputs import PictureTarget
 from resample_texture.geometry.mappings import ForwardMap, Homography
-from resample_texture.types import Warped
+from resample_texture.types import AnyLight, Warped
 from resample_texture.warping import warp
 
 WHOLE = 1.0 - 1e-3  # coverage that counts as complete; float32 sums are off by 1e-4
@@ -51,7 +51,8 @@ def warped(
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = curved(picture, to_srgb) if as_encoded else picture.data
     with session.stage("warp", bar=bar):
-        image, coverage = _drawn(source, target, choice, roi)
+        is_seen = picture.kind.is_encoded and not as_encoded
+        image, coverage = _drawn(source, target, choice, roi, "pixels" if is_seen else None)
     is_whole = bool((coverage >= WHOLE).all())
     result = finished(
         image, coverage, picture.kind, choice, keeps_gaps=keeps_gaps, is_whole=is_whole
@@ -67,6 +68,7 @@ def _drawn(
     target: PictureTarget,
     choice: PictureWarping,
     roi: tuple[int, int, int, int] | None,
+    linear_light: AnyLight | None,
 ) -> Warped:
     """Return texels as the target shows them."""
     filtering: dict[str, Any] = {
@@ -75,6 +77,7 @@ def _drawn(
         "interpolation": choice.interpolation,
         "quality": choice.quality,
         "fill": "premultiplied",
+        "linear_light": linear_light,
         "threads": choice.threads,
     }
     if target.draws is not None:

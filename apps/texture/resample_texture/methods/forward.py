@@ -10,9 +10,12 @@ from resample.profiles.named import plugin_of
 from resample.types import Floats
 from resample.words import number
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.texels.levels import in_levels
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from resample_texture.geometry.windows import VisibleTiles
     from resample_texture.texels.forward import CellGrid
     from resample_texture.texels.gather import GatherPlan, MixedTiles
@@ -114,7 +117,7 @@ class Hybrid:
 
         None if that cannot be told: parts are not drawn alone.
         """
-        if self.clamp or self.magnified != "cells" or not self._gathers(geometry):
+        if self.clamp or self.magnified != "cells" or not self.gathers(geometry):
             return None
         from resample_texture.texels.gather import visible_tiles
 
@@ -128,7 +131,7 @@ class Hybrid:
         And those to which its texels are projected, part by part. None if there are none, or it
         cannot be told: parts are not drawn alone.
         """
-        if self.clamp or self.magnified != "cells" or not self._gathers(geometry):
+        if self.clamp or self.magnified != "cells" or not self.gathers(geometry):
             return None
         if not isinstance(geometry, Homography):
             return None
@@ -139,14 +142,18 @@ class Hybrid:
     @property
     def near(self) -> Method:
         """Method for those parts alone that look."""
-        return _Near(self)
+        return _Partly(self)
+
+    def partly(self, wanted: "NDArray[np.bool_]") -> Method:
+        """Method for some of the pixels (height, width); others may stay empty."""
+        return self if self.clamp else _Partly(self, wanted)
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
         if self.magnified == "splats":
             warped = self._splatted(source, geometry, shape, edge)
-        elif self._gathers(geometry):
+        elif self.gathers(geometry):
             warped = self._gathering(source, geometry, shape, edge)
         else:
             cells = self.cells.finer() if self._takes_areas else self.cells
@@ -163,7 +170,7 @@ class Hybrid:
         ValueError
             A map has another shape than the picture.
         """
-        if self.magnified != "cells" or not self._gathers(geometry):
+        if self.magnified != "cells" or not self.gathers(geometry):
             return self
         from resample_texture.texels.gather import planned
 
@@ -181,7 +188,7 @@ class Hybrid:
         size = source.shape[0], source.shape[1]
         return gather(planned(size, geometry, shape, edge, self.cells), source)
 
-    def _gathers(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
+    def gathers(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
         """Whether pixels look at the source, and no texels are projected but where they shrink."""
         return self._takes_areas and not (self.total or isinstance(geometry, ForwardMap))
 
@@ -240,20 +247,28 @@ class Hybrid:
 
 
 @dataclass(frozen=True)
-class _Near:
-    """A hybrid of which only those pixels are drawn that look."""
+class _Partly:
+    """A hybrid of which only some pixels are drawn, and those around them."""
 
     method: Hybrid
+    wanted: "NDArray[np.bool_] | None" = None  # (height, width); None: those that gather
+
+    @property
+    def in_levels(self) -> Method:
+        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        method: Any = in_levels(self.method)
+        return _Partly(method, self.wanted)
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
         from resample_texture.texels.gather import gather, planned
 
-        assert not isinstance(geometry, ForwardMap)  # its texels are all projected
+        if not self.method.gathers(geometry):
+            return self.method(source, geometry, shape, edge)
         size = source.shape[0], source.shape[1]
         plan = planned(size, geometry, shape, edge, self.method.cells)
-        return gather(plan, source, near_only=True)
+        return gather(plan, source, near_only=self.wanted is None, wanted=self.wanted)
 
 
 @dataclass(frozen=True)
@@ -262,11 +277,22 @@ class _Planned:
 
     method: Hybrid
     plan: "GatherPlan"
+    wanted: "NDArray[np.bool_] | None" = None  # (height, width) of the pixels that are drawn
 
     @property
     def keeps_texels(self) -> bool:
         """Whether a shift by whole pixels leaves texels as they are."""
         return self.method.keeps_texels
+
+    @property
+    def in_levels(self) -> Method:
+        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        method: Any = in_levels(self.method)
+        return _Planned(method, self.plan._replace(cells=method.cells))
+
+    def partly(self, wanted: "NDArray[np.bool_]") -> Method:
+        """Method for some of the pixels (height, width); others may stay empty."""
+        return self if self.method.clamp else _Planned(self.method, self.plan, wanted)
 
     def __call__(
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
@@ -277,7 +303,7 @@ class _Planned:
         is_other = geometry is not plan.geometry or edge != plan.edge
         if is_other or (size, shape) != (plan.size, plan.shape):
             raise ValueError(f"the plan is for pictures of {plan.size} that go another way")
-        warped = gather(self.plan, source)
+        warped = gather(self.plan, source, wanted=self.wanted)
         return _clamped(warped, source) if self.method.clamp else warped
 
 

@@ -16,7 +16,7 @@ from resample.memory.mapped import contiguous
 from resample.types import Floats
 from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
 from resample_texture.texels.spans import ValueSpan, rounded, span_of
-from resample_texture.types import Alpha, AnyAlpha
+from resample_texture.types import Alpha, AnyAlpha, AnyLight
 
 LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
@@ -46,7 +46,7 @@ class Encoding(NamedTuple):
 def decoded(
     image: NDArray[Any],
     *,
-    linear_light: bool | None = None,
+    linear_light: AnyLight | None = None,
     alpha: AnyAlpha | None = None,
     is_sum: bool = False,
     gaps: int = 0,
@@ -76,7 +76,7 @@ def decoded(
     span = None if is_straight else span_of(planes, missing, from_zero=is_sum)
     if linear_light is None:
         linear_light = image.dtype == np.uint8
-    is_encoded = image.dtype.name in LEVELS and linear_light
+    is_encoded = image.dtype.name in LEVELS and bool(linear_light)
     given = planes if span is None else span.reduced(planes)
     texels = light(given, is_encoded=is_encoded, has_alpha=has_alpha)
     if is_straight:

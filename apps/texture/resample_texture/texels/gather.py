@@ -93,7 +93,7 @@ def planned(
     """Plan how a target (height, width) gathers from sources (height, width)."""
     region = geometry.region if isinstance(geometry, Homography) else None
     whole = size if region is None else region.size or size
-    places, view = _places(size, geometry, shape), _view((*whole, 1), edge, cells)
+    places, view = places_of(size, geometry, shape), _view((*whole, 1), edge, cells)
     tiles = around = _measured(places, view, shape)
     axes = separable_plan(size, geometry, shape, edge, cells)
     if axes is not None:
@@ -108,24 +108,41 @@ def planned(
     return GatherPlan(size, geometry, shape, edge, cells, places, tiles, around, None)
 
 
-def gather(plan: GatherPlan, source: Floats, *, near_only: bool = False) -> Warped:
+def gather(
+    plan: GatherPlan,
+    source: Floats,
+    *,
+    near_only: bool = False,
+    wanted: NDArray[np.bool_] | None = None,
+) -> Warped:
     """Warp a source (H, W, C) to (height, width) under the area filter.
 
-    With `near_only`, tiles that do not gather stay empty.
+    With `near_only`, tiles that do not gather stay empty, as do those without `wanted` pixels
+    (height, width).
     """
     _, geometry, shape, edge, cells, places, tiles, around, axes = plan
     held = _source_part(source, geometry)
     if axes is not None:
         return weigh(axes, held, edge, cells)
     view = _view((*held.size, source.shape[2]), edge, cells)
-    make = np.zeros if near_only else np.empty  # mending of gaps reads all pixels
+    is_far = ~tiles.is_near
+    if wanted is not None:
+        down, across = (np.arange(0, count, TILE) for count in shape)
+        rows = np.logical_or.reduceat(wanted, down, axis=0)
+        is_wanted = np.logical_or.reduceat(rows, across, axis=1).ravel()
+        is_far, tiles = is_far & is_wanted, tiles._replace(is_near=tiles.is_near & is_wanted)
+    is_whole = wanted is None and not near_only
+    make = np.empty if is_whole else np.zeros  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
-    if not (near_only or tiles.is_near.all()):
+    if is_far.any() and not near_only:
         _project_far(plan, source, warped)
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         fill_tiles(places, view, near, seen, warped.image, warped.coverage)
+    if wanted is not None:  # the rectangle of far texels may have covered others, too
+        for left, top, right, bottom in tiles.bounds[~is_wanted].tolist():
+            warped.image[top:bottom, left:right] = warped.coverage[top:bottom, left:right] = 0
     return warped
 
 
@@ -227,7 +244,7 @@ def mixed_tiles(
     return MixedTiles(_visible(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
 
 
-def _places(
+def places_of(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int]
 ) -> Plane | Map:
     """Return the map from pixels to the source, as kernels take it."""
@@ -258,7 +275,7 @@ def _measured_once(
     geometry: Homography, shape: tuple[int, int], size: tuple[int, int], edge: Edge, cells: CellGrid
 ) -> TargetTiles:
     """Measure the tiles of a whole target, cached; `size` is the source's."""
-    return _measured(_places(size, geometry, shape), _view((*size, 1), edge, cells), shape)
+    return _measured(places_of(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 
 def _around(bounds: Integers) -> list[int]:

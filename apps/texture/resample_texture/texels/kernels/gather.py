@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from resample.engine.jit import Counter, inner_kernel, packed_kernel, parallel_kernel
+from resample.engine.jit import Counter, inner_kernel, packed_kernel, parallel_kernel, tasks
 from resample.engine.roles import plays
 from resample.engine.windows.gather import (
     Extent,
@@ -125,3 +125,16 @@ def measure(
 ) -> None:
     """Measure what tiles cover of the source; see `measure_tiles`."""
     measure_tiles(counter, geometry, tiles, step, view, extent)
+
+
+@parallel_kernel
+def put_longest(counter: Counter, geometry: Plane | Map, longest: Floats) -> None:
+    """Longer axes (h, w) of pixels, texels; NaN where they have no place."""
+    for row in tasks(counter, longest.shape[0]):
+        for column in range(longest.shape[1]):
+            footprint = footprint_at(geometry, row, column)
+            (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
+            across, down, both = ux * ux + vx * vx, uy * uy + vy * vy, ux * uy + vx * vy
+            half = 0.5 * (across - down)
+            root = math.sqrt(half * half + both * both)
+            longest[row, column] = math.sqrt(0.5 * (across + down) + root)

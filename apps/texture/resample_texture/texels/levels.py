@@ -1,0 +1,133 @@
+"""Levels between texels, light under pixels.
+
+What people see, and what a camera's curve has made, are levels: these are interpolated. What a
+pixel averages is light. So a pixel that is hardly longer than a texel is interpolated in levels,
+one that is `LONG` texels or longer is a mean of light, and between these both are mixed.
+"""
+
+import dataclasses
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.colors import from_srgb, to_srgb
+from resample.types import Floats
+from resample_texture.geometry.mappings import ForwardMap, Geometry
+from resample_texture.texels.encoding import LEVELS, Encoding, decoded
+from resample_texture.types import AnyAlpha, AnyLight, Method, Warped
+
+SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
+STEPS = 65536  # of a curve's table, between which it is linear
+
+
+def light_for(
+    linear_light: AnyLight | None, dtype: np.dtype[Any], is_encoded: bool | None = None
+) -> AnyLight:
+    """What is filtered in linear light: by default pixels of encoded levels, as uint8 are."""
+    if linear_light is not None:
+        return linear_light
+    return "pixels" if (dtype == np.uint8 if is_encoded is None else is_encoded) else False
+
+
+def in_levels(method: Method) -> Method:
+    """The method as it interpolates levels: with limits that fit these, unless others are chosen.
+
+    `limit=usual` is `range` here: no texel stands out farther than it is seen to.
+    """
+    if hasattr(method, "in_levels"):
+        levels: Method = method.in_levels
+        return levels
+    interpolation = getattr(method, "interpolation", None)
+    if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):
+        return method
+    kept = dataclasses.replace(interpolation, limit="range")
+    return dataclasses.replace(method, interpolation=kept)
+
+
+def share_of_levels(
+    method: Method,
+    geometry: Geometry,
+    shape: tuple[int, int],
+    size: tuple[int, int],
+    part: tuple[slice, slice] = np.s_[:, :],
+) -> Floats:
+    """Share of levels in the pixels of a target (height, width), or in those of a part of it.
+
+    (h, w, 1), or (1, 1, 1) if all are as long. `size`: height and width of the source, texels.
+    """
+    is_mixing = getattr(method, "interpolation", None) is not None or hasattr(method, "in_levels")
+    if not is_mixing or isinstance(geometry, ForwardMap):
+        return np.zeros((1, 1, 1), np.float32)
+    from resample_texture.texels.gather import places_of
+    from resample_texture.texels.kernels.gather import Plane, put_longest
+
+    places, rows, columns = places_of(size, geometry, shape), range(shape[0]), range(shape[1])
+    rows, columns = rows[part[0]], columns[part[1]]
+    form = len(rows), len(columns)
+    if isinstance(places, Plane):
+        is_even = not places.inverse[2, :2].any()
+        left, top = places.left + columns.start, places.top + rows.start
+        places, form = places._replace(left=left, top=top), (1, 1) if is_even else form
+    longest = np.empty(form, np.float32)
+    put_longest(places, longest)
+    share: Floats = np.nan_to_num((LONG - longest) / np.float32(LONG - SHORT))
+    return share.clip(0, 1)[..., None]
+
+
+def texels_in_levels(
+    image: NDArray[Any], alpha: AnyAlpha | None, gaps: int = 0
+) -> tuple[Floats, Encoding]:
+    """Texels (H, W, C) in levels, of a picture of levels or of light; and its encoding."""
+    if image.dtype.name in LEVELS:
+        texels, encoding = decoded(image, linear_light=False, alpha=alpha, gaps=gaps)
+        return texels, encoding._replace(is_encoded=True)
+    light, encoding = decoded(image, alpha=alpha, gaps=gaps)
+    return _curved(light, None, encoding, _table(is_back=False)), encoding
+
+
+def mixed_light(
+    levels: Warped, averaged: Warped | None, share: Floats, encoding: Encoding
+) -> Warped:
+    """Light of warped levels, and of warped light by 1 - `share`; both times their coverage.
+
+    Either may have left out pixels, with a coverage of 0, that are the other's alone.
+    """
+    made = _curved(levels.image, levels.coverage[..., None], encoding, _table(is_back=True))
+    if averaged is None:
+        return Warped(made, levels.coverage)
+    made = averaged.image + share * (made - averaged.image)
+    return Warped(made, np.maximum(levels.coverage, averaged.coverage))
+
+
+def _curved(values: Floats, weight: Floats | None, encoding: Encoding, table: Floats) -> Floats:
+    """Colors along a curve; what has multiplied them is divided out and multiplied again."""
+    from resample.engine.levels import bend
+
+    # Opacity and marks of values that exist are multiplied by the coverage themselves.
+    colors = values.shape[2] - encoding.gaps
+    if encoding.is_straight or (encoding.dtype.kind == "f" and colors in (2, 4)):
+        colors -= 1
+        weight = values[..., colors : colors + 1]
+    elif encoding.gaps:
+        weight = values[..., -encoding.gaps :]
+    color = np.ascontiguousarray(values[..., :colors])
+    if weight is not None and (weight == 1.0).all():
+        weight = None
+    if weight is not None:
+        color = np.divide(color, weight, out=np.zeros_like(color), where=weight > 0.0)
+    bent = np.empty_like(color)
+    bend(table, color.reshape(-1), bent.reshape(-1))
+    if weight is not None:
+        bent *= weight
+    if colors == values.shape[2]:
+        return bent
+    return np.concatenate([bent, values[..., colors:]], axis=2)
+
+
+@cache
+def _table(*, is_back: bool) -> Floats:
+    """Light of equal steps of levels (`is_back`), or levels of equal steps of light."""
+    steps = np.arange(STEPS + 1) / STEPS
+    return np.asarray(from_srgb(steps) if is_back else to_srgb(steps), np.float32)
