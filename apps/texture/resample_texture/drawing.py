@@ -184,17 +184,21 @@ def _drawn_in_levels(
         return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
     # Where levels alone fill a pixel, they are what is stored.
     made = drawing.stored(warped, encoding._replace(is_encoded=False))
-    is_mixed = (share[..., 0] < 1.0) | (warped.coverage < 1.0)
-    if is_mixed.any():
-        share = np.broadcast_to(share, (*drawing.shape, 1))[is_mixed][None]
-        some, rest = (
-            each and Warped(each.image[is_mixed][None], each.coverage[is_mixed][None])
-            for each in (warped, averaged)
-        )
-        assert some is not None
-        mixed = drawing.stored(mixed_light(some, rest, share, encoding), encoding)
-        made.image[is_mixed], made.coverage[is_mixed] = mixed.image[0], mixed.coverage[0]
+    is_partly = (warped.coverage > 0.0) & (warped.coverage < 1.0)
+    some = np.flatnonzero((share[..., 0] < 1.0) | is_partly)
+    if some.size:
+        share = np.broadcast_to(share, (*drawing.shape, 1)).reshape(-1, 1)[some]
+        levels, rest = _at(warped, some), averaged and _at(averaged, some)
+        mixed = drawing.stored(mixed_light(levels, rest, share, encoding), encoding)
+        made.image.reshape(-1, *made.image.shape[2:])[some] = mixed.image[0]
+        made.coverage.reshape(-1)[some] = mixed.coverage[0]
     return made
+
+
+def _at(warped: Warped, some: Integers) -> Warped:
+    """Some pixels (N,), by their number, as a row."""
+    image = warped.image.reshape(-1, warped.image.shape[2])
+    return Warped(image[some][None], warped.coverage.reshape(-1)[some][None])
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:
