@@ -53,6 +53,11 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
         raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
 
 
+def takes_alpha(path: Path, look: WriteOptions) -> bool:
+    """Whether a file has opacity, or a background in its place; in others nothing is black."""
+    return look.background is not None or path.suffix.lower() not in (*JPEG, ".mp4")
+
+
 def can_be_written(suffix: str) -> bool:
     """Whether a format is one of `BY_PILLOW` that the installed Pillow has."""
     from PIL import features

@@ -20,6 +20,7 @@ from resample.files.formats import (
     check_source,
     coverage_picture,
     holds_gaps,
+    takes_alpha,
 )
 from resample.files.pictures import Picture, form_of, read_picture
 from resample.files.saving import write_picture, writing_rows
@@ -88,12 +89,15 @@ class Job:
             The file cannot hold it.
         """
         gaps = holds_gaps(output, picture, self.options)
-        return warped(session, picture, target, self.warping, self.roi, keeps_gaps=gaps, bar=bar)
+        adds_alpha = takes_alpha(output, self.options)
+        given = session, picture, target, self.warping, self.roi
+        return warped(*given, keeps_gaps=gaps, adds_alpha=adds_alpha, bar=bar)
 
     def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
         """Refuse an output file that could not be written, before any work is done."""
         check_source(output, picture, self.options)
         is_open = self.warping.edge == "transparent" and not self.warping.total
+        is_open = is_open and takes_alpha(output, self.options)
         if is_open and not holds_gaps(output, picture, self.options):
             shape = picture.data.shape[0], picture.data.shape[1]
             is_open = not covers_all(target, shape, self.roi)
@@ -249,7 +253,7 @@ def _warp_palette(
 def _warp_large(
     session: Session, large: Large, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
-    """Warp a picture strip by strip; the output is the same."""
+    """Warp a picture strip by strip; the output is the same but for rounding."""
     loaded = large.loaded
     check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
     check_output(output, job.options, transparent=large.kind.has_alpha)

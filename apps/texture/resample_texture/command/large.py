@@ -11,7 +11,7 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.files.facts.metadata import FileMetadata
-from resample.files.formats import WriteOptions, holds_missing
+from resample.files.formats import WriteOptions, holds_missing, takes_alpha
 from resample.files.pictures import Kind, LoadablePicture, LoadedPicture, Picture, loadable_picture
 from resample.files.stores.opening import Place
 from resample.memory import ALLOWED, GIB
@@ -173,6 +173,7 @@ class Large:
         """Kind of the result: with transparency unless every pixel shows the picture."""
         kind = self.loaded.kind
         is_closed = kind.has_alpha or self.choice.edge != "transparent" or self.keeps_gaps
+        is_closed = is_closed or not takes_alpha(*self.written)
         return (
             kind if is_closed or self._is_whole else kind._replace(channels=(*kind.channels, "A"))
         )
@@ -246,6 +247,7 @@ class Large:
             choice,
             keeps_gaps=self.keeps_gaps,
             is_whole=not self.kind.has_alpha,
+            adds_alpha=takes_alpha(*self.written),
         )
         made = as_light(made) if self._is_curved else made
         return made._replace(about=self.about), coverage

@@ -41,12 +41,14 @@ def warped(
     roi: tuple[int, int, int, int] | None = None,
     *,
     keeps_gaps: bool = False,
+    adds_alpha: bool = True,
     bar: str | None = "warping",
 ) -> tuple[Picture, Floats]:
     """Return the warped picture and the coverage of its pixels.
 
-    Pixels that are not covered are transparent with the edge mode `transparent`, else black, and
-    not a number if `keeps_gaps`. No transparency is added where all pixels are covered.
+    Pixels that are not covered are transparent with the edge mode `transparent`, if `adds_alpha`,
+    else black, and not a number if `keeps_gaps`. No transparency is added where all pixels are
+    covered.
     """
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = curved(picture, to_srgb) if as_encoded else picture.data
@@ -54,9 +56,8 @@ def warped(
         is_seen = picture.kind.is_encoded and not as_encoded
         image, coverage = _drawn(source, target, choice, roi, "pixels" if is_seen else None)
     is_whole = bool((coverage >= WHOLE).all())
-    result = finished(
-        image, coverage, picture.kind, choice, keeps_gaps=keeps_gaps, is_whole=is_whole
-    )
+    gaps = {"keeps_gaps": keeps_gaps, "is_whole": is_whole, "adds_alpha": adds_alpha}
+    result = finished(image, coverage, picture.kind, choice, **gaps)
     if as_encoded:
         result = as_light(result)
     about = picture.about._replace(geo=placed(picture.about.geo, target, roi))
@@ -93,12 +94,12 @@ def as_light(picture: Picture) -> Picture:
 
 def finished(
     image: Floats, coverage: Floats, kind: Kind, choice: PictureWarping, *, keeps_gaps: bool,
-    is_whole: bool,
+    is_whole: bool, adds_alpha: bool = True,
 ) -> Picture:  # fmt: skip
     """Mark uncovered pixels by alpha or not-a-numbers, unless all are covered."""
     if kind.has_alpha or choice.total:
         return Picture(image, kind)
-    if not (keeps_gaps or choice.edge == "transparent"):
+    if not (keeps_gaps or (choice.edge == "transparent" and adds_alpha)):
         return Picture(image, kind)
     if is_whole or keeps_gaps:
         share = coverage[..., None]
