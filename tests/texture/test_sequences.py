@@ -259,15 +259,14 @@ def test_pages_may_come_from_frames():
     assert sorted(read_channels("out.tif", 2)) == sorted("RGB")
 
 
-def test_a_film_has_a_background_or_none_is_needed(capsys):
+def test_a_film_is_black_or_as_the_background_where_nothing_is():
     film("in.mp4")
-    error = refused(capsys, "warp", "in.mp4", "-o", "out.mp4", *HALF)
-    assert "films have no transparency; give --background black" in error
-    assert ended("warp", "in.mp4", "-o", "out.mp4", *HALF, "--background", "red") == 0
-    with av.open("out.mp4") as kept:
-        levels = next(kept.decode(video=0)).to_ndarray(format="rgb24")
-    assert levels[20, 28, 0] > 200
-    assert levels[20, 28, 1] < 50
+    for more, red in (([], (0, 20)), (["--background", "red"], (200, 255))):
+        assert ended("warp", "in.mp4", "-o", "out.mp4", *HALF, *more) == 0
+        with av.open("out.mp4") as kept:
+            levels = next(kept.decode(video=0)).to_ndarray(format="rgb24")
+        assert red[0] <= levels[20, 28, 0] <= red[1]
+        assert levels[20, 28, 1] < 50
 
 
 @pytest.mark.some(3)
