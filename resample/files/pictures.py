@@ -18,6 +18,7 @@ from resample.console import say_of
 from resample.files.facts.colors import oddities_of
 from resample.files.facts.geotiff import moved
 from resample.files.facts.metadata import (
+    JPEG,
     TURNS,
     FileMetadata,
     about_file,
@@ -31,7 +32,7 @@ from resample.files.stores.opening import Address, Place, place_of
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.pictures import check_honest, check_picture
-from resample.types import Floats
+from resample.types import Doubles, Floats
 
 if TYPE_CHECKING:
     from resample.files.chunked import Part, StoredPicture
@@ -186,6 +187,40 @@ class LoadablePicture:
             done += len(strip)
         turned = np.ascontiguousarray(upright(data, self.header.orientation))
         return Picture(turned, kind, self.header.upright_about)
+
+    def reduced(self, height: int, width: int) -> "tuple[Picture, Doubles] | None":
+        """A JPEG at 1/2, 1/4 or 1/8 of its size, at least as large as that; None if it is smaller.
+
+        libjpeg leaves finer waves out as it decodes, which takes a fraction of the time. Also
+        given: a matrix (3, 3) from its px to those of the whole.
+        """
+        from PIL import Image
+
+        (stored_height, stored_width, _), kind = self.header.shape, self.header.kind
+        if TURNS[self.header.orientation][0]:
+            height, width = width, height
+        is_plain = self.is_plain and kind.channels in PLAIN[:2]
+        is_large = stored_height * stored_width > (Image.MAX_IMAGE_PIXELS or 0)
+        if not (is_plain and self.path.name.lower().endswith(JPEG)) or is_large:
+            return None
+        assert isinstance(self.path, Path)
+        with Image.open(self.path) as image:
+            image.draft(image.mode, (width, height))
+            if image.mode not in ("L", "RGB") or image.width == stored_width:
+                return None
+            try:
+                levels = np.asarray(image).reshape(image.height, image.width, -1)
+            except OSError as error:
+                raise OSError(f"{self.path} is damaged: {error}") from None
+        data = light_of(levels, kind.channels, is_encoded=kind.is_encoded, size=levels.size)
+        orientation, times = self.header.orientation, round(stored_width / data.shape[1])
+        turned = np.ascontiguousarray(upright(data, orientation))
+        # The last row and column may be cut, which are the first of a picture that is turned.
+        whole, part = (
+            turn(orientation, shape) for shape in (self.header.shape[:2], data.shape[:2])
+        )
+        matrix = whole @ np.diag([times, times, 1.0]) @ np.linalg.inv(part)
+        return Picture(turned, kind, self.header.upright_about), matrix
 
     def load(self, seen: "Part | None" = None) -> LoadedPicture:
         """Read the picture as `read_picture` does, but keep the stored form if it is smaller.

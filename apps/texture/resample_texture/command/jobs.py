@@ -1,5 +1,6 @@
 """Warp picture files one by one; all pictures of a file are warped alike."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from resample.files.formats import (
     holds_gaps,
     takes_alpha,
 )
-from resample.files.pictures import Picture, form_of, read_picture
+from resample.files.pictures import Picture, form_of, picture_at
 from resample.files.saving import write_picture, writing_rows
 from resample.files.sequences import (
     Frames,
@@ -45,8 +46,10 @@ from resample_texture.command.palettes import (
     write_palette_picture,
 )
 from resample_texture.command.rendering import check_memory, covers_all, report, warped
+from resample_texture.geometry.mappings import Homography
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
+REDUCED = 2.5  # px of a JPEG decoded at a reduced scale, per px of the target, at least
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,28 @@ class Job:
     def target(self, picture: Picture) -> PictureTarget:
         """Return the target of a picture."""
         return self.aim((picture.data.shape[0], picture.data.shape[1]))
+
+    def opened(self, source: Place) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
+        """Read a picture, return it, its target and its size; a JPEG only as large as is needed.
+
+        Pixels of the target then still average `REDUCED` times as many along an axis, or more.
+        """
+        reader = picture_at(source, encoding=self.warping.encoding)
+        height, width = reader.shape[:2]
+        target = self.aim((height, width))
+        is_usual = self.warping.method == "hybrid" and not self.warping.total
+        if is_usual and target.draws is None and isinstance(target.geometry, Homography):
+            matrix = target.geometry.oriented((height, width))
+            share = float(np.linalg.norm(matrix[:2, :2], 2) / matrix[2, 2] * REDUCED)
+            is_small = not matrix[2, :2].any() and 2 * share <= 1
+            is_small = is_small and reader.header.about.geo is None
+            least = math.ceil(height * share), math.ceil(width * share)
+            reduced = reader.reduced(*least) if is_small else None
+            if reduced is not None:
+                picture, larger = reduced
+                target = PictureTarget(Homography(matrix @ larger), target.shape)
+                return picture, target, reader.shape
+        return reader.picture(), target, reader.shape
 
     def check_memory(self, source: Place | Picture, output: Path) -> None:
         """Refuse a warp that does not fit into memory, before a file's pixels are read."""
@@ -217,8 +242,7 @@ def _warp_picture(
         return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
         job.check_memory(source, output)
-        picture = read_picture(source, as_data=True, encoding=job.warping.encoding)
-        target = job.target(picture)
+        picture, target, size = job.opened(source)
     job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
     _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
@@ -226,7 +250,7 @@ def _warp_picture(
         write_picture(output, result, job.options)
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
-    return report(session, picture.data.shape, result.data.shape, result.kind, job.warping)
+    return report(session, size, result.data.shape, result.kind, job.warping)
 
 
 def _warp_palette(
