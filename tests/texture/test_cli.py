@@ -482,7 +482,7 @@ def test_an_output_that_cannot_be_written_is_found_before_any_work(
     words, complaint, monkeypatch, capsys
 ):
     Path("folder.png").mkdir()
-    monkeypatch.setattr("resample_texture.command.jobs.read_picture", None)
+    monkeypatch.setattr("resample_texture.command.jobs.Job.opened", None)
     assert complaint in refused(capsys, "warp", "photo.png", *HALF, *words)
 
 
