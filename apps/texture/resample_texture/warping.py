@@ -80,8 +80,8 @@ def warp(
     linear_light
         `pixels`: uint8 and uint16 are sRGB-encoded; between texels their levels are interpolated,
         and pixels that cover more than a texel average their light (along a `ForwardMap` all do).
-        True: light is interpolated, too. False: values are filtered as given. By default `pixels` for uint8, and for files
-        that are encoded.
+        True: light is interpolated, too. False: values are filtered as given. By default `pixels`
+        for uint8, and for files that are encoded.
     alpha
         What a fourth channel is: `straight` (as for uint8 and uint16), `premultiplied` (as for all
         other types) or `none`.
