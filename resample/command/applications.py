@@ -26,19 +26,19 @@ FETCH = """Download and verify a public data set and print its folder; without a
     """
 
 
-def launcher(name: str, *command: str) -> Callable[..., Any]:
-    """Function that imports an application on demand and runs it, or one of its commands."""
+def launcher(name: str) -> Callable[..., Any]:
+    """Function that imports an application on demand and runs it."""
 
     def launch(*words: Words) -> Any:
         application = registry.load("apps", name)
         return application(
-            (*command, *words),
+            words,
             exit_on_error=False,
             print_error=False,
             result_action="return_value",
         )
 
-    vars(launch)["now"] = name, *command
+    vars(launch)["now"] = name
     return launch
 
 
@@ -76,7 +76,7 @@ def check_added(app: App, words: Sequence[str], option: str, value: str) -> None
     command = apps[-1].default_command
     now = getattr(command, "now", None)
     if now is not None:
-        return check_added(registry.load("apps", now[0]), [*now[1:], *rest], option, value)
+        return check_added(registry.load("apps", now), rest, option, value)
     marks = {} if command is None else marks_of(command)
     topic = about(marks.get(option.removeprefix("--")), value)
     is_own = topic is OptionTopic.SOURCE and value.startswith((OWN_FOLDER, PREFIX))

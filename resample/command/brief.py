@@ -42,10 +42,8 @@ def asked_for(root: App, words: Sequence[str]) -> Asked | None:
         if now is None:
             found = Asked(found.root, f"{found.name} {word}", command)
             continue
-        home = registry.load("apps", now[0])
+        home = registry.load("apps", now)
         found = Asked(home, home.name[0], home)
-        for part in now[1:]:
-            found = Asked(home, f"{found.name} {part}", found.command[part])
     return found
 
 
