@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from copy import copy
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -342,7 +343,7 @@ class _Read:
         has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
         self.gaps = self.channels if has_gaps else 0
         self.light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
-        self.is_in_levels = False  # whether texels are levels, for now
+        self.is_in_levels = False  # whether texels are levels
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -367,12 +368,11 @@ class _Read:
             share = share_of_levels(drawing.method, *place, there)
         with jit.threads(drawing.threads):
             warped = mixed.projected(self)
-            if share.any():
-                self.is_in_levels = True
-                _, encoding = self._decoded(self.image[0:1, 0:1])
-                warped = mixed_light(mixed.projected(self), warped, share, encoding)
-                self.is_in_levels = False
             _, encoding = self._decoded(self.image[0:1, 0:1])
+            if share.any():
+                levels = copy(self)
+                levels.is_in_levels = True
+                warped = mixed_light(mixed.projected(levels), warped, share, encoding)
             encoding = encoding.as_light() if drawing.as_light else encoding
             return drawing.stored(warped, encoding, there)
 
