@@ -445,9 +445,8 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console import note, progress_bar, say
-    from resample_volume.command.inputs import stored
-    from resample_volume.data.spacings import assumed
+    from resample.console import progress_bar, say
+    from resample_volume.command.inputs import note_assumed, stored
     from resample_volume.files.stores.writing import (
         Layered,
         bricks_of,
@@ -460,8 +459,7 @@ def convert(
     recording = stored(source, volume)
     if recording.note:
         say(recording.note)
-    if line := assumed(recording):
-        note(line)
+    note_assumed(recording)
     with progress_bar("converting bricks", bricks_of(recording, form)) as progress:
         write_store(output, recording, form, progress)
 

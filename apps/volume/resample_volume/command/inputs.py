@@ -267,13 +267,18 @@ def prepared(
     )
 
 
+def note_assumed(found: Volume | Recording) -> None:
+    """Say once in a command what was assumed of lengths, if anything was."""
+    if line := assumed(found):
+        note(line)
+
+
 def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
     known = _surveyed(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
-    if line := assumed(volume):
-        note(line)
+    note_assumed(volume)
     return without_padding(volume, known)
 
 

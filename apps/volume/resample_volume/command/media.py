@@ -17,13 +17,13 @@ from resample_volume.command.inputs import (
     announced,
     channels_in_chunks,
     held,
+    note_assumed,
     padding_removed,
     prepared,
     require_linear,
     with_memory,
 )
 from resample_volume.data.recordings import SeveralChannelsError, volume_at, with_times_first
-from resample_volume.data.spacings import assumed
 from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.types import Recording
 
@@ -142,8 +142,7 @@ def appearance_over_time(
     every = series.all()
     for line in findings(series.known):
         say(line)
-    if line := assumed(every):
-        note(line)
+    note_assumed(every)
     bare = look.model_copy(update={"labels": None, "label": ()})
     chosen = bare.appearance(every, resampler)
     return series.appearance(chosen, resampler.projection)
