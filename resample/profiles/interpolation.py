@@ -29,7 +29,9 @@ LARGEST_RADIUS = 8
 NEGLIGIBLE = 1e-7  # fraction of the middle tap of a prefilter below which taps are dropped
 LONGEST = 512  # samples over which a prefilter is computed
 FINE = 4096  # integration steps per sample
-LIMITS = {"none": -1.0, "range": 0.0, "peaks": 1.0, "usual": 1.0}  # overshoot, share of a peak
+# Overshoot, share of a peak.
+LIMITS = {"none": -1.0, "range": 0.0, "levels": 0.0, "peaks": 1.0, "usual": 1.0}
+FAINT = 4 / 255  # of levels from 0 to 1, an edge along which no ringing is visible
 ROUNDING = 1e-12  # weights at points below which they are errors of rounding
 SHORTEST = 1e-3  # samples; shorter sides are widened to it
 RAYS = 8  # quadrature points in half a part of a sample
@@ -153,7 +155,8 @@ class AreaSpline:
         Limit on ringing: `range` keeps pixels that cover at most two samples within the range of
         the surrounding samples; `peaks` lets a sample that stands out from its neighbours, but not
         from flat ground, stand out twice as far, as the signal it is the mean of may; `none` is
-        linear. `usual` is `range` for levels that people see, and `peaks` for all else.
+        linear; `levels` is `range` for values from 0 to 1 that are seen, where faint edges may
+        ring. `usual` is `levels` for levels that people see, and `peaks` for all else.
     """
 
     degree: int = 4
@@ -241,6 +244,11 @@ def _check_limit(limit: str) -> None:
 def excess(interpolation: Interpolation) -> float:
     """Allowed overshoot as a fraction of a sample's peak; below 0: no limit."""
     return LIMITS[getattr(interpolation, "limit", "none")]
+
+
+def faint(interpolation: Interpolation) -> float:
+    """Height of edges along which an interpolation may ring."""
+    return FAINT if getattr(interpolation, "limit", "none") == "levels" else 0.0
 
 
 def own_extent(interpolation: Interpolation) -> float:

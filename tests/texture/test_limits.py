@@ -356,7 +356,9 @@ def test_threads_change_nothing():
 
 @pytest.mark.parametrize("kind", [AreaSpline, InterpolatingLanczos, Spline])
 def test_a_limit_has_a_name(kind):
-    with pytest.raises(ValueError, match="limit is one of none, range, peaks, usual, not 'all'"):
+    with pytest.raises(
+        ValueError, match="limit is one of none, range, levels, peaks, usual, not 'all'"
+    ):
         kind(limit="all")
 
 

@@ -509,13 +509,18 @@ def _copied_over(image: NDArray[Any], picks: Picks, behind: NDArray[Any]) -> NDA
 def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
     """Warp texels whose last channels mark where values exist.
 
-    Gray is warped alone, as it is without missing values: kernels add a single channel in an order
-    of its own.
+    Up to four channels are warped alone, as they are without missing values: kernels add a single
+    channel, two to four, and more in orders of their own.
     """
-    if (gaps, texels.shape[2]) != (1, 2):
+    channels = texels.shape[2] - gaps
+    if gaps == 0 or channels > 4:
         return run(drawing, texels)
-    value, there = (run(drawing, np.ascontiguousarray(texels[..., n : n + 1])) for n in (0, 1))
-    return Warped(np.concatenate([value.image, there.image], axis=2), value.coverage)
+    values = run(drawing, np.ascontiguousarray(texels[..., :channels]))
+    marks = texels[..., channels:]
+    if channels > gaps == 1:  # one mark for all is summed as marks of each would be
+        marks = np.repeat(marks, 2, axis=2)
+    there = run(drawing, np.ascontiguousarray(marks)).image[..., :gaps]
+    return Warped(np.concatenate([values.image, there], axis=2), values.coverage)
 
 
 def run(drawing: Drawing, texels: Floats) -> Warped:

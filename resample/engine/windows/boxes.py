@@ -20,6 +20,7 @@ POINTLIKE = 0.01  # samples; shorter sides are points, if the interpolation is o
 FINE_PHASES = 1024  # rows of a table of weights at points
 WIDE = 224  # weights along an axis, at most
 SPARE = 8  # numbers that may be read beyond a grid's last
+FEW = 8  # samples along an axis of windows that are summed without loops
 
 Place = Any  # an index kept in uint64, which needs no test for negative values
 Whole = Any  # a number kept in int32, to which a float is converted in one instruction
@@ -68,6 +69,17 @@ class GridBox(NamedTuple):
     v: float
     wide: float
     high: float
+
+
+class WindowSide(NamedTuple):
+    """One side of a box, as the weights of a window of at most `FEW` samples are computed."""
+
+    start: Whole  # first sample
+    low: Place  # both ends, in the table of integrals
+    high: Place
+    f: Single  # fractions of a row of the table, beyond them
+    g: Single
+    share: Single  # 1 / its length
 
 
 @inner_kernel
@@ -152,14 +164,11 @@ def weights(
     -------
     First sample, and how many. Weights up to the next multiple of eight are 0.
     """
-    table, stride, taps, before, shift, shortest = integral
-    if points.taps > 0 and side[1] < shortest:
+    table, stride, taps = integral.table, integral.stride, integral.taps
+    if points.taps > 0 and side[1] < integral.shortest:
         return _point_weights(points, side[0], size, share, scratch, first), points.taps
-    # Bound the side; constants come first, as min and max with NaN return their first argument.
-    extent = min(max(shortest, side[1]), LONGEST)
-    # Keep the window on the grid.
-    low = max(float(before), side[0] - 0.5 * extent - shift)
-    low = min(low, float(size - taps) + before - extent - 1.0)
+    extent = min(max(integral.shortest, side[1]), LONGEST)
+    low = low_end(integral, side[0], extent, size)
     # Split both ends into samples, table rows and fractions between rows.
     at_low: Whole = np.int32(low)
     f = np.float32(low - at_low)
@@ -168,24 +177,34 @@ def weights(
     f, g = f * np.float32(PHASES), (g - np.float32(apart)) * np.float32(PHASES)
     row_low: Whole = np.int32(f)
     row_high: Whole = np.int32(g)
-    f, g = f - np.float32(row_low), g - np.float32(row_high)
-    factor = share / np.float32(extent)
+    parts = f - np.float32(row_low), g - np.float32(row_high)
+    factor, start = share / np.float32(extent), at_low - integral.before
     # Long sides need no table between their ends.
     if apart > ONES:
-        _far_weights(integral, (row_low, row_high), (f, g), apart, factor, scratch, first)
-        return at_low - before, taps + apart
+        _far_weights(integral, (row_low, row_high), parts, apart, factor, scratch, first)
+        return start, taps + apart
     # Short ones: differences of two rows of the table, eight weights at a time.
     a = np.uint64(row_low * stride + ONES)
     b = np.uint64(row_high * stride + ONES - apart)
-    _eight_weights(table, (a, b), np.uint64(stride), (f, g), factor, scratch, np.uint64(first))
+    _eight_weights(table, (a, b), np.uint64(stride), parts, factor, scratch, np.uint64(first))
     for eight in range(1, (taps + apart + 7) >> 3):
         o = np.uint64(eight << 3)
         at = a + o, b + o
-        _eight_weights(table, at, np.uint64(stride), (f, g), factor, scratch, np.uint64(first) + o)
+        _eight_weights(table, at, np.uint64(stride), parts, factor, scratch, np.uint64(first) + o)
     # The last eight may have read the tables' next rows.
     if taps + apart > ONES:
         _clear(scratch, first + taps + apart)
-    return at_low - before, taps + apart
+    return start, taps + apart
+
+
+@inner_step
+def low_end(integral: Integral, middle: float, extent: float, size: int) -> float:
+    """Low end of a side on a grid with `size` samples, as tables have it; its window is kept on it.
+
+    Constants come first, as min and max with NaN return their first argument.
+    """
+    low = max(float(integral.before), middle - 0.5 * extent - integral.shift)
+    return min(float(size - integral.taps) + integral.before - extent - 1.0, low)
 
 
 @inner_step
@@ -265,20 +284,6 @@ def _dot_of_eight(scratch: Floats, first: Place, eight: tuple[Single, ...]) -> S
 @inner_step
 def _add_columns(scratch: Floats, count: int, channels: int, total: Floats) -> None:
     """Add a window's column sums, weighted along u, to a pixel's channels."""
-    # Three channels in one loop.
-    if channels == 3:
-        a = b = c = np.float32(0)
-        for n in range(count):
-            at = np.uint64(2 * WIDE) + np.uint64(3) * np.uint64(n)
-            w = scratch[np.uint64(n)]
-            a += w * scratch[at]
-            b += w * scratch[at + np.uint64(1)]
-            c += w * scratch[at + np.uint64(2)]
-        total[0] += a
-        total[1] += b
-        total[2] += c
-        return
-    # Any other number, one by one.
     for channel in range(channels):
         a = np.float32(0)
         for n in range(count):
@@ -327,6 +332,93 @@ def add_mean(
         sums = _eight_columns(flat, at + o, stride, scratch, high)
         _put_eight(scratch, np.uint64(2 * WIDE) + o, sums)
     _add_columns(scratch, wide, channels, total)
+
+
+@inner_step
+def _eight(numbers: Floats, at: Place) -> tuple[Single, ...]:
+    """Eight contiguous numbers."""
+    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
+    other = at + np.uint64(4)
+    return (
+        numbers[at], numbers[at + one], numbers[at + two], numbers[at + three],
+        numbers[other], numbers[other + one], numbers[other + two], numbers[other + three],
+    )  # fmt: skip
+
+
+@inner_step
+def _eight_sums(
+    flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]
+) -> tuple[Single, ...]:
+    """Sums of eight contiguous numbers over `FEW` rows, times weights."""
+    return (
+        _sum_of_rows(flat, at, stride, weights),
+        _sum_of_rows(flat, at + np.uint64(1), stride, weights),
+        _sum_of_rows(flat, at + np.uint64(2), stride, weights),
+        _sum_of_rows(flat, at + np.uint64(3), stride, weights),
+        _sum_of_rows(flat, at + np.uint64(4), stride, weights),
+        _sum_of_rows(flat, at + np.uint64(5), stride, weights),
+        _sum_of_rows(flat, at + np.uint64(6), stride, weights),
+        _sum_of_rows(flat, at + np.uint64(7), stride, weights),
+    )
+
+
+@inner_step
+def _sum_of_rows(flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]) -> Single:
+    """Weighted sum of a number in each of `FEW` rows, in two chains."""
+    one = weights[0] * flat[at]
+    at += stride
+    two = weights[1] * flat[at]
+    at += stride
+    one += weights[2] * flat[at]
+    at += stride
+    two += weights[3] * flat[at]
+    at += stride
+    one += weights[4] * flat[at]
+    at += stride
+    two += weights[5] * flat[at]
+    at += stride
+    one += weights[6] * flat[at]
+    at += stride
+    two += weights[7] * flat[at]
+    return one + two
+
+
+@inner_step
+def put_mean_of_few(
+    plate: Plate, integral: Integral, across: WindowSide, down: WindowSide, scratch: Floats,
+    total: Floats,
+) -> None:  # fmt: skip
+    """Put the mean over a box whose window has at most `FEW` samples along both axes.
+
+    The plate has one number for each sample, or four.
+    """
+    # Compute the weights along both axes; those beyond the window are 0.
+    table, stride, first = integral.table, np.uint64(integral.stride), np.uint64(WIDE)
+    start, a, b, f, g, share = across
+    _eight_weights(table, (a, b), stride, (f, g), share, scratch, np.uint64(0))
+    above, a, b, f, g, share = down
+    _eight_weights(table, (a, b), stride, (f, g), share, scratch, first)
+    weights = _eight(scratch, first)
+    here = np.uint64((above * plate.stride + start) * plate.channels - plate.before)
+    step = np.uint64(plate.stride * plate.channels)
+    if plate.channels == 1:
+        total[0] = _dot_of_eight(
+            scratch, np.uint64(0), _eight_sums(plate.flat, here, step, weights)
+        )
+        return
+    # Sum down two samples at a time, then across.
+    first += first
+    for n in range(FEW // 2):
+        o = np.uint64(n << 3)
+        _put_eight(scratch, first + o, _eight_sums(plate.flat, here + o, step, weights))
+    a = b = c = d = np.float32(0)
+    for n in range(FEW):
+        w, o = scratch[np.uint64(n)], first + np.uint64(n << 2)
+        a += w * scratch[o]
+        b += w * scratch[o + np.uint64(1)]
+        c += w * scratch[o + np.uint64(2)]
+        d += w * scratch[o + np.uint64(3)]
+    total[0], total[1], total[2], total[3] = a, b, c, d
 
 
 @inner_kernel

@@ -1,33 +1,37 @@
-"""The loop over pixels that gather from a grid: their footprints as boxes, and the means of these.
+"""The loop over pixels that gather from a grid: the means over their footprints, within limits.
 
-A pixel covers about a parallelogram of the grid. A box with the same second moments has the same
-mean of what varies slowly, up to fourth order; a pixel in which the grid varies too much for that
-is split into parts. A parallelogram along the grid's axes is such a box itself.
-
-Where a pixel lies is up to the application, which plays the role `footprint_at`.
+Most pixels keep about their size, or grow: a single box stands for them, and its window is few
+samples wide. What these need is computed a row at a time (`rows`). All others, such as those that
+an edge of the grid crosses, are averaged one by one, in as many boxes as they need.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, tasks
-from resample.engine.roles import role
-from resample.engine.windows.boxes import (
-    GridBox,
-    Integral,
-    Plate,
-    PointTaps,
-    add_mean,
-    scratch_size,
+from resample.engine.windows.boxes import GridBox, Place, add_mean, put_mean_of_few, scratch_size
+from resample.engine.windows.edges import TRANSPARENT
+from resample.engine.windows.footprints import (
+    LEAN,
+    LIMITED,
+    NEARLY,
+    GridView,
+    PixelFootprint,
+    PixelGeometry,
+    averaged,
+    fold,
+    footprint_at,
+    is_box,
+    is_small,
+    nth_part,
+    parts_of,
 )
-from resample.engine.windows.edges import TRANSPARENT, folded
 from resample.engine.windows.limits import (
     Corners,
-    Limits,
     Part,
     corner_scratch,
     fill_corners,
@@ -39,43 +43,24 @@ from resample.engine.windows.limits import (
     tolerances,
 )
 from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
+from resample.engine.windows.rows import (
+    DOWN,
+    RowScratch,
+    fits,
+    measure_row,
+    place_of,
+    row_scratch,
+    side_of,
+)
 from resample.engine.windows.straight import ALONG_Y, both, towards
 from resample.types import Doubles, Floats, Single
 
 Integers = NDArray[np.int64]
-PixelGeometry = Any  # a bundle of the application's, whose class selects where pixels lie
+Mask = NDArray[np.bool_]
 
-LEAN = 0.1  # samples², 12 times a part's mixed moment, from which on two boxes stand for it
-LEANEST = 0.5  # samples², mixed moment of one side of a part, at most
-MOST_PARTS = 64.0  # of a pixel along an axis
 AT_EDGES = 4  # parts of a pixel along an axis where an edge of the grid crosses it, at least
 FARTHEST = 2.0**40  # samples from the grid's origin beyond which there is nothing
-LIMITED = 2.0  # samples along u and v up to which the limits at one position hold for a pixel
 LONGEST_LIMITED = 24.0  # samples along one axis, `LIMITED` along the other: limits are averaged
-NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
-OWN = 1.001  # samples², a sample's own extent along an axis, and what maps in float32 round
-
-
-class PixelFootprint(NamedTuple):
-    """The footprint of a pixel: a parallelogram in source coordinates."""
-
-    u: float  # its center; NaN: nothing
-    v: float
-    along_x: tuple[float, float]  # step (u, v) of a pixel to the right
-    along_y: tuple[float, float]  # and down
-
-
-class GridView(NamedTuple):
-    """A grid, and how pixels gather from it."""
-
-    plate: Plate
-    integral: Integral
-    points: PointTaps  # its weights at points; none: pixels are averaged over all that they cover
-    size: tuple[int, int]  # (height, width) of the source; the grid is a part of it, with margins
-    edge: int
-    margin: float  # samples around the source into which positions are folded; inf: they are not
-    finest: float  # samples², tolerance of splitting pixels; see `parts_of`
-    limits: Limits
 
 
 class PixelScratch(NamedTuple):
@@ -88,41 +73,6 @@ class PixelScratch(NamedTuple):
     corners: Corners
     straight: Floats  # (2 × C,) see `_straighten`
     changes: Floats  # (2 × C,)
-
-
-@role
-def footprint_at(geometry: PixelGeometry, row: int, column: int) -> PixelFootprint:
-    """The footprint of a pixel."""
-    raise NotImplementedError
-
-
-@inner_step
-def is_box(footprint: PixelFootprint, finest: float) -> bool:
-    """Whether one or two boxes approximate a pixel well enough; see `parts_of`."""
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    leans = max(abs(ux * vx), abs(uy * vy)) <= LEANEST * finest
-    return bool(leans and max(abs(ux * uy), abs(vx * vy)) <= finest)
-
-
-@inner_kernel
-def parts_of(footprint: PixelFootprint, finest: float) -> tuple[int, int]:
-    """Parts of a pixel along x and y that boxes approximate up to a fourth moment.
-
-    Along u, that moment of a parallelogram differs from a box's by (a b)² / 60, with a and b the
-    extents of its sides, which falls with the square of the number of parts. Slanted parts become
-    two boxes, which stand for about a sample along a diagonal at most.
-    """
-    # Split sides that slant too much.
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    parts, leanest = max(abs(ux * uy), abs(vx * vy)) / finest, LEANEST * finest
-    count_x = max(1.0, math.ceil(math.sqrt(abs(ux * vx) / leanest)))
-    count_y = max(1.0, math.ceil(math.sqrt(abs(uy * vy) / leanest)))
-    # If that is not enough, split further, the longer side first.
-    if parts > count_x * count_y:
-        longer = math.hypot(uy, vy) / max(math.hypot(ux, vx), 1e-30)
-        count_x = max(count_x, math.ceil(min(math.sqrt(parts / longer), MOST_PARTS)))
-        count_y = max(count_y, math.ceil(min(parts / count_x, MOST_PARTS)))
-    return int(min(count_x, MOST_PARTS)), int(min(count_y, MOST_PARTS))
 
 
 @inner_step
@@ -151,69 +101,12 @@ def _add_part(
 
 
 @inner_kernel
-def _part(footprint: PixelFootprint, counts: tuple[int, int], n: int) -> PixelFootprint:
-    """The nth part of a pixel."""
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    x = (n % counts[0] + 0.5) / counts[0] - 0.5
-    y = (n // counts[0] + 0.5) / counts[1] - 0.5
-    return PixelFootprint(
-        footprint.u + x * ux + y * uy,
-        footprint.v + x * vx + y * vy,
-        (ux / counts[0], vx / counts[0]),
-        (uy / counts[1], vy / counts[1]),
-    )
-
-
-@inner_kernel
 def _add_parts(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -> None:
     """Add all parts of a pixel, with equal weights."""
     counts = parts_of(footprint, view.finest)
     each = np.float32(1.0 / (counts[0] * counts[1]))
     for n in range(counts[0] * counts[1]):
-        _add_part(view, _part(footprint, counts, n), each, scratch)
-
-
-@inner_kernel
-def _shrunk(footprint: PixelFootprint, own: float) -> PixelFootprint:
-    """By how much a footprint is larger than a sample: their second moments' difference.
-
-    A sample is already a mean over its own extent, which interpolation may widen, so only what a
-    pixel covers beyond that is to be averaged: nothing where samples keep their size or grow.
-    """
-    # Second moments, times 12, and their eigenvalues.
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    uu, vv, uv = ux * ux + uy * uy, vx * vx + vy * vy, ux * vx + uy * vy
-    # Both are below a sample's own if its moments less these are those of an ellipse.
-    if uu <= own and vv <= own and uv * uv <= (own - uu) * (own - vv):
-        return PixelFootprint(footprint.u, footprint.v, (0.0, 0.0), (0.0, 0.0))
-    middle, half = 0.5 * (uu + vv), 0.5 * (uu - vv)
-    apart = math.sqrt(half * half + uv * uv)
-    # Subtract the sample's own along both eigenvectors.
-    longer = math.sqrt(max(middle + apart - own, 0.0))
-    shorter = math.sqrt(max(middle - apart - own, 0.0))
-    # Halve the angle 2 a of their axes: cos 2a = (uu − vv) / 2 apart.
-    double = 0.5 * (uu - vv) / apart if apart > NEARLY else 1.0
-    x = math.sqrt(max(0.5 + 0.5 * double, 0.0))
-    y = math.copysign(math.sqrt(max(0.5 - 0.5 * double, 0.0)), uv)
-    along_x, along_y = (longer * x, longer * y), (-shorter * y, shorter * x)
-    return PixelFootprint(footprint.u, footprint.v, along_x, along_y)
-
-
-@inner_step
-def _averaged(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
-    """What a pixel is averaged over: its footprint, or what of it is larger than a sample."""
-    return footprint if view.points.taps == 0 else _shrunk(footprint, view.points.own)
-
-
-@inner_step
-def _place(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
-    """Fold a pixel to the equivalent footprint within the grid."""
-    if view.margin == math.inf:
-        return footprint
-    u, turn_u = folded(footprint.u, float(view.size[1]), view.edge, view.margin)
-    v, turn_v = folded(footprint.v, float(view.size[0]), view.edge, view.margin)
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    return PixelFootprint(u, v, (turn_u * ux, turn_v * vx), (turn_u * uy, turn_v * vy))
+        _add_part(view, nth_part(footprint, counts, n), each, scratch)
 
 
 @inner_step
@@ -261,17 +154,17 @@ def _mean_within(view: GridView, footprint: PixelFootprint, scratch: PixelScratc
         return 0.0
     height, width = float(view.size[0]), float(view.size[1])
     # Split finely, and add the parts whose centers lie on the source.
-    footprint = _averaged(view, footprint)
+    footprint = averaged(view, footprint)
     counts, inside = parts_of(footprint, view.finest), 0
     counts = max(counts[0], AT_EDGES), max(counts[1], AT_EDGES)
     for n in range(counts[0] * counts[1]):
-        part = _part(footprint, counts, n)
+        part = nth_part(footprint, counts, n)
         if 0.0 <= part.u <= width and 0.0 <= part.v <= height:
             _add_part(view, part, np.float32(1), scratch)
             inside += 1
     # If none does, take one part at the nearest position of the source.
     if inside == 0:
-        part = _part(footprint, counts, 0)
+        part = nth_part(footprint, counts, 0)
         u, v = min(max(footprint.u, 0.0), width), min(max(footprint.v, 0.0), height)
         _add_part(view, PixelFootprint(u, v, part.along_x, part.along_y), np.float32(1), scratch)
     # Normalize by their number.
@@ -293,7 +186,7 @@ def _mean_of(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -
     if not _is_within(view, footprint):
         return _mean_within(view, footprint, scratch)
     # Elsewhere, fold the footprint into the grid, and add it whole or in parts.
-    placed = _averaged(view, _place(view, footprint))
+    placed = averaged(view, fold(view, footprint))
     if placed.along_x[0] == placed.along_x[1] == placed.along_y[0] == placed.along_y[1] == 0.0:
         box = GridBox(placed.u - view.plate.left, placed.v - view.plate.top, 0.0, 0.0)
         one, total = np.float32(1), scratch.total
@@ -303,13 +196,6 @@ def _mean_of(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -
     else:
         _add_parts(view, placed, scratch)
     return 1.0
-
-
-@inner_step
-def _is_small(footprint: PixelFootprint) -> bool:
-    """Whether the samples around a pixel's center suffice for its limits."""
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    return bool(max(abs(ux) + abs(uy), abs(vx) + abs(vy)) <= LIMITED)
 
 
 @inner_step
@@ -332,7 +218,7 @@ def _part_around(
     view: GridView, footprint: PixelFootprint, scratch: PixelScratch
 ) -> tuple[Part, float, float, bool]:
     """Compute the limits around one pixel, its position in them, and whether edges are there."""
-    placed, plain = _place(view, footprint), view.limits.plain
+    placed, plain = fold(view, footprint), view.limits.plain
     u, v = placed.u - plain.left, placed.v - plain.top
     part = part_around(view.limits, u, v)
     has_edges = fill_corners(view.limits, part, scratch.corners)
@@ -353,7 +239,7 @@ def _straighten(
     Along an edge the samples themselves are interpolated: the grid's means over each of them.
     """
     # The box of the pixel's mean, on the plate, and the samples before its center.
-    placed, own = _averaged(view, _place(view, footprint)), view.limits.own
+    placed, own = averaged(view, fold(view, footprint)), view.limits.own
     (ux, vx), (uy, vy) = placed.along_x, placed.along_y
     u, v = placed.u - view.plate.left, placed.v - view.plate.top
     wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
@@ -397,7 +283,7 @@ def _keep_positive(view: GridView, footprint: PixelFootprint, total: Floats) -> 
         if not total[c] < np.float32(0):
             continue
         # Bound what the pixel covers.
-        placed, least = _place(view, footprint), np.float32(0)
+        placed, least = fold(view, footprint), np.float32(0)
         (ux, vx), (uy, vy) = placed.along_x, placed.along_y
         reach_u, reach_v = 0.5 * (abs(ux) + abs(uy)) + 1.0, 0.5 * (abs(vx) + abs(vy)) + 1.0
         first, last = max(int(placed.u - left - reach_u), 0), int(placed.u - left + reach_u)
@@ -410,55 +296,104 @@ def _keep_positive(view: GridView, footprint: PixelFootprint, total: Floats) -> 
         total[c] = max(total[c], least)
 
 
+class LimitedTile(NamedTuple):
+    """The limits of a tile's pixels, as far as they are common to them."""
+
+    part: Part
+    has_edges: bool
+
+
+@inner_kernel
+def _fill_pixel(
+    view: GridView, footprint: PixelFootprint, limited: LimitedTile, is_apart: bool,
+    scratch: PixelScratch,
+) -> float:  # fmt: skip
+    """Put the mean over any footprint, within its limits; return its coverage."""
+    coverage, total, corners = _mean_of(view, footprint, scratch), scratch.total, scratch.corners
+    if not coverage > 0.0 or view.limits.excess < 0.0:
+        return coverage
+    u, v = footprint.u - view.limits.plain.left, footprint.v - view.limits.plain.top
+    if is_small(footprint):
+        # Clamp small footprints to the limits at their center.
+        part, has_edges = limited
+        if is_apart:
+            part, u, v, has_edges = _part_around(view, footprint, scratch)
+        marks = marks_at(corners, part, u, v) if has_edges else 0
+        if marks:
+            _straighten(view, footprint, part, (u, v), marks, scratch)
+        keep_within(corners, part, u, v, total)
+        return coverage
+    # Clamp long, thin ones to the mean of the limits along them.
+    side = _longer_side(footprint)
+    if not is_apart and (side[0] != 0.0 or side[1] != 0.0):
+        keep_within_mean(corners, limited.part, (u, v), side, total)
+    _keep_positive(view, footprint, total)
+    return coverage
+
+
+@inner_kernel
+def _footprint(geometry: PixelGeometry, row: int, column: int) -> PixelFootprint:
+    """The footprint of a pixel: the role, compiled once."""
+    return footprint_at(geometry, row, column)
+
+
 @inner_kernel
 def _fill_tile(
     geometry: PixelGeometry,
     view: GridView,
     tile: Integers,
     bounds: Doubles,
+    wanted: Mask,
     image: Floats,
     covered: Floats,
     scratch: PixelScratch,
+    pixels: RowScratch,
 ) -> None:
     """Fill one tile of the target."""
     # Compute limits for the whole tile, if they fit; else pixel by pixel.
-    part, is_filled, has_edges = part_of(view.limits, bounds), False, False
-    has_limits = view.limits.excess >= 0.0
-    is_apart = part.wide == 0 or view.margin < math.inf
-    left, top = view.limits.plain.left, view.limits.plain.top
+    part, has_edges, has_limits = part_of(view.limits, bounds), False, view.limits.excess >= 0.0
+    is_apart = view.margin < math.inf or (has_limits and part.wide == 0)
+    if has_limits and not is_apart:
+        has_edges = fill_corners(view.limits, part, scratch.corners)
+    limited, plain, total = LimitedTile(part, has_edges), view.limits.plain, scratch.total
+    first, width = tile[LEFT], tile[RIGHT] - tile[LEFT]
+    flat, share = image.reshape(-1), covered.reshape(-1)
     for row in range(tile[TOP], tile[BOTTOM]):
-        for column in range(tile[LEFT], tile[RIGHT]):
-            # Gather the mean over the footprint.
-            footprint = footprint_at(geometry, row, column)
-            coverage = np.float32(_mean_of(view, footprint, scratch))
-            # Clamp small footprints to the limits at their center.
-            if coverage > 0.0 and has_limits and _is_small(footprint):
-                u, v = footprint.u - left, footprint.v - top
-                if is_apart:
-                    part, u, v, has_edges = _part_around(view, footprint, scratch)
-                elif not is_filled:
-                    has_edges = fill_corners(view.limits, part, scratch.corners)
-                    is_filled = True
-                marks = marks_at(scratch.corners, part, u, v) if has_edges else 0
-                if marks:
-                    _straighten(view, footprint, part, (u, v), marks, scratch)
-                keep_within(scratch.corners, part, u, v, scratch.total)
-            elif coverage > 0.0 and has_limits and not is_apart:
-                # Clamp long, thin ones to the mean of the limits along them.
-                side = _longer_side(footprint)
-                if side[0] != 0.0 or side[1] != 0.0:
-                    # Limits of the tile are computed when first needed.
-                    if not is_filled:
-                        has_edges = fill_corners(view.limits, part, scratch.corners)
-                        is_filled = True
-                    at = footprint.u - left, footprint.v - top
-                    keep_within_mean(scratch.corners, part, at, side, scratch.total)
-            if coverage > 0.0 and has_limits and not _is_small(footprint):
-                _keep_positive(view, footprint, scratch.total)
+        measure_row(geometry, view, row, first, width, is_apart, pixels)
+        for n in range(width):
+            coverage, column = np.float32(1), first + n
+            if wanted.size > 0 and not wanted[row, column]:
+                continue
+            if fits(pixels, n):
+                # Sum the few samples around, and clamp to the limits there.
+                across, down = side_of(pixels, n, 0), side_of(pixels, n, DOWN)
+                put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, total)
+                if has_limits:
+                    u, v = place_of(pixels, n)
+                    u, v = u - plain.left, v - plain.top
+                    marks = marks_at(scratch.corners, part, u, v) if has_edges else 0
+                    if marks:
+                        footprint = _footprint(geometry, row, column)
+                        _straighten(view, footprint, part, (u, v), marks, scratch)
+                    keep_within(scratch.corners, part, u, v, total)
+            else:
+                footprint = _footprint(geometry, row, column)
+                coverage = np.float32(_fill_pixel(view, footprint, limited, is_apart, scratch))
             # Store, premultiplied by coverage.
-            covered[row, column] = coverage
-            for c in range(image.shape[2]):
-                image[row, column, c] = coverage * scratch.total[c]
+            at = np.uint64(row * covered.shape[1] + column)
+            share[at] = coverage
+            _put(total, coverage, flat, at * np.uint64(image.shape[2]), image.shape[2])
+
+
+@inner_step
+def _put(total: Floats, coverage: Single, flat: Floats, at: Place, channels: int) -> None:
+    """Put a pixel's channels, times its coverage; three at once."""
+    if channels == 3:
+        flat[at], flat[at + np.uint64(1)] = coverage * total[0], coverage * total[1]
+        flat[at + np.uint64(2)] = coverage * total[2]
+        return
+    for c in range(channels):
+        flat[at + np.uint64(c)] = coverage * total[c]
 
 
 @kernel
@@ -468,6 +403,7 @@ def gather_tiles(
     view: GridView,
     tiles: Integers,
     bounds: Doubles,
+    wanted: Mask,
     image: Floats,
     covered: Floats,
 ) -> None:
@@ -477,13 +413,16 @@ def gather_tiles(
     ----------
     bounds
         (T, 4) bounds of what tiles cover, see `Extent`.
+    wanted
+        (height, width) of pixels that are filled, or empty: all.
     image
-        (height, width, C), filled, premultiplied by coverage.
+        (height, width, C), filled, premultiplied by coverage; of as many channels as the plate, or
+        less.
     covered
         (height, width) coverage, filled.
     """
     # Allocate the scratch of this thread.
-    channels = image.shape[2]
+    channels, pixels = view.plate.channels, row_scratch()
     polygon, spare = np.empty((MOST_CORNERS, 2)), np.empty((MOST_CORNERS, 2))
     weights, total = np.empty(scratch_size(channels), np.float32), np.empty(channels, np.float32)
     straight, changes = np.zeros(2 * channels, np.float32), np.zeros(2 * channels, np.float32)
@@ -491,7 +430,7 @@ def gather_tiles(
         weights, total, polygon, spare, corner_scratch(channels), straight, changes
     )
     for n in tasks(counter, tiles.shape[0]):
-        _fill_tile(geometry, view, tiles[n], bounds[n], image, covered, scratch)
+        _fill_tile(geometry, view, tiles[n], bounds[n], wanted, image, covered, scratch, pixels)
 
 
 class Extent(NamedTuple):

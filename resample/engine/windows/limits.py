@@ -36,6 +36,7 @@ class Limits(NamedTuple):
     plain: Plate  # samples themselves, not coefficients
     excess: float  # share of what a sample stands out that is added; below 0: no limits
     own: float = 0.0  # extent of a sample along an axis of which it is the mean; 0: a point
+    faint: float = 0.0  # height of edges along which rings are not visible
 
 
 class Part(NamedTuple):
@@ -83,7 +84,7 @@ def _stand_out(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, 
 
 @inner_step
 def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, share: Single,
-           first: int, corners: Corners) -> bool:  # fmt: skip
+           faint: Single, first: int, corners: Corners) -> bool:  # fmt: skip
     """Limits at a row of corners; each corner is at the upper left of the sample it is named by.
 
     Returns
@@ -100,13 +101,15 @@ def _bound(flat: Floats, at: Place, steps: tuple[Place, Place], count: int, shar
         a, b = flat[k - down - across], flat[k - down]
         c, d = flat[k - across], flat[k]
         # Widen their range by what the four stand out on average.
-        over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
-        under = below[m - across] + below[m] + below[other + m - across] + below[other + m]
-        least, most = min(a, b, c, d) - share * under, max(a, b, c, d) + share * over
+        least, most = min(a, b, c, d), max(a, b, c, d)
+        if share > np.float32(0):
+            over = above[m - across] + above[m] + above[other + m - across] + above[other + m]
+            under = below[m - across] + below[m] + below[other + m - across] + below[other + m]
+            least, most = least - share * under, most + share * over
         low[start + np.uint64(n)], high[start + np.uint64(n)] = least, most
         # They vary along an axis by no less than these four do.
         along_x, along_y = max(abs(b - a), abs(d - c)), max(abs(c - a), abs(d - b))
-        beside = slack(min(along_x, along_y), least, most)
+        beside = slack(min(along_x, along_y), least, most, faint)
         bound[start + np.uint64(n)] = beside
         found |= np.uint32(beside > np.float32(0))
     return bool(found > 0)
@@ -132,22 +135,26 @@ def fill_corners(limits: Limits, part: Part, corners: Corners) -> bool:
     left, top, wide, high = part
     steps = np.uint64(channels), np.uint64(columns * channels)
     count, half = wide * channels, corners.above.size >> 1
-    share, has_edges = np.float32(0.25 * limits.excess), False
+    share, faint = np.float32(0.25 * limits.excess), np.float32(limits.faint)
+    has_edges = False
     is_cleared = False
     bounds = corners.low, corners.high, corners.bound
     # Keep two rows of what samples stand out by, and bound the corners between them.
     for row in range(high + 1):
         at = np.uint64(((top - 1 + row) * columns + left) * channels - before)
         first = (row & 1) * half
-        _stand_out(flat, at - steps[0], steps, count + channels, first, corners)
+        if share > np.float32(0):
+            _stand_out(flat, at - steps[0], steps, count + channels, first, corners)
         if row > 0:
-            may_be = _bound(flat, at, steps, count, share, (row - 1) * count, corners)
+            may_be = _bound(flat, at, steps, count, share, faint, (row - 1) * count, corners)
             if may_be and not is_cleared:
                 _clear(corners.marks, (wide + 1) * (high + 1))
                 is_cleared = True
             if may_be:
                 corner = left, top + row - 1
-                has_edges |= mark_row(limits.plain, corner, wide, bounds, row - 1, corners.marks)
+                has_edges |= mark_row(
+                    limits.plain, corner, wide, bounds, row - 1, faint, corners.marks
+                )
     return has_edges
 
 
@@ -193,11 +200,32 @@ def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y
 
 
 @inner_step
+def _four_between(
+    values: Floats, at: Place, down: Place, x: Single, y: Single
+) -> tuple[Single, Single, Single, Single]:
+    """Interpolate four channels bilinearly between corners."""
+    steps, one = (np.uint64(4), down), np.uint64(1)
+    return (
+        _between(values, at, steps, x, y),
+        _between(values, at + one, steps, x, y),
+        _between(values, at + one + one, steps, x, y),
+        _between(values, at + one + one + one, steps, x, y),
+    )
+
+
+@inner_step
 def keep_within(corners: Corners, part: Part, u: float, v: float, total: Floats) -> None:
     """Clamp a pixel's channels to the limits at a position, in coordinates of the plain grid."""
     at, x, y = _place_in(part, u, v, total.size)
     steps = np.uint64(total.size), np.uint64(part.wide * total.size)
-    # Interpolate both limits of each channel, and clamp.
+    # Interpolate both limits of each channel, and clamp; four channels at once.
+    if total.size == 4:
+        low = _four_between(corners.low, at, steps[1], x, y)
+        high = _four_between(corners.high, at, steps[1], x, y)
+        a, b = min(max(total[0], low[0]), high[0]), min(max(total[1], low[1]), high[1])
+        c, d = min(max(total[2], low[2]), high[2]), min(max(total[3], low[3]), high[3])
+        total[0], total[1], total[2], total[3] = a, b, c, d
+        return
     for c in range(total.size):
         k = at + np.uint64(c)
         low = _between(corners.low, k, steps, x, y)
@@ -251,7 +279,7 @@ def tolerances(
         high = _between(corners.high, first + k, steps, x, y)
         around = steps[0], np.uint64(columns * channels)
         varies = varies_between(flat, start + k, around, is_along_x, x, y)
-        tolerance = tolerance_of(varies, low, high)
+        tolerance = tolerance_of(varies, low, high, np.float32(limits.faint))
         is_less = tolerance < high - low
         found[c] = tolerance if is_less else np.float32(math.inf)
         any_found |= is_less

@@ -283,19 +283,20 @@ def _straighten_pixel(grid: SeparableGrid, pixel: tuple[int, int], to: int, mark
     at = (down.first[row] * plain.stride + across.first[x]) * channels - plain.before
     steps = np.uint64(channels), np.uint64(plain.stride * channels)
     part_x, part_y = across.weight[2 * x + 1], down.weight[2 * row + 1]
+    faint = np.float32(grid.limits.faint)
     for c in range(channels):
         k, first, form = to + c * ROWS, np.uint64(at + c), (grid.columns, channels, c)
         low, high, total = scratch.low[k], scratch.high[k], scratch.total[k]
         one = other = np.float32(0)
         if marks & mark_of(c, True):
             varies = varies_between(plain.flat, first, steps, True, part_x, part_y)
-            tolerance = tolerance_of(varies, low, high)
+            tolerance = tolerance_of(varies, low, high, faint)
             if tolerance < high - low:
                 straight = _weighed(grid.flat, form, grid.down, grid.beside_across, pixel)
                 one = towards(total, straight, tolerance)
         if marks & mark_of(c, False):
             varies = varies_between(plain.flat, first, steps, False, part_x, part_y)
-            tolerance = tolerance_of(varies, low, high)
+            tolerance = tolerance_of(varies, low, high, faint)
             if tolerance < high - low:
                 straight = _weighed(grid.flat, form, grid.beside_down, grid.across, pixel)
                 other = towards(total, straight, tolerance)

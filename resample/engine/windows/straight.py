@@ -3,7 +3,8 @@
 A separable kernel rings along a straight edge, within its limits, from where the edge ends. Where
 samples hardly vary along an axis, pixels therefore stay near what the kernel makes of the samples
 across it alone, the closer the less they vary. Few pixels lie there: where corners of samples leave
-less tolerance than their limits do, the cells around them are marked.
+less tolerance than their limits do, the cells around them are marked. Edges that are too faint for
+rings to be visible are let be.
 """
 
 from typing import Any
@@ -26,20 +27,27 @@ Corner = Any  # (column, row) among corners
 
 
 @inner_step
-def slack(varies: Single, low: Single, high: Single) -> Single:
+def slack(varies: Single, low: Single, high: Single, faint: Single) -> Single:
     """How much less tolerance than limits a corner leaves; 0 or below: it is on no straight edge.
 
-    Linear, so that between corners without slack there is none.
+    Linear but for faint edges, so that between corners without slack there is none.
     """
-    wanted = np.float32(1.0 + FADE * STRAIGHT) * (high - low)
+    height = high - low
+    fainter = max(faint + faint - height, np.float32(0))
+    wanted = np.float32(1.0 + FADE * STRAIGHT) * (height - fainter)
     return wanted - np.float32(TOLERANCE + FADE) * varies
 
 
 @inner_step
-def tolerance_of(varies: Single, low: Single, high: Single) -> Single:
-    """Tolerance around what samples across an edge make, by how much they vary along it."""
-    beyond = max(varies - np.float32(STRAIGHT) * (high - low), np.float32(0))
-    return np.float32(TOLERANCE) * varies + np.float32(FADE) * beyond
+def tolerance_of(varies: Single, low: Single, high: Single, faint: Single) -> Single:
+    """Tolerance around what samples across an edge make, by how much they vary along it.
+
+    Edges of a height of `faint` are left alone, those of twice that are not.
+    """
+    height, zero = high - low, np.float32(0)
+    beyond = max(varies - np.float32(STRAIGHT) * height, zero)
+    fainter = max(faint + faint - height, zero)
+    return np.float32(TOLERANCE) * varies + np.float32(FADE) * beyond + fainter
 
 
 @inner_step
@@ -109,6 +117,7 @@ def mark_row(
     wide: int,
     limits: tuple[Floats, Floats, Floats],
     row: int,
+    faint: Single,
     marks: Marks,
 ) -> bool:
     """Mark the cells around corners of a row that are on straight edges.
@@ -121,6 +130,8 @@ def mark_row(
         Least and greatest of all corners, and a bound of each one's `slack`.
     row
         The row among the corners.
+    faint
+        Height of edges that are let be.
 
     Returns
     -------
@@ -136,9 +147,9 @@ def mark_row(
         if bound[k] > np.float32(0):
             at, mark = first + np.uint64(n), 0
             column, channel = divmod(n, channels)
-            if slack(_varies(plain.flat, at, across, down), low[k], high[k]) > np.float32(0):
+            if slack(_varies(plain.flat, at, across, down), low[k], high[k], faint) > np.float32(0):
                 mark |= mark_of(channel, True)
-            if slack(_varies(plain.flat, at, down, across), low[k], high[k]) > np.float32(0):
+            if slack(_varies(plain.flat, at, down, across), low[k], high[k], faint) > np.float32(0):
                 mark |= mark_of(channel, False)
             if mark:
                 _mark_around(marks, wide, column, row, mark)

@@ -22,12 +22,14 @@ from resample.engine.windows.boxes import (
     Plate,
     PointTaps,
 )
-from resample.engine.windows.gather import OWN, Extent, GridView
+from resample.engine.windows.footprints import OWN, GridView
+from resample.engine.windows.gather import Extent
 from resample.engine.windows.limits import Limits
 from resample.profiles.interpolation import (
     Interpolation,
     blur,
     excess,
+    faint,
     integrals,
     own_extent,
     point_taps,
@@ -54,6 +56,7 @@ MOST_WORK = 12.0  # boxes per pixel up to which pixels gather; above, texels are
 MOST_AROUND = 1 << 30  # px of a target up to which a region measures all of its tiles
 MOST_BEYOND = 256  # texels beyond the source that are stored; coordinates farther out are folded
 NOTHING = np.zeros(0, np.float32)
+ALL = np.zeros((0, 0), np.bool_)  # of the pixels
 
 
 class TargetTiles(NamedTuple):
@@ -117,8 +120,8 @@ def gather(
 ) -> Warped:
     """Warp a source (H, W, C) to (height, width) under the area filter.
 
-    With `near_only`, tiles that do not gather stay empty, as do those without `wanted` pixels
-    (height, width).
+    With `near_only`, tiles that do not gather stay empty, as do pixels (height, width) that are not
+    `wanted`.
     """
     _, geometry, shape, edge, cells, places, tiles, around, axes = plan
     held = _source_part(source, geometry)
@@ -139,10 +142,10 @@ def gather(
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
-        fill_tiles(places, view, near, seen, warped.image, warped.coverage)
-    if wanted is not None:  # the rectangle of far texels may have covered others, too
-        for left, top, right, bottom in tiles.bounds[~is_wanted].tolist():
-            warped.image[top:bottom, left:right] = warped.coverage[top:bottom, left:right] = 0
+        some = ALL if wanted is None else wanted
+        fill_tiles(places, view, near, seen, some, warped.image, warped.coverage)
+    if wanted is not None and is_far.any():  # the rectangle of far texels covers others, too
+        warped.image[~wanted] = warped.coverage[~wanted] = 0
     return warped
 
 
@@ -344,5 +347,6 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
         )
     shortest = POINTLIKE if cells.shrinking else SHORTEST
     integral = integrals(cells.interpolation, PHASES, ONES)._replace(shortest=shortest)
-    limits = Limits(plate, excess(cells.interpolation), own_extent(cells.interpolation))
+    chosen = cells.interpolation
+    limits = Limits(plate, excess(chosen), own_extent(chosen), faint(chosen))
     return GridView(plate, integral, points, (height, width), EDGES[edge], math.inf, finest, limits)

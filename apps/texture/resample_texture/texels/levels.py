@@ -6,8 +6,9 @@ one that is `LONG` texels or longer is a mean of light, and between these both a
 """
 
 import dataclasses
+import math
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from resample.types import Floats
 from resample_texture.geometry.mappings import ForwardMap, Geometry
 from resample_texture.texels.encoding import LEVELS, Encoding, decoded
 from resample_texture.types import AnyAlpha, AnyLight, Method, Warped
+
+if TYPE_CHECKING:
+    from resample_texture.texels.kernels.gather import Plane
 
 SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
 STEPS = 65536  # of a curve's table, between which it is linear
@@ -34,7 +38,7 @@ def light_for(
 def in_levels(method: Method) -> Method:
     """The method as it interpolates levels: with limits that fit these, unless others are chosen.
 
-    `limit=usual` is `range` here: no texel stands out farther than it is seen to.
+    `limit=usual` is `levels` here: no texel stands out farther than it is seen to.
     """
     if hasattr(method, "in_levels"):
         levels: Method = method.in_levels
@@ -42,7 +46,7 @@ def in_levels(method: Method) -> Method:
     interpolation = getattr(method, "interpolation", None)
     if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):
         return method
-    kept = dataclasses.replace(interpolation, limit="range")
+    kept = dataclasses.replace(interpolation, limit="levels")
     return dataclasses.replace(method, interpolation=kept)
 
 
@@ -61,19 +65,36 @@ def share_of_levels(
     if not is_mixing or isinstance(geometry, ForwardMap):
         return np.zeros((1, 1, 1), np.float32)
     from resample_texture.texels.gather import places_of
-    from resample_texture.texels.kernels.gather import Plane, put_longest
+    from resample_texture.texels.kernels.gather import Plane, put_shares
 
     places, rows, columns = places_of(size, geometry, shape), range(shape[0]), range(shape[1])
     rows, columns = rows[part[0]], columns[part[1]]
     form = len(rows), len(columns)
     if isinstance(places, Plane):
-        is_even = not places.inverse[2, :2].any()
         left, top = places.left + columns.start, places.top + rows.start
-        places, form = places._replace(left=left, top=top), (1, 1) if is_even else form
-    longest = np.empty(form, np.float32)
-    put_longest(places, longest)
-    share: Floats = np.nan_to_num((LONG - longest) / np.float32(LONG - SHORT))
-    return share.clip(0, 1)[..., None]
+        places = places._replace(left=left, top=top)
+        if not places.inverse[2, :2].any():
+            form = 1, 1
+        elif _longest_on(places, form) <= SHORT:
+            return np.ones((1, 1, 1), np.float32)
+    shares = np.empty((*form, 1), np.float32)
+    put_shares(places, (SHORT, LONG), form, shares.reshape(-1))
+    return shares
+
+
+def _longest_on(plane: "Plane", form: tuple[int, int]) -> float:
+    """Bound of the longer axes of a picture's (height, width) pixels in perspective, texels.
+
+    A pixel's sides are affine in its place, divided by the square of its depth. So their norm is
+    largest at a corner, and the square least at another.
+    """
+    x, y = plane.left + np.array([0, form[1]] * 2), plane.top + np.repeat([0, form[0]], 2)
+    u, v, depth = plane.inverse @ np.stack([x, y, np.ones(4)])
+    if not depth.min() > 0.0:
+        return math.inf
+    sides = plane.inverse[None, :2, :2] * depth[:, None, None]
+    sides = sides - np.stack([u, v], axis=1)[:, :, None] * plane.inverse[2, :2]
+    return float(np.linalg.norm(sides, 2, axis=(1, 2)).max() / depth.min() ** 2)
 
 
 def texels_in_levels(

@@ -195,7 +195,7 @@ def _coefficients(
         return np.ascontiguousarray(texels)
     flat = np.concatenate([texels.ravel(), np.zeros(SPARE, np.float32)])
     made = np.empty((down[1] - down[0], across[1] - across[0], channels), np.float32)
-    filter_plate(flat, texels.shape, Filters(along_u, along_v), made.reshape(-1))
+    filter_plate(flat, texels.shape, Filters(along_u, along_v), channels, made.reshape(-1))
     return made
 
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.windows.boxes import SPARE, Plate
-from resample.engine.windows.filtering import Filters, filter_plate
-from resample.profiles.interpolation import Interpolation, prefilter
+from resample.engine.windows.boxes import FEW, SPARE, Plate
+from resample.engine.windows.filtering import Filters, filter_plate, spread_plate
+from resample.profiles.interpolation import Interpolation, excess, prefilter
 from resample.types import Floats
 from resample_texture.geometry import shifts
 from resample_texture.types import Edge
@@ -59,22 +59,36 @@ def plates_of(
 ) -> tuple[Plate, Plate]:
     """Return coefficients and texels of a rectangle of a source's continued plane.
 
-    Only a part of the whole rectangle is stored. If coefficients differ from texels, the texels
+    Texels of two to four channels have four numbers. Texels without a limit may be left out. Only a
+    part of the whole rectangle is stored. If coefficients differ from texels, the texels
     have a margin.
     """
-    weights = prefilter(interpolation)
-    margin = weights.size // 2
-    channels = source.texels.shape[2]
+    weights, channels = prefilter(interpolation), source.texels.shape[2]
+    lanes, margin = 4 if 2 <= channels <= 4 else channels, weights.size // 2
     outer = part.wider(margin)
-    flat = _continued(source, outer, edge)
-    plain = whole.wider(margin).plate(flat, outer, channels)
+    flat = _continued(source, outer, edge, FEW - 1)
+    rough = flat
+    if lanes != channels and (margin == 0 or excess(interpolation) >= 0.0):
+        rough = _empty_flat(outer.shape, lanes, FEW - 1)
+        spread_plate(flat, (*outer.shape, channels), rough)
+    plain = whole.wider(margin).plate(rough, outer, lanes)
     if margin == 0:
         return plain, plain
-    rows, columns = part.shape
-    smooth = np.empty(rows * columns * channels + SPARE, np.float32)
-    filter_plate(flat, (*outer.shape, channels), Filters(weights, weights), smooth)
-    smooth[-SPARE:] = 0.0
-    return whole.plate(smooth, part, channels), plain
+    smooth = _empty_flat(part.shape, lanes, FEW - 1)
+    filter_plate(flat, (*outer.shape, channels), Filters(weights, weights), lanes, smooth)
+    return whole.plate(smooth, part, lanes), plain
+
+
+def _empty_flat(shape: tuple[int, int], channels: int, rows: int) -> Floats:
+    """Space for the numbers of a rectangle, and zeros that are read beyond its last texel.
+
+    `rows`: how many rows may be read beyond the last.
+    """
+    height, width = max(shape[0], 0), max(shape[1], 0)
+    count, spare = height * width * channels, (SPARE + rows * width) * channels
+    flat = np.empty(count + spare, np.float32)
+    flat[count:] = 0.0
+    return flat
 
 
 def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
@@ -99,12 +113,12 @@ def filtered_grid(
     if left == above == 0:
         return flat
     result = np.empty(sides.shape[0] * sides.shape[1] * channels, np.float32)
-    filter_plate(flat, (*outer.shape, channels), Filters(along_u, along_v), result)
+    filter_plate(flat, (*outer.shape, channels), Filters(along_u, along_v), channels, result)
     return result
 
 
-def _continued(source: SourcePart, sides: Sides, edge: Edge) -> Floats:
-    """Return the texels of a rectangle of the continued plane, row by row, with spare zeros.
+def _continued(source: SourcePart, sides: Sides, edge: Edge, spare: int = 0) -> Floats:
+    """Return the texels of a rectangle of the continued plane, row by row, with rows to spare.
 
     Texels outside the stored part are never shown; they copy the nearest one.
     """
@@ -112,11 +126,11 @@ def _continued(source: SourcePart, sides: Sides, edge: Edge) -> Floats:
     rows = texels_at(np.arange(*sides.down), source.size[0], edge) - source.first[1]
     columns = texels_at(np.arange(*sides.across), source.size[1], edge) - source.first[0]
     rows, columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
-    flat = np.empty(rows.size * columns.size * channels + SPARE, np.float32)
-    flat[-SPARE:] = 0.0
+    flat = _empty_flat((rows.size, columns.size), channels, spare)
     if not (rows.size and columns.size):  # nothing of it is shown
         return flat
-    plane = flat[:-SPARE].reshape(rows.size, columns.size, channels)
+    count = rows.size * columns.size * channels
+    plane = flat[:count].reshape(rows.size, columns.size, channels)
     # Copy what is stored as it is, and texel by texel what continues it.
     down, across = _straight(rows), _straight(columns)
     plane[down, across] = source.texels[_of(rows, down), _of(columns, across)]

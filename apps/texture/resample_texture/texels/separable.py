@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.windows.gather import LIMITED, LONGEST_LIMITED, NEARLY, OWN
+from resample.engine.windows.footprints import LIMITED, NEARLY, OWN
+from resample.engine.windows.gather import LONGEST_LIMITED
 from resample.engine.windows.limits import MARGIN, Limits
 from resample.engine.windows.separable import (
     ROWS,
@@ -24,6 +25,7 @@ from resample.profiles.interpolation import (
     blur,
     exact_prefilter,
     excess,
+    faint,
     own_extent,
     own_weights,
     point_weights,
@@ -281,7 +283,7 @@ def _plain(
     plate = sides.plate(flat, sides, source.texels.shape[2])
     corners = down.from_start(sides.down[0]), across.from_start(sides.across[0])
     own = own_extent(cells.interpolation)
-    return Limits(plate, excess(cells.interpolation), own), corners
+    return Limits(plate, excess(cells.interpolation), own, faint(cells.interpolation)), corners
 
 
 def _no_limits() -> Limits:
