@@ -215,8 +215,9 @@ Files = Annotated[
 Output = Annotated[
     flags.OptionalOutput,
     Parameter(
-        help="Written to: .png, .tif, .exr, .webp, .avif or .jpg; a folder for several. "
-        "[default: the last of the files]"
+        help="Written to: .png, .tif, .exr, .webp, .avif or .jpg; for several a folder, or a "
+        'quoted pattern such as "small/*.webp"; for pages and frames .tif, .gif, .webp, .apng or '
+        ".mp4. [default: the last of the files]"
     ),
 ]
 

@@ -170,7 +170,8 @@ def warp_all(
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
     """Warp files into a folder; return the statistics. Report failures and go on."""
     pairs = batch_of(images, output)
-    output.mkdir(exist_ok=True)
+    folder = pairs[0][1].parent
+    folder.mkdir(exist_ok=True)
     told, session = [], Session()
     with progress_bar(f"warping {len(pairs)} files") as progress:
         for n, (source, target) in enumerate(pairs):
@@ -184,7 +185,7 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
                 progress((n + 1) / len(pairs))
     if len(told) < len(pairs):
         with suppress(OSError):  # the folder holds files
-            output.rmdir()
+            folder.rmdir()
         raise ValueError(f"{len(pairs) - len(told)} of {len(pairs)} files could not be warped")
     return {"files": told, "seconds": session.times()}
 
