@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -162,7 +162,7 @@ def warp_all(
         told = warp_batch(images, output, job)
     else:
         check_targets(output, coverage, stats)
-        told = warp_file(images[0], output, job, coverage)
+        told = warp_file(Session(), images[0], output, job, coverage)
     if stats is not None:
         write_json(stats, told)
 
@@ -176,7 +176,8 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
     with progress_bar(f"warping {len(pairs)} files") as progress:
         for n, (source, target) in enumerate(pairs):
             try:
-                told.append({"file": str(target), **_warp(session, source, target, job)})
+                done = warp_file(session, source, target, job, shows=False)
+                told.append({"file": str(target), **done})
             except (KeyError, IndexError):  # bugs, see `resample.command.session.run`
                 raise
             except (ValueError, LookupError, OSError, MemoryError) as error:
@@ -191,33 +192,26 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
 
 
 def warp_file(
-    source: Place, output: Path, job: Job, coverage: Path | None = None
+    session: Session,
+    source: Place,
+    output: Path,
+    job: Job,
+    coverage: Path | None = None,
+    *,
+    shows: bool = True,
 ) -> dict[str, Any]:
-    """Warp the pictures of a file; return what `--stats` writes."""
-    session, frames = Session(), frames_of(source, job.warping.encoding)
-    if frames is None:
-        return _warp_picture(session, source, output, job, coverage, bar="warping")
-    if coverage is not None:
-        raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
-    with progress_bar("warping") as progress:
-        return _warp_frames(session, frames, output, job, progress)
-
-
-def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
-    """Warp a file without a progress bar."""
+    """Warp the pictures of a file, with a progress bar or not; return what `--stats` writes."""
     frames = frames_of(source, job.warping.encoding)
     if frames is None:
-        return _warp_picture(session, source, output, job)
-    return _warp_frames(session, frames, output, job, None)
-
-
-def _warp_frames(
-    session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
-) -> dict[str, Any]:
+        bar = "warping" if shows else None
+        return _warp_picture(session, source, output, job, coverage, bar=bar)
+    if coverage is not None:
+        raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
     check_frames(output, frames, job.options)
     check_targets(output)
-    pictures = _warped_frames(session, frames, output, job, progress)
-    write_frames(output, pictures, frames.seconds, job.options, frames.plays)
+    with progress_bar("warping") if shows else nullcontext() as progress:
+        pictures = _warped_frames(session, frames, output, job, progress)
+        write_frames(output, pictures, frames.seconds, job.options, frames.plays)
     return {"frames": len(frames.seconds), "seconds": session.times()}
 
 
