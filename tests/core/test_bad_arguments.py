@@ -14,6 +14,7 @@ import resample_texture as texture
 import resample_volume as volume
 import resample_warp3d as warp3d
 from resample import Camera, Resampler, Scatter
+from resample.view.widgets import write_levels
 from resample_texture import differentiable
 
 RNG = np.random.default_rng(1)
@@ -280,6 +281,10 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "particle positions": (lambda: resample.particles("abc", (1, 0, 0), 0.9, 1), "numbers"),
     "control points": (lambda: texture.control_points("a", "b", SHAPE), "numbers"),
+    "viewed stack": (
+        lambda: write_levels(Path("none.png"), np.zeros((5, 64, 80), np.uint8)),
+        r"a picture of \(5, 64, 80\); give \(H, W\), or \(H, W, C\) of 1, 3 or 4",
+    ),
     "empty cloud": (lambda: points.CloudScene(EMPTY).render(), "a cloud without points"),
 }
 

@@ -38,8 +38,8 @@ def resize(
     image: Any,
     shape: AnySize | None = None,
     *,
-    width: int | None = None,
     height: int | None = None,
+    width: int | None = None,
     fit: Fit | None = None,
     box: tuple[int, int, int, int] | None = None,
     method: str | Method = "hybrid",
@@ -57,7 +57,7 @@ def resize(
     shape
         Height and width of the result, px; one whole number: its longer side; a float: a share of
         the picture's size.
-    width, height
+    height, width
         Instead of a shape, px; one follows from the other if it is left out.
     fit
         `contain`, as large as the shape holds; `cover`, all of the shape, and the rest is cut off;
@@ -95,8 +95,9 @@ def resize(
     picture, light = _opened(image, linear_light, choices)
     if box is not None:
         picture = _cropped(picture, box)
-    way = resized(picture.size, shape, width=width, height=height, fit=fit)
-    border = edge or ("transparent" if fit == "pad" else "clamp")
+    way = resized(picture.size, shape, height=height, width=width, fit=fit)
+    usual: AnyEdge = "transparent" if fit == "pad" else "clamp"
+    border = usual if edge is None else edge
     return warp(picture.values, *way, method, edge=border, **light, alpha=alpha, **choices)
 
 

@@ -18,29 +18,15 @@ def resized(
     source_shape: tuple[int, int],
     size: AnySize | None = None,
     *,
-    width: int | None = None,
     height: int | None = None,
+    width: int | None = None,
     fit: Fit | None = None,
 ) -> tuple[Homography, tuple[int, int]]:
     """Return the map from a picture (height, width) to its new size, and that size.
 
-    Parameters
-    ----------
-    size
-        Height and width, px; a whole number: the longer side; a float: a share of the picture's.
-    width, height
-        Instead of a size, px; one follows from the other if it is left out.
-    fit
-        `contain`, as large as the size holds; `cover`, all of it, and the rest is cut off;
-        `stretch`; `pad`, contained, in the middle of the size. By default `contain` for one number,
-        `stretch` for two.
-
-    Raises
-    ------
-    ValueError
-        No size was given, two were, or it is none; or the fit is unknown, or of one number.
+    `size` and the others are as `resample_texture.resize` takes its shape and the others.
     """
-    fit, (down, across) = _box(source_shape, size, width, height, fit)
+    fit, (down, across) = _box(source_shape, size, height, width, fit)
     if fit == "stretch":
         return resizing(source_shape, (down, across)), (down, across)
     factors = down / source_shape[0], across / source_shape[1]
@@ -56,8 +42,8 @@ def resized(
 def _box(
     source_shape: tuple[int, int],
     size: Any,
-    width: int | None,
     height: int | None,
+    width: int | None,
     fit: Fit | None,
 ) -> tuple[Fit, tuple[int, int]]:
     """Return how a picture fills a height and a width, px, and these."""

@@ -67,7 +67,7 @@ class NewSize(Choices):
         from resample_texture.sizes import resized
 
         size = None if self.size is None else size_of(self.size)
-        given = resized(source_shape, size, width=self.width, height=self.height, fit=self.fit)
+        given = resized(source_shape, size, height=self.height, width=self.width, fit=self.fit)
         return PictureTarget(*given)
 
     def opened(self, warping: Filling) -> Filling:
