@@ -128,8 +128,9 @@ def write(name, levels, icc):
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "webp"])
 def test_a_photo_of_a_phone_becomes_srgb(levels, suffix):
     icc, matrix = profile(P3, CURVES["formula"]), np.linalg.inv(to_xyz(SRGB)) @ to_xyz(P3)
-    write("phone.png", levels, icc)
-    words = ["phone.png", f"out.{suffix}", "--size", "100%", "--profile", "srgb"]
+    write("phone.jpg", levels, icc)
+    levels = np.asarray(Image.open("phone.jpg"))
+    words = ["phone.jpg", f"out.{suffix}", "--size", "100%", "--profile", "srgb"]
     words += ["--file-quality", "lossless"] if suffix == "webp" else []
     assert ended("resize", *words) == 0
     with Image.open(f"out.{suffix}") as image:

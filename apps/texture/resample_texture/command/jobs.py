@@ -40,11 +40,7 @@ from resample.words import one_line
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.palettes import (
-    PalettePicture,
-    palette_picture,
-    write_palette_picture,
-)
+from resample_texture.command.palettes import palette_picture, write_palette_picture
 from resample_texture.command.rendering import check_memory, covers_all, report, warped
 from resample_texture.geometry.mappings import Homography
 
@@ -62,15 +58,14 @@ class Job:
     roi: tuple[int, int, int, int] | None = None
     told: set[str] = field(default_factory=set)  # what has been said
 
-    def target(self, picture: Picture) -> PictureTarget:
-        """Return the target of a picture."""
-        return self.aim((picture.data.shape[0], picture.data.shape[1]))
-
-    def opened(self, source: Place) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
+    def opened(self, source: Place | Picture) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
         """Read a picture, return it, its target and its size; a JPEG only as large as is needed.
 
         Pixels of the target then still average `REDUCED` times as many along an axis, or more.
         """
+        if isinstance(source, Picture):
+            size = source.data.shape
+            return source, self.aim((size[0], size[1])), size
         reader = picture_at(source, encoding=self.warping.encoding)
         height, width = reader.shape[:2]
         target = self.aim((height, width))
@@ -227,46 +222,30 @@ def _warp_picture(
     check_targets(output, coverage)
     with session.stage("read"):
         held = palette_picture(source, output, job.warping, job.options)
-    if held is not None:
-        return _warp_palette(session, held, output, job, coverage, bar)
-    job.say_palette(source)
+    if held is None:
+        job.say_palette(source)
+        with session.stage("read"):
+            written = Destination(output, job.options)
+            large = large_picture(source, job.aim, job.warping, job.roi, written)
+        if large is not None:
+            return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
-        written = Destination(output, job.options)
-        large = large_picture(source, job.aim, job.warping, job.roi, written)
-    if large is not None:
-        return _warp_large(session, large, output, job, coverage, bar)
-    with session.stage("read"):
-        job.check_memory(source, output)
-        picture, target, size = job.opened(source)
-    job.check(picture, target, output)
+        job.check_memory(held.picture if held else source, output)
+        picture, target, size = job.opened(held.picture if held else source)
+    if held is None:
+        job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
-    _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
+    has_nans = held is None and bool(np.isnan(result.data).any())
+    _say_lost(picture.about, result.about, output, has_nans=has_nans)
     with session.stage("write"):
-        write_picture(output, result, job.options)
+        if held is None:
+            write_picture(output, result, job.options)
+        else:
+            write_palette_picture(output, result, held.palette)
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
-    return report(session, size, result.data.shape, result.kind, job.warping)
-
-
-def _warp_palette(
-    session: Session,
-    held: PalettePicture,
-    output: Path,
-    job: Job,
-    coverage: Path | None,
-    bar: str | None,
-) -> dict[str, Any]:
-    """Warp the numbers of a picture with a palette."""
-    job.check_memory(held.picture, output)
-    target = job.target(held.picture)
-    result, share = job.warped(session, held.picture, target, output, bar)
-    _say_lost(held.picture.about, result.about, output, has_nans=False)
-    with session.stage("write"):
-        write_palette_picture(output, result, held.palette)
-        if coverage is not None:
-            write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
-    told = report(session, held.picture.data.shape, result.data.shape, result.kind, job.warping)
-    return {**told, "channels": ["index"], "encoding": "palette"}
+    told = report(session, size, result.data.shape, result.kind, job.warping)
+    return {**told, "channels": ["index"], "encoding": "palette"} if held else told
 
 
 def _warp_large(
@@ -304,7 +283,7 @@ def _warped_frames(
     for n, picture in enumerate(frames.read()):
         if n == 0:
             job.check_memory(picture, output)
-        result, _ = job.warped(session, picture, job.target(picture), output, None)
+        result, _ = job.warped(session, *job.opened(picture)[:2], output, None)
         if n == 0:
             nans = bool(np.isnan(result.data).any())
             _say_lost(picture.about, result.about, output, has_nans=nans)
