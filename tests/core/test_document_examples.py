@@ -15,7 +15,16 @@ from tests import snapshots
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "apps/texture/README.md", "apps/warp3d/README.md", "docs/library.md")
 PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md")
-HOWTOS = ("application", "clouds", "coordinates", "gaussians", "network_depth", "opencv", "xrays")
+HOWTOS = (
+    "application",
+    "clouds",
+    "coordinates",
+    "gaussians",
+    "network_depth",
+    "opencv",
+    "text",
+    "xrays",
+)
 SLOW = ("particles", "planes", "projections")
 
 EXTRA = "which is not installed: pip install 'hybrid-resample["

@@ -243,7 +243,7 @@ def undistort(
     >>> import numpy as np
     >>> from resample_texture import undistort
     >>> camera = [[90, 0, 63.5], [0, 90, 47.5], [0, 0, 1]]
-    >>> undistort(np.full((96, 128, 3), 200, np.uint8), camera, [0.1, -0.02, 0, 0])
+    >>> undistort(np.full((96, 128, 3), 200, np.uint8), camera, [-0.1, 0.01, 0, 0])
     Warped(96 × 128 × 3 uint8, 100 % covered)
     """
     check_options("undistort", choices, ResizeOptions)
