@@ -450,6 +450,14 @@ def test_help_imports_nothing_heavy(name):
         (["resize", "photo.png", "out.png", "--width", "0"], "greater than or equal to 1"),
         (["resize", "photo.png", "out.png", "--size", "9999999999.5"], "together at most"),
         (["resize", "photo.png", "--size", "9"], "give the output after photo.png"),
+        (
+            ["resize", "photo.png", "out.png", "--size", "9", "--box", "1,x"],
+            "box '1,x'; give numbers",
+        ),
+        (
+            ["resize", "photo.png", "out.png", "--size", "9", "--box", "1,2,3"],
+            "give left, top, right",
+        ),
         (["resize", "--size", "9"], "needs FILES"),
         (["resize", "none.png", "out.png", "--size", "9"], "none.png"),
         (["resize", "photo.png", "out.gif", "--size", "9"], "pictures are written as"),
@@ -554,6 +562,8 @@ def test_files_and_pillow_s_images_are_taken_as_warp_takes_them(tmp_path):
         ),
         ({"shape": 9, "fit": "pad"}, ["--size", "9", "--fit", "pad"]),
         ({"width": 9, "height": 9, "fit": "cover"}, ["--width=9", "--height=9", "--fit=cover"]),
+        ({"shape": 12, "box": (2.5, 3, 18, 15)}, ["--size", "12", "--box", "2.5,3,18,15"]),
+        ({"shape": 0.5, "box": (2, 4, 18, 14)}, ["--size", "50%", "--box", "2,4,18,14"]),
     ],
 )
 def test_a_size_is_that_of_the_command(photo, given, words):
@@ -576,14 +586,22 @@ def test_padding_is_not_covered(photo):
     assert resize(photo, (24, 24), fit="pad", edge="clamp").coverage.min() == 1.0
 
 
-def test_a_box_is_cut_out_first(rng):
-    image = rng.random((20, 30, 3))
-    made = resize(image, 9, box=(3, 2, 21, 14)).image
-    np.testing.assert_array_equal(made, resize(image[2:14, 3:21], 9).image)
-    whole = Image.fromarray(image[..., 0].astype(np.float32))
-    pillow = whole.resize((6, 4), Image.Resampling.BOX, box=(3, 2, 21, 14))
-    found = resize(image[..., 0], (4, 6), box=(3, 2, 21, 14)).image
+@pytest.mark.parametrize("box", [(3, 2, 21, 14), (0, 0, 30, 20), (6, 4, 24, 16)])
+def test_a_box_is_pillow_s(rng, box):
+    image = rng.random((20, 30)).astype(np.float32)
+    size = (box[2] - box[0]) // 3, (box[3] - box[1]) // 2
+    pillow = Image.fromarray(image).resize(size, Image.Resampling.BOX, box=box)
+    found = resize(image, size[::-1], box=box).image
     np.testing.assert_allclose(found, np.asarray(pillow), atol=ROUNDING)
+
+
+def test_a_box_fills_what_the_picture_would(photo):
+    assert resize(photo, 9, box=(1.5, 2, 22.5, 9)).image.shape == (3, 9, 3)
+    part = resize(photo, (14, 42), box=(1.5, 2, 22.5, 9)).image
+    matrix = [[2, 0, -3], [0, 2, -4]]
+    np.testing.assert_array_equal(part, warp(photo, matrix, (14, 42), edge="clamp").image)
+    cut = resize(photo, (8, 8), box=(4, 4, 12, 8), fit="cover").image
+    np.testing.assert_array_equal(cut, resize(photo, (8, 8), box=(6, 4, 10, 8)).image)
 
 
 @pytest.mark.parametrize(
@@ -599,10 +617,11 @@ def test_a_box_is_cut_out_first(rng):
         ({"shape": 9, "fit": "fill"}, "fit 'fill'; known: contain, cover, stretch, pad"),
         ({"width": 9, "fit": "pad"}, "fit needs a width and a height"),
         ({"shape": 0.5, "fit": "pad"}, "fit needs a width and a height"),
-        ({"shape": 9, "box": (0, 0, 25, 4)}, "is no part of a picture of 24 × 16 px"),
-        ({"shape": 9, "box": (4, 0, 4, 4)}, "is no part"),
-        ({"shape": 9, "box": (0.5, 0, 4, 4)}, "give left, top, right and bottom"),
+        ({"shape": 9, "box": (0, 0, 25, 4)}, "of a picture of 24 × 16 px; give left, top, right"),
+        ({"shape": 9, "box": (4, 0, 4, 4)}, "give left, top, right and bottom of a part"),
+        ({"shape": 9, "box": (4, np.nan, 5, 4)}, "give left, top, right and bottom of a part"),
         ({"shape": 9, "box": 4}, "give left, top, right and bottom"),
+        ({"shape": 9, "box": (0, 0, 4, 4), "fit": "pad"}, "leave box out, or cut it out first"),
     ],
 )
 def test_a_size_that_is_none_is_refused_in_a_line(photo, given, complaint):

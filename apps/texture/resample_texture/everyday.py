@@ -1,6 +1,6 @@
 """Resize, scale and rotate pictures, and show them in other projections, by `warp`."""
 
-import operator
+from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -41,7 +41,7 @@ def resize(
     height: int | None = None,
     width: int | None = None,
     fit: Fit | None = None,
-    box: tuple[int, int, int, int] | None = None,
+    box: Sequence[float] | None = None,
     method: str | Method = "hybrid",
     edge: AnyEdge | None = None,
     linear_light: AnyLight | None = None,
@@ -65,6 +65,7 @@ def resize(
         `stretch` for two.
     box
         Left, top, right and bottom, px, of the part of the picture to take, as Pillow has them.
+        What is around it counts only where an interpolation reaches beyond.
     method
         Name, or an object with its own options, such as `Hybrid(filter="gaussian:sigma=0.5")`.
     edge
@@ -93,9 +94,7 @@ def resize(
     """
     check_options("resize", choices, ResizeOptions)
     picture, light = _opened(image, linear_light, choices)
-    if box is not None:
-        picture = _cropped(picture, box)
-    way = resized(picture.size, shape, height=height, width=width, fit=fit)
+    way = resized(picture.size, shape, height=height, width=width, fit=fit, box=box)
     usual: AnyEdge = "transparent" if fit == "pad" else "clamp"
     border = usual if edge is None else edge
     return warp(picture.values, *way, method, edge=border, **light, alpha=alpha, **choices)
@@ -263,21 +262,6 @@ def _opened(
     picture = given_pictures(image, choices.pop("axis", None))
     is_linear = light_for(linear_light, picture.values.dtype, picture.is_encoded)
     return picture, {"linear_light": is_linear, "axis": picture.axis}
-
-
-def _cropped(picture: GivenPictures, box: tuple[int, int, int, int]) -> GivenPictures:
-    """Return the part of pictures within left, top, right and bottom, px."""
-    height, width = picture.size
-    try:
-        left, top, right, bottom = (operator.index(side) for side in box)
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"box {shortly(box)}; give left, top, right and bottom, whole numbers of px"
-        ) from None
-    if not (0 <= left < right <= width and 0 <= top < bottom <= height):
-        raise ValueError(f"box {shortly(box)} is no part of a picture of {width} × {height} px")
-    part = (slice(None),) * picture.is_stack + (slice(top, bottom), slice(left, right))
-    return picture._replace(values=picture.values[part])
 
 
 def project(

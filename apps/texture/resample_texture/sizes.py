@@ -1,11 +1,12 @@
 """New sizes of pictures: given in px or as a share, and how a picture fills them."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
-from resample.words import shortly
+from resample.words import doubles_of, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.mappings import Homography
 from resample_texture.geometry.matrices import resizing, scaled_shape
@@ -15,18 +16,24 @@ AnySize = tuple[int, int] | int | float  # height and width; longer side; share
 
 
 def resized(
-    source_shape: tuple[int, int],
+    source_shape: tuple[float, float],
     size: AnySize | None = None,
     *,
     height: int | None = None,
     width: int | None = None,
     fit: Fit | None = None,
+    box: Sequence[float] | None = None,
 ) -> tuple[Homography, tuple[int, int]]:
     """Return the map from a picture (height, width) to its new size, and that size.
 
     `size` and the others are as `resample_texture.resize` takes its shape and the others.
     """
-    fit, (down, across) = _box(source_shape, size, height, width, fit)
+    if box is not None:
+        left, top, right, bottom = _checked(box, source_shape, fit)
+        part = bottom - top, right - left
+        placed, shape = resized(part, size, height=height, width=width, fit=fit)
+        return Homography(placed.matrix @ [[1, 0, -left], [0, 1, -top], [0, 0, 1]]), shape
+    fit, (down, across) = _filled(source_shape, size, height, width, fit)
     if fit == "stretch":
         return resizing(source_shape, (down, across)), (down, across)
     factors = down / source_shape[0], across / source_shape[1]
@@ -39,8 +46,8 @@ def resized(
     return Homography(matrix), (down, across)
 
 
-def _box(
-    source_shape: tuple[int, int],
+def _filled(
+    source_shape: tuple[float, float],
     size: Any,
     height: int | None,
     width: int | None,
@@ -64,6 +71,25 @@ def _box(
     rows, columns = source_shape
     down = _side("height", height, rows * (width or 0) / columns)
     return fit or "stretch", (down, _side("width", width, columns * (height or 0) / rows))
+
+
+def _checked(
+    box: Sequence[float], source_shape: tuple[float, float], fit: Fit | None
+) -> tuple[float, float, float, float]:
+    """Return left, top, right and bottom of a part of a picture (height, width)."""
+    sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
+    height, width = source_shape
+    if len(sides) != 4 or not (
+        0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height
+    ):
+        raise ValueError(
+            f"box {shortly(box)} of a picture of {width} × {height} px; give left, top, right and"
+            " bottom of a part of it"
+        )
+    if fit == "pad":
+        raise ValueError("pad fills up around whole pictures; leave box out, or cut it out first")
+    left, top, right, bottom = sides
+    return left, top, right, bottom
 
 
 def _side(name: str, given: int | None, following: float) -> int:

@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -57,9 +57,19 @@ class NewSize(Choices):
         ),
     ] = None
 
+    box: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Part of the picture to take: left,top,right,bottom in px. [default: all "
+            "of it]"
+        ),
+    ] = None
+
     def check(self) -> None:
         """Refuse a wrong size before any picture is read."""
-        self.target((1, 1))
+        self.model_copy(update={"box": None}).target((1, 1))
+        self._part()
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
@@ -67,8 +77,11 @@ class NewSize(Choices):
         from resample_texture.sizes import resized
 
         size = None if self.size is None else size_of(self.size)
-        given = resized(source_shape, size, height=self.height, width=self.width, fit=self.fit)
-        return PictureTarget(*given)
+        sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
+        return PictureTarget(*resized(source_shape, size, **sides, box=self._part()))
+
+    def _part(self) -> list[float] | None:
+        return None if self.box is None else numbers_in("box", self.box)
 
     def opened(self, warping: Filling) -> Filling:
         """Return options with which padding shows nothing, unless an edge mode was given."""
