@@ -379,12 +379,7 @@ def is_batch(images: Sequence[Place], output: Path) -> bool:
 
 def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
     """Expand arguments to pairs of source and target."""
-    sources = list(dict.fromkeys(file for image in images for file in _files(image)))
-    if not sources:
-        raise ValueError(
-            f"{', '.join(map(str, images))}: no pictures found; give files, a folder "
-            "that holds some, or a quoted pattern such as 'photos/*.jpg'"
-        )
+    sources = files_of(images)
     pattern = output.name if "*" in output.name else None
     folder = output if pattern is None else output.parent
     if folder.exists() and not folder.is_dir():
@@ -403,6 +398,17 @@ def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
             raise ValueError(f"{target} would be replaced; give another folder")
         taken[target] = source
     return pairs
+
+
+def files_of(images: Sequence[Place]) -> list[Place]:
+    """Expand folders and patterns to files."""
+    found = list(dict.fromkeys(file for image in images for file in _files(image)))
+    if not found:
+        raise ValueError(
+            f"{', '.join(map(str, images))}: no pictures found; give files, a folder "
+            "that holds some, or a quoted pattern such as 'photos/*.jpg'"
+        )
+    return found
 
 
 def _is_of_files(place: Place) -> bool:

@@ -183,12 +183,12 @@ def rectify(
 
 @app.command
 def info(
-    image: Picture,
+    images: list[Picture],
     /,
     *,
     as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Print what a picture or film says of itself, and what is assumed of its colors.
+    """Print what pictures and films say of themselves, and what is assumed of their colors.
 
     For example:
 
@@ -198,18 +198,28 @@ def info(
 
     Parameters
     ----------
-    image
-        Picture, animation or film.
+    images
+        Pictures, animations, films, folders or quoted patterns.
     as_json
         Print JSON instead of a table.
     """
     import json
 
+    from resample.files.sequences import files_of
     from resample_texture.command.facts import facts_in
 
-    facts = facts_in(image)
-    lines = (f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
-    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else "".join(lines))
+    files = files_of(images)
+    told = [facts_in(file) for file in files]
+    if len(told) > 1:
+        told = [{"file": str(file), **facts} for file, facts in zip(files, told, strict=True)]
+    if as_json:
+        sys.stdout.write(json.dumps(told if len(told) > 1 else told[0], indent=2) + "\n")
+        return
+    tables = (
+        "".join(f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
+        for facts in told
+    )
+    sys.stdout.write("\n".join(tables))
 
 
 @app.command
