@@ -51,7 +51,7 @@ def geometry_of(given: Any, shape: tuple[int, int], convention: str, inverse: bo
     if not callable(given) and not is_pair_of_maps(given):
         return homography(given, convention=convention, inverse=inverse)
     if inverse:
-        raise ValueError("functions and maps lead from target to source; leave inverse out")
+        raise ValueError("a function or map always maps target to source; leave inverse out")
     if is_pair_of_maps(given):
         return BackwardMap.from_opencv(*given)
     if convention not in tuple(Convention):
