@@ -23,8 +23,10 @@ figures: $(VENV)/.run
 	$(BIN)/resample-volume figures --output figures $(if $(DATA),--data $(DATA))
 	$(BIN)/resample-texture figures --output figures
 	$(BIN)/resample-warp3d figures --output figures
-# Pictures of pages and moving ones, in docs/images; wants a Chromium, and VTK's wheel; DATA is a folder of volumes.
+# Pictures of pages, moving ones and crops, in docs/images; wants a Chromium, and VTK's wheel; DATA is a folder of volumes,
+# PHOTOS one of photographs.
 media: $(VENV)/.dev
+	$(BIN)/python tools/crops.py $(if $(PHOTOS),--data $(PHOTOS))
 	$(BIN)/python tools/media.py $(if $(DATA),--data $(DATA))
 # docs/testing.md tells what `test` leaves to `test-all`; WORKERS=1 is one process, ARGS="-k corners" some tests.
 WORKERS ?= auto

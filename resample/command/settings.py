@@ -330,6 +330,11 @@ class Written(Choices):
         ),
     ] = None
 
+    profile: Annotated[
+        Literal["keep", "srgb"],
+        Field(description="Colors: keep the source's ICC profile, or convert them to sRGB."),
+    ] = "keep"
+
     file_quality: Annotated[
         str | None,
         Field(
@@ -349,7 +354,8 @@ class Written(Choices):
         from resample.files.formats import WriteOptions
 
         behind = None if self.background is None else linear_color(self.background)
-        return WriteOptions(self.bits, behind, quality=self._quality())
+        is_srgb = self.profile == "srgb"
+        return WriteOptions(self.bits, behind, quality=self._quality(), in_srgb=is_srgb)
 
     def _quality(self) -> int | str | None:
         """Quality of the file."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from resample.colors import to_srgb
 from resample.console import Color, say
 from resample.files.facts.metadata import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
+from resample.files.facts.profiles import converted
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.types import Floats
@@ -30,6 +31,7 @@ class WriteOptions(NamedTuple):
     half: bool = False  # EXR: R, G, B and A in 16 bits
     compression: str = "zip"  # EXR: one of `LOSSLESS`
     quality: int | str | None = None  # 1 to 100 of `QUALITY`, or `NO_LOSS` of .webp
+    in_srgb: bool = False  # colors of ICC profiles become sRGB's; otherwise profiles are kept
 
 
 def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
@@ -118,6 +120,8 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
     """Convert a picture to stored form; warn about lost metadata."""
     check_output(path, look, transparent=picture.kind.has_alpha)
     check_source(path, picture, look)
+    if look.in_srgb:
+        picture = as_srgb(picture)
     if look.background is not None:
         picture = flattened(picture, look.background)
     suffix, (data, kind, about) = path.suffix.lower(), picture
@@ -147,6 +151,28 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
     return StoredPage(data, kind, about, look, is_light)
+
+
+def as_srgb(picture: Picture) -> Picture:
+    """Convert the colors of a picture's ICC profile to those of sRGB.
+
+    Raises
+    ------
+    ValueError
+        The picture says otherwise what its colors are, or its profile cannot be converted.
+    """
+    data, kind, about = picture
+    if not about.colors:
+        return picture
+    count = len(kind.channels) - kind.has_alpha
+    if not (kind.is_encoded and PROFILE_SPACES.get(about.profile[16:20]) == count):
+        raise ValueError(f"{about.colors} of {count} channels: not converted; leave --profile out")
+    color, alpha = data[..., :count], data[..., count:]
+    if kind.has_alpha:
+        color = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0.0)
+    color = converted(color, about.profile) * (alpha if kind.has_alpha else 1.0)
+    data = np.concatenate([color, alpha], axis=2, dtype=np.float32)
+    return Picture(data, kind, about._replace(profile=b"", marks=b"", colors=""))
 
 
 def tell_colors(path: Path, about: FileMetadata, *, is_guessed: bool) -> None:

@@ -33,6 +33,7 @@ from resample.files.films import (
 from resample.files.formats import (
     SUFFIXES,
     WriteOptions,
+    as_srgb,
     can_be_written,
     check_output,
     flattened,
@@ -242,6 +243,8 @@ def _colors_of(frame: Any) -> dict[str, Any]:
 
 def _screen(path: Path, picture: Picture, look: WriteOptions, *, tells: bool) -> NDArray[np.uint8]:
     """Display levels (H, W, 3 or 4) of a picture."""
+    if look.in_srgb:
+        picture = as_srgb(picture)
     if tells:
         tell_colors(path, picture.about, is_guessed=look.is_light)
     if look.background is not None:
@@ -369,23 +372,24 @@ _ANIMATED = {
 
 def is_batch(images: Sequence[Place], output: Path) -> bool:
     """Whether results go to a folder: for several files, a folder or a pattern, or if it is one."""
-    is_folder = output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
+    is_folder = "*" in output.name
+    is_folder |= output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
     return len(images) > 1 or is_folder or _is_of_files(images[0])
 
 
 def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
     """Expand arguments to pairs of source and target."""
-    sources = list(dict.fromkeys(file for image in images for file in _files(image)))
-    if not sources:
+    sources = files_of(images)
+    pattern = output.name if "*" in output.name else None
+    folder = output if pattern is None else output.parent
+    if folder.exists() and not folder.is_dir():
+        raise OSError(f"{folder} is not a folder; several pictures are written to one")
+    if pattern is None and not folder.exists() and folder.suffix:
         raise ValueError(
-            f"{', '.join(map(str, images))}: no pictures found; give files, a folder "
-            "that holds some, or a quoted pattern such as 'photos/*.jpg'"
+            f"{folder}: several pictures are written to a folder; give its name, or a pattern such"
+            " as 'small/*.webp'"
         )
-    if output.exists() and not output.is_dir():
-        raise OSError(f"{output} is not a folder; several pictures are written to one")
-    if not output.exists() and output.suffix:
-        raise ValueError(f"{output}: several pictures are written to a folder; give its name")
-    pairs = [(source, output / _name(source)) for source in sources]
+    pairs = [(source, folder / _name(source, pattern)) for source in sources]
     taken: dict[Path, Place] = {}
     for source, target in pairs:
         if target in taken:
@@ -394,6 +398,17 @@ def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
             raise ValueError(f"{target} would be replaced; give another folder")
         taken[target] = source
     return pairs
+
+
+def files_of(images: Sequence[Place]) -> list[Place]:
+    """Expand folders and patterns to files."""
+    found = list(dict.fromkeys(file for image in images for file in _files(image)))
+    if not found:
+        raise ValueError(
+            f"{', '.join(map(str, images))}: no pictures found; give files, a folder "
+            "that holds some, or a quoted pattern such as 'photos/*.jpg'"
+        )
+    return found
 
 
 def _is_of_files(place: Place) -> bool:
@@ -419,8 +434,10 @@ def _files(path: Place) -> Iterator[Place]:
         yield path
 
 
-def _name(source: Place) -> str:
-    """Name of a result: that of its source if its format can be written."""
+def _name(source: Place, pattern: str | None) -> str:
+    """Name of a result: by a pattern, or that of its source if its format can be written."""
+    if pattern is not None:
+        return pattern.replace("*", Path(source.name).stem)
     suffix = source.suffix.lower()
     if suffix in SUFFIXES or can_be_written(suffix):
         return source.name

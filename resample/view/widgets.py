@@ -177,9 +177,11 @@ def write_levels(path: Path, given: Any) -> None:
     picture = as_picture(given)
     if picture.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"a picture of {picture.dtype}; give 8 or 16 bits, or a file such as .exr")
+    channels = picture.shape[2] if picture.ndim == 3 else 1
+    if picture.ndim not in (2, 3) or channels not in (1, 3, 4):
+        raise ValueError(f"a picture of {picture.shape}; give (H, W), or (H, W, C) of 1, 3 or 4")
     import cv2
 
-    channels = picture.shape[2] if picture.ndim == 3 else 1
     stored = picture[..., [2, 1, 0, 3][:channels]] if channels > 2 else picture
     _, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(stored))
     path.write_bytes(encoded.tobytes())  # OpenCV does not report a full disk

@@ -14,6 +14,7 @@ import resample_texture as texture
 import resample_volume as volume
 import resample_warp3d as warp3d
 from resample import Camera, Resampler, Scatter
+from resample.view.widgets import write_levels
 from resample_texture import differentiable
 
 RNG = np.random.default_rng(1)
@@ -100,6 +101,7 @@ SHAPES: dict[str, Callable[[Any], Any]] = {
     "coadd": lambda given: texture.coadd([GRAY], [ONE], given),
     "Scatter": lambda given: Scatter()([[1, 1]], [1.0], radius=1.0, shape=given),
 }
+EXACT_SHAPES = {name: call for name, call in SHAPES.items() if name != "resize"}
 SIZES: dict[str, Callable[[Any], Any]] = {
     "PictureScene": lambda given: texture.PictureScene(PICTURE).render(ONE, size=given),
     "depth": lambda given: warp3d.warp(PICTURE, DEPTH, EYE, EYE, size=given),
@@ -189,7 +191,7 @@ BAD: list[tuple[dict[str, Callable[[Any], Any]], Any, str]] = [
     (THREADED, "2", r"threads '2'; give a whole number of 1 or more"),
     (SHAPES, (0, 5), r"a (target|picture) of 5 . 0 p"),
     (SHAPES, ("4", "5"), r"\('4', '5'\).*height and width.*two whole numbers of px"),
-    (SHAPES, 4, r"4.*height and width.*two whole numbers of px"),
+    (EXACT_SHAPES, 4, r"4.*height and width.*two whole numbers of px"),
     (SHAPES, (4.5, 5), r"\(4\.5, 5\).*two whole numbers of px"),
     (SHAPES, "4x5", r"'4x5'.*two whole numbers of px"),
     (SIZES, (0, 5), r"a (target|picture) of 0 . 5 p"),
@@ -279,6 +281,10 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "particle positions": (lambda: resample.particles("abc", (1, 0, 0), 0.9, 1), "numbers"),
     "control points": (lambda: texture.control_points("a", "b", SHAPE), "numbers"),
+    "viewed stack": (
+        lambda: write_levels(Path("none.png"), np.zeros((5, 64, 80), np.uint8)),
+        r"a picture of \(5, 64, 80\); give \(H, W\), or \(H, W, C\) of 1, 3 or 4",
+    ),
     "empty cloud": (lambda: points.CloudScene(EMPTY).render(), "a cloud without points"),
 }
 

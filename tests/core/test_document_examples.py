@@ -15,7 +15,16 @@ from tests import snapshots
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "apps/texture/README.md", "apps/warp3d/README.md", "docs/library.md")
 PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md")
-HOWTOS = ("application", "clouds", "coordinates", "gaussians", "network_depth", "opencv", "xrays")
+HOWTOS = (
+    "application",
+    "clouds",
+    "coordinates",
+    "gaussians",
+    "network_depth",
+    "opencv",
+    "text",
+    "xrays",
+)
 SLOW = ("particles", "planes", "projections")
 
 EXTRA = "which is not installed: pip install 'hybrid-resample["
@@ -52,6 +61,11 @@ def pictures(rng: np.random.Generator) -> dict[str, Any]:
         "film": [image, image],
         "labels": image[..., 0] // 64,
         "matrix": np.array([[0.9, 0.1, 3.0], [-0.1, 1.0, 5.0], [0.0, 1e-4, 1.0]]),
+        "frames": image[np.newaxis].repeat(2, axis=0),
+        "matrices": np.stack([np.eye(3), np.diag([0.5, 0.5, 1.0])]),
+        "camera_matrix": np.array([[150.0, 0, 79.5], [0, 150, 59.5], [0, 0, 1]]),
+        "distortion": np.array([-0.1, 0.01, 0.0, 0.0]),
+        "corners": np.array([[0.0, 0.0], [160.0, 120.0]]),
         "map_x": x + np.sin(y / 9),
         "map_y": y + 0.5,
         "flow": np.stack([np.sin(y / 20), np.cos(x / 20)], axis=-1),

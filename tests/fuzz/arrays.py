@@ -186,16 +186,22 @@ def _warp(odd: Odd) -> None:
 
 
 def _everyday(odd: Odd) -> None:
-    from resample_texture import resize, rotate, scale
+    from resample_texture import resize, rotate, scale, undistort, warp_points
 
     image = odd.array((12, 14, 3), "uint8")
-    kind = odd.rng.randrange(3)
+    kind = odd.rng.randrange(6)
     if kind == 0:
         rotate(image, odd.number(30.0))
     elif kind == 1:
         scale(image, odd.number(0.7))
+    elif kind == 2:
+        undistort(image, odd.numbers([9, 9, 6.5, 5.5]), odd.numbers([0.1, 0.01, 0, 0]))
+    elif kind == 3:
+        warp_points(odd.numbers([[3, 4], [5, 6]]), odd.numbers([[1, 0, 3], [0, 1, 4]]))
+    elif kind == 4:
+        resize(image, odd.number(0.7), fit=odd.rng.choice((None, "pad")))
     else:
-        resize(image, odd.size())
+        resize(image, odd.size(), box=(2, 2, 10, 10))
 
 
 def _depth(odd: Odd) -> None:

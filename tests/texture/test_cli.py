@@ -479,7 +479,7 @@ def test_a_bad_choice_is_one_line(words, complaint, capsys):
         (["-o", "out.png", "--stats", "none/s.json"], "cannot be written: No such file"),
         (["-o", "out.png", "--coverage", "./out.png"], "cannot be written twice"),
         (["-o", "out.png", "--coverage", "c.gif"], "pictures are written as"),
-        ([], "needs --output"),
+        ([], "give the output after photo.png"),
     ],
 )
 def test_an_output_that_cannot_be_written_is_found_before_any_work(

@@ -11,7 +11,7 @@ from PIL import Image, TiffImagePlugin
 
 from resample.files.images import read_channels, read_image
 from resample.files.sequences import frames_of
-from resample_texture import Hybrid, cli, resize, rotate, scale
+from resample_texture import BackwardMap, Hybrid, cli, resize, rotate, scale, undistort, warp
 from resample_texture.geometry.matrices import scaled_shape, turned_shape
 from tests import commands
 from tests.commands import HEAVY, imported, store
@@ -174,7 +174,7 @@ def test_an_angle_is_a_number(degrees):
 @pytest.mark.parametrize("way", [partial(resize, shape=(2, 2)), partial(rotate, degrees=3)])
 @pytest.mark.parametrize("shape", [(4,), (0, 4), (4, 0, 3)])
 def test_what_is_no_picture_is_refused(way, shape):
-    with pytest.raises(ValueError, match="in two dimensions"):
+    with pytest.raises(ValueError, match=r"a picture is \(H, W\) or"):
         way(np.ones(shape))
 
 
@@ -441,8 +441,8 @@ def test_help_imports_nothing_heavy(name):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["resize", "photo.png", "out.png"], "give a --size, or a --width, a --height or both"),
-        (["resize", "photo.png", "out.png", "--size", "9", "--width", "9"], "give a --size, or"),
+        (["resize", "photo.png", "out.png"], "give a size, or a width, a height or both"),
+        (["resize", "photo.png", "out.png", "--size", "9", "--width", "9"], "give a size, or"),
         (["resize", "photo.png", "out.png", "--size", "0%"], "give a factor above 0"),
         (["resize", "photo.png", "out.png", "--size", "2y"], "give 400, 640x480, 50%, 0.5 or 2x"),
         (["resize", "photo.png", "out.png", "--size", "0x9"], "at least 1"),
@@ -450,6 +450,14 @@ def test_help_imports_nothing_heavy(name):
         (["resize", "photo.png", "out.png", "--width", "0"], "greater than or equal to 1"),
         (["resize", "photo.png", "out.png", "--size", "9999999999.5"], "together at most"),
         (["resize", "photo.png", "--size", "9"], "give the output after photo.png"),
+        (
+            ["resize", "photo.png", "out.png", "--size", "9", "--box", "1,x"],
+            "box '1,x'; give numbers",
+        ),
+        (
+            ["resize", "photo.png", "out.png", "--size", "9", "--box", "1,2,3"],
+            "give left, top, right",
+        ),
         (["resize", "--size", "9"], "needs FILES"),
         (["resize", "none.png", "out.png", "--size", "9"], "none.png"),
         (["resize", "photo.png", "out.gif", "--size", "9"], "pictures are written as"),
@@ -533,3 +541,140 @@ def test_files_and_pillow_s_images_are_taken_as_warp_takes_them(tmp_path):
         np.testing.assert_array_equal(call(path).image, expected)
         np.testing.assert_array_equal(call(str(path)).image, expected)
         np.testing.assert_array_equal(call(picture).image, expected)
+
+
+# What Python and the command line have in common.
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"shape": 9}, ["--size", "9"]),
+        ({"shape": np.int64(48)}, ["--size", "48"]),
+        ({"shape": 0.4}, ["--size", "0.4"]),
+        ({"shape": 2.0}, ["--size", "2x"]),
+        ({"width": 9}, ["--width", "9"]),
+        ({"height": 9}, ["--height", "9"]),
+        ({"width": 9, "height": 9}, ["--width", "9", "--height", "9"]),
+        *(
+            ({"shape": (9, 20), "fit": fit}, ["--size", "20x9", "--fit", fit])
+            for fit in ("contain", "cover", "stretch", "pad")
+        ),
+        ({"shape": 9, "fit": "pad"}, ["--size", "9", "--fit", "pad"]),
+        ({"width": 9, "height": 9, "fit": "cover"}, ["--width=9", "--height=9", "--fit=cover"]),
+        ({"shape": 12, "box": (2.5, 3, 18, 15)}, ["--size", "12", "--box", "2.5,3,18,15"]),
+        ({"shape": 0.5, "box": (2, 4, 18, 14)}, ["--size", "50%", "--box", "2,4,18,14"]),
+    ],
+)
+def test_a_size_is_that_of_the_command(photo, given, words):
+    ended("resize", "photo.png", "out.png", *words)
+    made, written = resize(photo, **given).image, levels_of("out.png")
+    assert made.shape[:2] == written.shape[:2]
+    close = np.abs(made.astype(int) - written[..., :3]) <= 1  # files are rounded from light
+    assert close.all()
+
+
+def test_one_number_is_the_longer_side(rng):
+    assert resize(rng.random((30, 40)), 20).image.shape == (15, 20)
+    assert resize(rng.random((40, 30, 3)), 20).image.shape == (20, 15, 3)
+
+
+def test_padding_is_not_covered(photo):
+    padded = resize(photo, (24, 24), fit="pad")
+    assert padded.coverage[:, 3].tolist() == [0.0] * 4 + [1.0] * 16 + [0.0] * 4
+    np.testing.assert_array_equal(padded.image[4:20], photo)
+    assert resize(photo, (24, 24), fit="pad", edge="clamp").coverage.min() == 1.0
+
+
+@pytest.mark.parametrize("box", [(3, 2, 21, 14), (0, 0, 30, 20), (6, 4, 24, 16)])
+def test_a_box_is_pillow_s(rng, box):
+    image = rng.random((20, 30)).astype(np.float32)
+    size = (box[2] - box[0]) // 3, (box[3] - box[1]) // 2
+    pillow = Image.fromarray(image).resize(size, Image.Resampling.BOX, box=box)
+    found = resize(image, size[::-1], box=box).image
+    np.testing.assert_allclose(found, np.asarray(pillow), atol=ROUNDING)
+
+
+def test_a_box_fills_what_the_picture_would(photo):
+    assert resize(photo, 9, box=(1.5, 2, 22.5, 9)).image.shape == (3, 9, 3)
+    part = resize(photo, (14, 42), box=(1.5, 2, 22.5, 9)).image
+    matrix = [[2, 0, -3], [0, 2, -4]]
+    np.testing.assert_array_equal(part, warp(photo, matrix, (14, 42), edge="clamp").image)
+    cut = resize(photo, (8, 8), box=(4, 4, 12, 8), fit="cover").image
+    np.testing.assert_array_equal(cut, resize(photo, (8, 8), box=(6, 4, 10, 8)).image)
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({}, "give a size, or a width, a height or both"),
+        ({"shape": 9, "width": 9}, "give a size, or a width"),
+        ({"shape": 0}, "give a height and a width of 1 px or more"),
+        ({"shape": 0.0}, "give a factor above 0"),
+        ({"shape": np.nan}, "give a factor above 0"),
+        ({"width": 0}, "width 0; give a whole number of px, 1 or more"),
+        ({"height": 2.5}, r"height 2\.5; give a whole number"),
+        ({"shape": 9, "fit": "fill"}, "fit 'fill'; known: contain, cover, stretch, pad"),
+        ({"width": 9, "fit": "pad"}, "fit needs a width and a height"),
+        ({"shape": 0.5, "fit": "pad"}, "fit needs a width and a height"),
+        ({"shape": 9, "box": (0, 0, 25, 4)}, "of a picture of 24 × 16 px; give left, top, right"),
+        ({"shape": 9, "box": (4, 0, 4, 4)}, "give left, top, right and bottom of a part"),
+        ({"shape": 9, "box": (4, np.nan, 5, 4)}, "give left, top, right and bottom of a part"),
+        ({"shape": 9, "box": 4}, "give left, top, right and bottom"),
+        ({"shape": 9, "box": (0, 0, 4, 4), "fit": "pad"}, "leave box out, or cut it out first"),
+    ],
+)
+def test_a_size_that_is_none_is_refused_in_a_line(photo, given, complaint):
+    with pytest.raises(ValueError, match=complaint) as caught:
+        resize(photo, **given)
+    assert "\n" not in str(caught.value)
+
+
+CAMERA = np.array([[20.0, 0, 11.5], [0, 20, 7.5], [0, 0, 1]])
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_a_lens_is_removed_as_opencv_does(photo, count):
+    smooth = cv2.resize(photo[:4, :6], (96, 64), interpolation=cv2.INTER_CUBIC).astype(np.float32)
+    camera, pinhole = np.diag([4, 4, 1]) @ CAMERA, np.diag([3.5, 3.5, 1]) @ CAMERA
+    lens = np.array([-0.2, 0.05, 1e-3, 2e-3, 0.01, 0.02, 0.01, 0, *[1e-3] * 4, 0.01, 0.02])[:count]
+    for new in (None, pinhole):
+        found = undistort(smooth, camera, lens, new_matrix=new, interpolation="bilinear")
+        maps = cv2.initUndistortRectifyMap(camera, lens, None, camera if new is None else new,
+                                           (96, 64), cv2.CV_32FC1)  # fmt: skip
+        same = warp(smooth, BackwardMap.from_opencv(*maps), (64, 96), interpolation="bilinear")
+        inside = eroded(same.coverage == 1)
+        np.testing.assert_allclose(found.image[inside], same.image[inside], atol=0.02)  # float32
+        opencv = cv2.undistort(smooth, camera, lens, newCameraMatrix=new)
+        assert np.abs(found.image - opencv)[inside].mean() < 1.0  # of 255; cv2 takes one place
+
+
+def test_a_fisheye_is_rectified_as_opencv_does(photo):
+    lens, turned = np.array([0.02, -0.01, 3e-3, 1e-3]), cv2.Rodrigues(np.array([0.1, 0.2, 0.05]))[0]
+    maps = cv2.fisheye.initUndistortRectifyMap(CAMERA, lens, turned, CAMERA, (30, 20), cv2.CV_32FC1)
+    found = undistort(photo, CAMERA, lens, (20, 30), rotation=turned, fisheye=True)
+    same = warp(photo, maps, (20, 30))
+    assert np.abs(found.image.astype(int) - same.image)[eroded(same.coverage == 1)].max() <= 1
+
+
+@pytest.mark.parametrize("inverse", [False, True])
+def test_undistort_is_that_of_the_command(photo, inverse):
+    numbers = "20,20,11.5,7.5,0.1,0.01,0.001,0.002"
+    way = ["--inverse"] if inverse else []
+    ended("undistort", "photo.png", "out.png", "--lens", numbers, "--edge", "clamp", *way)
+    made = undistort(photo, CAMERA, [0.1, 0.01, 1e-3, 2e-3], inverse=inverse, edge="clamp")
+    assert np.abs(made.image.astype(int) - levels_of("out.png")).max() <= 1  # rounded from light
+    np.testing.assert_array_equal(undistort(photo, CAMERA).image, photo)
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ((CAMERA, [0, 0, 0]), "a lens has 4, 5, 8, 12, 14 finite coefficients"),
+        ((np.eye(4), None), r"intrinsics have shape \(3, 3\)"),
+        ((CAMERA, [0, 0, 0, 0], (0, 5)), "1 px or more"),
+    ],
+)
+def test_a_lens_that_is_none_is_refused_in_a_line(photo, given, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        undistort(photo, *given)

@@ -5,9 +5,9 @@ import pytest
 
 from resample.cameras.calibrations.lens_files import pinhole_of
 from resample.cameras.models import Camera
-from resample_texture.geometry.cameras import distorting, undistorting, undistorting_forward
 from resample_texture.geometry.mappings import pixel_centers
 from tests.lenses import COEFFICIENTS, SHAPE
+from tests.texture.lens_maps import distorting, undistorting, undistorting_forward
 
 cv2 = pytest.importorskip("cv2")
 

@@ -78,4 +78,4 @@ def test_padding_takes_a_background_or_an_edge_mode():
 @pytest.mark.parametrize("words", [["--size", "50%"], ["--width", "9"]])
 def test_a_fit_needs_a_width_and_a_height(words, capsys):
     complaint = refused(capsys, "resize", "wide.png", "out.png", *words, "--fit", "cover")
-    assert "--fit needs a width and a height in px" in complaint
+    assert "fit needs a width and a height in px" in complaint

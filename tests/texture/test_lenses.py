@@ -4,9 +4,9 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.pixels import pixel_centers as centers
 from resample.cameras.pixels import undistorted_places
-from resample_texture.geometry.cameras import distorting, undistorting, undistorting_forward
 from resample_texture.geometry.mappings import pixel_centers
 from tests.lenses import COEFFICIENTS, FOLDING, SHAPE
+from tests.texture.lens_maps import distorting, undistorting, undistorting_forward
 
 CAMERA = np.array([[90.0, 0.0, 49.0], [0.0, 85.0, 41.0], [0.0, 0.0, 1.0]])
 LENSES = {"none": [0.0, 0, 0, 0], **COEFFICIENTS}

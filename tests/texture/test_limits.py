@@ -176,7 +176,7 @@ def test_other_interpolations_are_limited_too(interpolation, limit):
 def test_any_number_of_channels_is_limited(channels):
     source = np.tile(noise(6, 7, 1), (1, 1, channels))
     one, all_ = (
-        warp(each, about(9.0, 4.0), (12, 14), edge="clamp").image
+        warp(each, about(9.0, 4.0), (12, 14), edge="clamp", axis=-1).image
         for each in (source[..., :1], source)
     )
     np.testing.assert_allclose(all_, np.tile(one, (1, 1, channels)), atol=1e-6)

@@ -208,7 +208,7 @@ def test_the_variance_is_that_of_noise(rng, interpolation, scale):
     noise = rng.normal(size=(30, 30, 200)) * sigma[..., None]
     options = {"weights": [weight], "interpolation": interpolation}
     found = coadd([np.ones((30, 30))], [matrix], FRAME, variances=[sigma**2], **options)
-    drawn = coadd([noise], [matrix], FRAME, **options).mean.var(axis=2, ddof=1)
+    drawn = coadd([noise], [matrix], FRAME, axis=-1, **options).mean.var(axis=2, ddof=1)
     full = found.weight > 0.2
     ratio = found.variance[full] / drawn[full]
     assert ratio.mean() == pytest.approx(1.0, abs=0.03)  # 200 draws tell it to 0.1 for each pixel

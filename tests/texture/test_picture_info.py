@@ -52,3 +52,16 @@ def test_an_animation_says_how_often_it_is_shown(capsys):
     facts = printed(capsys, "in.gif")
     assert (facts["count"], facts["seconds"], facts["plays"]) == (2, 0.2, 3)
     assert facts["size"] == [3, 2]
+
+
+def test_several_files_are_told_of_one_by_one(capsys):
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(name, np.zeros((2, 3, 3), np.uint8))
+    for words in (["a.png", "b.png"], ["*.png"], ["."]):
+        assert ended("info", *words, "--json") == 0
+        told = json.loads(capsys.readouterr().out)
+        assert [each["file"] for each in told] == ["a.png", "b.png"]
+        assert ended("info", *words) == 0
+        tables = capsys.readouterr().out.split("\n\n")
+        assert [table.splitlines()[0].split()[1] for table in tables] == ['"a.png"', '"b.png"']
+    assert ended("info", "none*.png") == 2

@@ -332,6 +332,35 @@ def test_many_files_go_to_a_folder_under_their_names(given):
     assert cv2.imread("out/c.png")[0, 0].tolist() == [60] * 3
 
 
+EVERY = {  # commands for many files; what follows these
+    "warp": SAME,
+    "resize": ["--size", "50%"],
+    "scale": ["--factor", "0.5"],
+    "rotate": ["--degrees", "90"],
+    "undistort": ["--lens", "20,20,8,6,0.1,0,0,0"],
+    "project": ["--from", "perspective:fov=90", "--to", "fisheye:fov=90", "--size", "9"],
+    "rectify": ["--corners", "1,1 9,1 9,9 1,9"],
+}
+
+
+@pytest.mark.parametrize("command", EVERY)
+@pytest.mark.parametrize("last", [["out"], ["-o", "out"], ["-o", "out/small-*.webp"]])
+def test_every_command_takes_files_as_shells_list_them(command, last):
+    pictures("in/a.png", "in/b.jpg")
+    words = EVERY[command]
+    assert ended(command, "in/a.png", "in/b.jpg", *last, *words) == 0
+    found = names("out")
+    assert found == (
+        ["a.png", "b.jpg"] if "*" not in last[-1] else ["small-a.webp", "small-b.webp"]
+    )
+
+
+def test_a_pattern_names_one_picture_as_well():
+    pictures("a.png")
+    assert ended("warp", "a.png", "-o", "out/*.jpg", *SAME) == 0
+    assert names("out") == ["a.jpg"]
+
+
 def test_a_single_file_may_go_to_a_folder():
     pictures("a.png")
     Path("out").mkdir()
@@ -383,6 +412,9 @@ def test_stats_tell_of_every_file():
         (["in/*.tif", "-o", "out"], "in/*.tif: no pictures found"),
         (["in", "-o", "out", "--coverage", "c.png"], "--coverage works with one picture"),
         (["in", "-o", "none/out"], "none/out"),
+        (["in", "-o", "none/out/*.png"], "none/out"),
+        (["in", "-o", "a.png/*.png"], "a.png is not a folder"),
+        (["in", "-o", "in/*.png"], "would be replaced; give another folder"),
     ],
 )
 def test_a_bad_batch_is_one_line(words, complaint, capsys):

@@ -15,7 +15,7 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample_texture.chunks import warp_chunks
-    from resample_texture.everyday import project, resize, rotate, scale
+    from resample_texture.everyday import project, resize, rotate, scale, undistort
     from resample_texture.geometry.control import control_points
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.like.opencv import warp_like_opencv
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from resample_texture.methods.paper import Paper
     from resample_texture.mosaics import coadd, reproject
     from resample_texture.planning import Plan
+    from resample_texture.points import warp_points
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.viewing import view
@@ -48,10 +49,12 @@ _HOMES = {
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",
+    "undistort": "everyday",
     "view": "viewing",
     "warp": "warping",
     "warp_chunks": "chunks",
     "warp_like_opencv": "like.opencv",
+    "warp_points": "points",
 }
 
 __all__ = [
@@ -74,10 +77,12 @@ __all__ = [
     "resize",
     "rotate",
     "scale",
+    "undistort",
     "view",
     "warp",
     "warp_chunks",
     "warp_like_opencv",
+    "warp_points",
 ]
 
 __getattr__ = attributes(__name__, _HOMES)

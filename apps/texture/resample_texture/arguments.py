@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from resample import registry
 from resample.cameras.models import Convention
@@ -38,21 +38,55 @@ def edge_named(name: str) -> str:
     return Edge(name)
 
 
-def geometry_of(
-    given: ArrayLike | Geometry | Places, shape: tuple[int, int], convention: str, inverse: bool
-) -> Geometry:
-    """Return the geometry of a matrix, a function of coordinates, or a geometry."""
+def geometry_of(given: Any, shape: tuple[int, int], convention: str, inverse: bool) -> Geometry:
+    """Return the geometry of a matrix, a function, a pair of maps, a transform, or a geometry."""
     if isinstance(given, Homography | ForwardMap | BackwardMap):
         if inverse or convention != "corner":
             raise ValueError("convention and inverse apply to a matrix, not to a geometry")
         return given
-    if not callable(given):
+    if np.shape(params := getattr(given, "params", ())) == (3, 3):  # of scikit-image
+        return homography(params, convention=Convention.OPENCV, inverse=inverse)
+    if is_transform(given):
+        return BackwardMap.from_function(places_of_points(given, inverse), shape, first=0.0)
+    if not callable(given) and not is_pair_of_maps(given):
         return homography(given, convention=convention, inverse=inverse)
     if inverse:
-        raise ValueError("a function always maps target to source; leave inverse out")
+        raise ValueError("a function or map always maps target to source; leave inverse out")
+    if is_pair_of_maps(given):
+        return BackwardMap.from_opencv(*given)
     if convention not in tuple(Convention):
         raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
     return BackwardMap.from_function(given, shape, first=0.5 if convention == "corner" else 0.0)
+
+
+def is_pair_of_maps(given: Any) -> bool:
+    """Whether something is a pair of maps, or a map and None, as `cv2.remap` takes it."""
+    is_pair = isinstance(given, tuple) and len(given) == 2
+    return is_pair and isinstance(given[0], np.ndarray) and given[0].ndim > 1
+
+
+def is_transform(given: Any) -> bool:
+    """Whether something maps points and has an inverse, as scikit-image's transforms do."""
+    return callable(given) and hasattr(type(given), "inverse")
+
+
+def places_of_points(transform: Any, is_forward: bool) -> Places:
+    """Return a function of x and y, any shape, for a transform of points (M, 2), or its inverse."""
+    try:
+        function = transform if is_forward else transform.inverse
+    except NotImplementedError:
+        raise ValueError(
+            f"{type(transform).__name__} knows no inverse; estimate it from target to source, and"
+            " give inverse=True"
+        ) from None
+
+    def places(x: Any, y: Any) -> tuple[Any, Any]:
+        pairs = np.asarray(function(np.stack([np.ravel(x), np.ravel(y)], axis=1)))
+        if pairs.shape != (np.size(x), 2):
+            raise ValueError(f"a transform of {(np.size(x), 2)} points returned {pairs.shape}")
+        return pairs[:, 0].reshape(np.shape(x)), pairs[:, 1].reshape(np.shape(x))
+
+    return places
 
 
 def within(

@@ -33,7 +33,16 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.types import AnyAlpha, AnyEdge, AnyLight, ChunkOptions, Method, Warped
+from resample_texture.stacks import axis_of
+from resample_texture.types import (
+    FRAMES,
+    AnyAlpha,
+    AnyEdge,
+    AnyLight,
+    ChunkOptions,
+    Method,
+    Warped,
+)
 
 SIDE = 1024  # px of chunks, unless the target has its own chunks
 
@@ -99,10 +108,11 @@ def warp_chunks(
         (H, W) or (H, W, C), anything with `shape` and `dtype` that returns arrays for slices:
         `zarr.open_array(...)`, `dask.array`, `numpy.memmap`.
     matrix, shape, method, edge, options
-        As `warp` takes them; of its options `convention`, `inverse`, `linear_light`, `alpha`,
-        `fill`, `total` and `threads`. Geometry must be a matrix or a backward map, and the method
-        one whose pixels gather from a part of the source, as the default. `reflect-101` is not
-        available. With `total` the source is read as a whole, and sums are those of `warp`.
+        As `warp` takes them; of its options `convention`, `inverse`, `axis` (no frames),
+        `linear_light`, `alpha`, `fill`, `total` and `threads`. Geometry must be a matrix or a
+        backward map, and the method one whose pixels gather from a part of the source, as the
+        default. `reflect-101` is not available. With `total` the source is read as a whole, and
+        sums are those of `warp`.
     out
         (height, width) or (height, width, C): anything that takes arrays for slices; it is filled.
         None: return a dask array, whose chunks are warped on demand.
@@ -134,6 +144,8 @@ def warp_chunks(
     threads, total, alpha = options.get("threads"), options.get("total"), options.get("alpha")
     check_threads(threads)
     kept = _LazyPicture(source)
+    if axis_of(kept, options.get("axis")) == FRAMES:
+        raise ValueError(f"a source {kept.shape} of frames; warp them one by one")
     shape = whole_pair(shape, "height", "width")
     if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")

@@ -58,10 +58,10 @@ FIGURES, DEMO = Path("figures"), Path("demo")
 
 @app.command
 def warp(
-    images: list[Picture],
+    files: everyday.Files,
     /,
     *,
-    output: flags.Output,
+    output: everyday.Output = None,
     place: Annotated[WarpGeometry, flags.Flat] = PLACE,
     warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
@@ -75,16 +75,9 @@ def warp(
         resample-texture warp sample:bricks --corners "9,0 90,9 80,70 0,60" -o a.png
         resample-texture warp sample:test-card --matrix 0.9,0.2,0,-0.2,0.9,99 -o b.png
 
-    Parameters
-    ----------
-    images
-        Any picture; float files are linear light, 8 bits sRGB, 16 bits as --encoding says. Or an
-        address of zarr or OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all
-        frames of a .gif, .webp, .apng or film are warped alike. So are several files, a folder, or
-        a quoted pattern such as "photos/*.jpg".
-    output
-        Written to: .png, .tif, .exr, .webp, .avif, or .jpg over a background; for several pages or
-        frames .tif, .gif, .webp, .apng or .mp4; for several files a folder.
+    Float files are linear light, 8 bits sRGB, 16 bits as --encoding says. A file may also be an
+    address of zarr or OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all frames
+    of a .gif, .webp, .apng or film are warped alike.
     """
     from functools import partial
 
@@ -92,8 +85,9 @@ def warp(
     from resample_texture.command.jobs import warp_all
 
     place.check()
+    images, target = everyday.separated(files, output)
     aim = partial(target_of, place)
-    warp_all(images, output, aim, warping=warping, written=written, besides=besides)
+    warp_all(images, target, aim, warping=warping, written=written, besides=besides)
 
 
 @app.command
@@ -145,16 +139,16 @@ for change in (
 
 @app.command
 def rectify(
-    photo: Picture,
+    files: everyday.Files,
     /,
     *,
     corners: Annotated[str, OptionTopic.APPEARANCE, flags.Hyphen],
-    output: flags.Output,
+    output: everyday.Output = None,
     size: flags.AppearanceFlag[str | None] = None,
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
 ) -> None:
-    """Rectify a photographed page.
+    """Rectify photographed pages, all by the same corners.
 
     For example:
 
@@ -164,23 +158,14 @@ def rectify(
 
     Parameters
     ----------
-    photo
-        Any picture.
     corners
         x,y of four corners: those of the page in px of the photo, in any order.
-    output
-        Written to: .png, .tif, .exr, .webp, .avif, or .jpg over a background.
     size
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
     """
-    from resample.command.session import Session
-    from resample.files.formats import check_output
-    from resample.files.pictures import read_picture
-    from resample.files.saving import write_picture
-    from resample.files.writing import check_targets
     from resample_texture.command.inputs import PictureTarget
-    from resample_texture.command.jobs import Job
+    from resample_texture.command.jobs import warp_all
     from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,
@@ -189,28 +174,21 @@ def rectify(
         rectified_shape,
     )
 
-    warping.check()
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
-    target = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
-    job = Job(lambda _: target, warping, written.options())
-    check_output(output, job.options, transparent=False)
-    check_targets(output)
-    job.check_memory(photo, output)
-    picture = read_picture(photo, as_data=True, encoding=warping.encoding)
-    job.check(picture, target, output)
-    page, _ = job.warped(Session(), picture, target, output)
-    write_picture(output, page, job.options)
+    page = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
+    images, target = everyday.separated(files, output)
+    warp_all(images, target, lambda _: page, warping=warping, written=written, besides=BESIDES)
 
 
 @app.command
 def info(
-    image: Picture,
+    images: list[Picture],
     /,
     *,
     as_json: Annotated[bool, OptionTopic.APPEARANCE, Parameter(name="--json", negative="")] = False,
 ) -> None:
-    """Print what a picture or film says of itself, and what is assumed of its colors.
+    """Print what pictures and films say of themselves, and what is assumed of their colors.
 
     For example:
 
@@ -220,18 +198,28 @@ def info(
 
     Parameters
     ----------
-    image
-        Picture, animation or film.
+    images
+        Pictures, animations, films, folders or quoted patterns.
     as_json
         Print JSON instead of a table.
     """
     import json
 
+    from resample.files.sequences import files_of
     from resample_texture.command.facts import facts_in
 
-    facts = facts_in(image)
-    lines = (f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
-    sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else "".join(lines))
+    files = files_of(images)
+    told = [facts_in(file) for file in files]
+    if len(told) > 1:
+        told = [{"file": str(file), **facts} for file, facts in zip(files, told, strict=True)]
+    if as_json:
+        sys.stdout.write(json.dumps(told if len(told) > 1 else told[0], indent=2) + "\n")
+        return
+    tables = (
+        "".join(f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
+        for facts in told
+    )
+    sys.stdout.write("\n".join(tables))
 
 
 @app.command

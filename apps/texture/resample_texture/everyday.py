@@ -1,23 +1,26 @@
 """Resize, scale and rotate pictures, and show them in other projections, by `warp`."""
 
+from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange import check_layout, picture_and_encoding
+from resample.cameras.models import Camera, LensModel
 from resample.profiles.named import plugin_of
 from resample.words import check_options, number, shortly
 from resample_texture.arguments import check_shape, whole_pair
+from resample_texture.geometry.cameras import places_by_lens
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
-    resizing,
     scaled_shape,
     scaling,
     turned_shape,
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
+from resample_texture.sizes import AnySize, Fit, resized
+from resample_texture.stacks import CHANNELS, GivenPictures, given_pictures, stacked
 from resample_texture.texels.levels import light_for
 from resample_texture.types import (
     AnyAlpha,
@@ -33,29 +36,45 @@ from resample_texture.warping import warp
 
 def resize(
     image: Any,
-    shape: tuple[int, int],
+    shape: AnySize | None = None,
     *,
+    height: int | None = None,
+    width: int | None = None,
+    fit: Fit | None = None,
+    box: Sequence[float] | None = None,
     method: str | Method = "hybrid",
-    edge: AnyEdge = "clamp",
+    edge: AnyEdge | None = None,
     linear_light: AnyLight | None = None,
     alpha: AnyAlpha | None = None,
     **choices: Unpack[ResizeOptions],
 ) -> Warped:
-    """Resize a picture so that it fills the target exactly.
+    """Resize a picture, as the command does; it fills the target exactly, or as `fit` says.
 
     Parameters
     ----------
     image
         As `warp` takes it.
     shape
-        Height and width of the result, px.
+        Height and width of the result, px; one whole number: its longer side; a float: a share of
+        the picture's size.
+    height, width
+        Instead of a shape, px; one follows from the other if it is left out.
+    fit
+        `contain`, as large as the shape holds; `cover`, all of the shape, and the rest is cut off;
+        `stretch`; `pad`, contained, and filled up around. By default `contain` for one number,
+        `stretch` for two.
+    box
+        Left, top, right and bottom, px, of the part of the picture to take, as Pillow has them.
+        What is around it counts only where an interpolation reaches beyond.
     method
         Name, or an object with its own options, such as `Hybrid(filter="gaussian:sigma=0.5")`.
-    edge, linear_light, alpha
+    edge
+        As `warp` takes it; by default `clamp`, but `transparent` with `fit="pad"`.
+    linear_light, alpha
         As `warp` takes them.
     choices
-        Its other options: `filter`, `interpolation`, `quality`, `total`, `nodata`, `fill`, `roi`,
-        `threads` and `out`.
+        Its other options: `filter`, `interpolation`, `quality`, `total`, `axis`, `nodata`, `fill`,
+        `roi`, `threads` and `out`.
 
     Raises
     ------
@@ -70,14 +89,15 @@ def resize(
     [[2, 6]]
     >>> resize(np.zeros((48, 64, 3), np.uint8), (30, 40))
     Warped(30 × 40 × 3 uint8, 100 % covered)
+    >>> resize(np.zeros((48, 64, 3), np.uint8), 32).image.shape  # the longer side
+    (24, 32, 3)
     """
     check_options("resize", choices, ResizeOptions)
-    picture, is_linear = _opened(image, linear_light)
-    target = whole_pair(shape, "height", "width")
-    check_shape(target)
-    matrix = resizing(_shape_of(picture), target)
-    light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
-    return warp(picture, matrix, target, method, edge=edge, **light, **choices)
+    picture, light = _opened(image, linear_light, choices)
+    way = resized(picture.size, shape, height=height, width=width, fit=fit, box=box)
+    usual: AnyEdge = "transparent" if fit == "pad" else "clamp"
+    border = usual if edge is None else edge
+    return warp(picture.values, *way, method, edge=border, **light, alpha=alpha, **choices)
 
 
 def scale(
@@ -114,15 +134,14 @@ def scale(
     (8, 42)
     """
     check_options("scale", choices, ResizeOptions)
-    picture, is_linear = _opened(image, linear_light)
+    picture, light = _opened(image, linear_light, choices)
     pair = factor if isinstance(factor, list | tuple | np.ndarray) else (factor, factor)
     if len(pair) != 2:
         raise ValueError(f"factor {shortly(factor)}; give one number, or two for x and y")
     both = number("factor", pair[0]), number("factor", pair[1])
-    target = scaled_shape(_shape_of(picture), both)
-    matrix = scaling(both)
-    light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
-    return warp(picture, matrix, target, method, edge=edge, **light, **choices)
+    target = scaled_shape(picture.size, both)
+    way = scaling(both), target
+    return warp(picture.values, *way, method, edge=edge, **light, alpha=alpha, **choices)
 
 
 def rotate(
@@ -163,30 +182,86 @@ def rotate(
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
     check_options("rotate", choices, ResizeOptions)
-    picture, is_linear = _opened(image, linear_light)
-    source, degrees = _shape_of(picture), number("degrees", degrees)
+    picture, light = _opened(image, linear_light, choices)
+    source, degrees = picture.size, number("degrees", degrees)
     target = (
         turned_shape(source, degrees) if shape is None else whole_pair(shape, "height", "width")
     )
-    matrix = turning(source, degrees, target)
-    light: dict[str, Any] = {"linear_light": is_linear, "alpha": alpha}
-    return warp(picture, matrix, target, method, edge=edge, **light, **choices)
+    way = turning(source, degrees, target), target
+    return warp(picture.values, *way, method, edge=edge, **light, alpha=alpha, **choices)
 
 
-def _opened(image: Any, linear_light: AnyLight | None) -> tuple[NDArray[Any], AnyLight]:
-    """Return a picture's array, and whether its light is filtered, as its file says by default."""
-    picture, is_encoded = picture_and_encoding(image, kinds="biufc")
-    check_layout(picture)
-    return picture, light_for(linear_light, picture.dtype, is_encoded)
+def undistort(
+    image: Any,
+    matrix: ArrayLike,
+    distortion: ArrayLike | None = None,
+    shape: tuple[int, int] | None = None,
+    *,
+    new_matrix: ArrayLike | None = None,
+    rotation: ArrayLike | None = None,
+    fisheye: bool = False,
+    inverse: bool = False,
+    method: str | Method = "hybrid",
+    edge: AnyEdge = "transparent",
+    linear_light: AnyLight | None = None,
+    alpha: AnyAlpha | None = None,
+    **choices: Unpack[ResizeOptions],
+) -> Warped:
+    """Remove a calibrated lens's distortion from a picture and rectify it, or add it.
+
+    Parameters
+    ----------
+    image, method, edge, linear_light, alpha, choices
+        As `resize` takes them.
+    matrix
+        OpenCV's camera matrix (3, 3), or fx, fy, cx and cy, px; they count from pixel centers.
+    distortion
+        OpenCV's 4, 5, 8, 12 or 14 coefficients; of a fisheye k1 to k4. None: no distortion.
+    shape
+        Height and width of the result, px; by default the picture's.
+    new_matrix
+        OpenCV's newCameraMatrix (3, 3) of the result; by default `matrix`.
+    rotation
+        OpenCV's R (3, 3) from the camera's axes to the result's; by default none.
+    fisheye
+        The coefficients are those of `cv2.fisheye`.
+    inverse
+        Add the distortion to a picture without.
+
+    Returns
+    -------
+    As `warp` does; pixels are not covered where the lens shows nothing, or its polynomial folds.
+
+    Raises
+    ------
+    ValueError, LookupError
+        A matrix or the number of coefficients is wrong, or as `warp` does.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import undistort
+    >>> camera = [[90, 0, 63.5], [0, 90, 47.5], [0, 0, 1]]
+    >>> undistort(np.full((96, 128, 3), 200, np.uint8), camera, [-0.1, 0.01, 0, 0])
+    Warped(96 × 128 × 3 uint8, 100 % covered)
+    """
+    check_options("undistort", choices, ResizeOptions)
+    picture, light = _opened(image, linear_light, choices)
+    lens = LensModel.FISHEYE if fisheye else LensModel.PINHOLE
+    camera = Camera.from_opencv(matrix, distortion, model=lens)
+    ideal = None if new_matrix is None else Camera.from_opencv(new_matrix)
+    places = places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=inverse)
+    target = picture.size if shape is None else shape
+    return warp(picture.values, places, target, method, edge=edge, **light, alpha=alpha, **choices)
 
 
-def _shape_of(image: NDArray[Any]) -> tuple[int, int]:
-    """Return height and width of a picture, or of a batch's pictures."""
-    shape = np.shape(image)
-    height, width = shape[1:3] if len(shape) == 4 else shape[:2] if len(shape) > 1 else (0, 0)
-    if min(height, width) < 1:
-        raise ValueError(f"a picture has one texel or more in two dimensions, not {shape}")
-    return height, width
+def _opened(
+    image: Any, linear_light: AnyLight | None, choices: ResizeOptions
+) -> tuple[GivenPictures, dict[str, Any]]:
+    """Return a picture or stack, and what its file says of light, as `warp` takes it."""
+    picture = given_pictures(image, choices.pop("axis", None))
+    is_linear = light_for(linear_light, picture.values.dtype, picture.is_encoded)
+    return picture, {"linear_light": is_linear, "axis": picture.axis}
 
 
 def project(
@@ -202,7 +277,7 @@ def project(
     Parameters
     ----------
     image
-        As `warp` takes it, but no batch.
+        As `warp` takes it.
     source, target
         Projections of the picture and of the result, by name or as objects: `equirectangular`,
         `cubemap:layout=row`, `fisheye:fov=180,model=equidistant`, `stereographic:fov=240`,
@@ -212,8 +287,8 @@ def project(
     turn
         Degrees by which the result looks to the right, up, and turns clockwise.
     choices
-        Options of `warp`: `method`, `filter`, `interpolation`, `quality`, `total`, `linear_light`,
-        `alpha`, `nodata`, `fill` and `threads`.
+        Options of `warp`: `method`, `filter`, `interpolation`, `quality`, `total`, `axis`,
+        `linear_light`, `alpha`, `nodata`, `fill` and `threads`.
 
     Raises
     ------
@@ -231,15 +306,20 @@ def project(
     Warped(64 × 64 × 3 uint8, 78.8 % covered)
     """
     check_options("project", choices, ProjectOptions)
-    picture, is_encoded = picture_and_encoding(image, kinds="biufc")
-    if picture.ndim not in (2, 3):
-        raise ValueError(f"a picture is (H, W) or (H, W, C), not {picture.shape}")
+    given = given_pictures(image, choices.get("axis"))
+    picture = given.values
+    choices.setdefault("linear_light", light_for(None, picture.dtype, given.is_encoded))
+    if given.is_stack:
+        choices["axis"] = CHANNELS if picture.ndim == 4 else None
+        return stacked(
+            [project(one, source, target, shape, turn, **choices) for one in picture], picture
+        )
+    choices["axis"] = given.axis
     shape = whole_pair(shape, "height", "width")
     check_shape(shape)
     before, after = _projection(source), _projection(target)
     before.check((picture.shape[0], picture.shape[1]))
     after.check(shape)
-    choices.setdefault("linear_light", light_for(None, picture.dtype, is_encoded))
     turned = rotation(turn)
     made: Warped | None = None
     for n, (left, top, width, height) in enumerate(after.tiles(shape)):

@@ -18,7 +18,8 @@ from resample_texture.geometry.mappings import (
     source_coordinates,
 )
 from resample_texture.geometry.reprojection import ERROR, World, reprojection
-from resample_texture.types import ReprojectOptions, Warped
+from resample_texture.stacks import given_pictures
+from resample_texture.types import AnyAxis, ReprojectOptions, Warped
 from resample_texture.warping import warp
 
 SUPPORT = {
@@ -59,7 +60,7 @@ def reproject(
         every pixel.
     choices
         Options of `warp`: `method`, `edge`, `filter`, `interpolation`, `quality`, `total`,
-        `linear_light`, `alpha`, `nodata`, `fill`, `roi`, `threads` and `out`.
+        `axis`, `linear_light`, `alpha`, `nodata`, `fill`, `roi`, `threads` and `out`.
 
     Returns
     -------
@@ -107,6 +108,7 @@ def coadd(
     weights: Sequence[Any] | None = None,
     variances: Sequence[Any] | None = None,
     interpolation: Literal["nearest", "bilinear"] = "nearest",
+    axis: AnyAxis | None = None,
     threads: int | None = None,
 ) -> Coadded:
     """Add pictures up in one frame: their mean by weight, as drizzle and reproject make it.
@@ -123,8 +125,8 @@ def coadd(
     Parameters
     ----------
     images
-        Pictures (H, W) or (H, W, C) of real numbers, masked or not; what is not finite counts
-        nothing.
+        Pictures (H, W), or (H, W, C) of up to 15 channels, of real numbers, masked or not; what is
+        not finite counts nothing.
     geometries
         One for each, as `warp` takes it, or of `reprojection`; not a forward map.
     shape
@@ -136,6 +138,8 @@ def coadd(
         For each picture a number, or an array that broadcasts to the picture, of its texels.
     interpolation
         `nearest` or `bilinear`.
+    axis
+        −1: pictures have any number of channels.
     threads
         Most threads to use.
 
@@ -169,7 +173,7 @@ def coadd(
     sums: Doubles | None = None
     for image, geometry, weight, variance in zip(images, geometries, chosen, noise, strict=True):
         placed = geometry_of(geometry, shape, "corner", False)
-        made = _Coadding(placed, shape, interpolation, threads).added(image, weight, variance)
+        made = _Coadding(placed, shape, interpolation, axis, threads).added(image, weight, variance)
         if sums is not None and made.shape != sums.shape:
             raise ValueError(f"pictures of {sums.shape[1:]} and {made.shape[1:]} are not added")
         sums = made if sums is None else sums + made
@@ -184,11 +188,14 @@ class _Coadding(NamedTuple):
     geometry: Geometry
     shape: tuple[int, int]
     interpolation: str
+    axis: AnyAxis | None
     threads: int | None
 
     def added(self, image: Any, weight: Any, variance: Any) -> Doubles:
         """Return sums (2 or 3, h, w, ...) of a picture, of its weights, and of its variances."""
-        texels = _texels(image)
+        picture = given_pictures(image, self.axis, kinds="biuf")
+        picture.check_alone("each of the images")
+        texels = _texels(picture.values)
         is_known = np.isfinite(texels)
         weight = _as_texels(weight, texels, "weights")
         drawn = [self.sums(np.where(is_known, texels, 0.0) * weight), self.sums(weight)]
@@ -196,13 +203,13 @@ class _Coadding(NamedTuple):
             noise = np.sqrt(_as_texels(variance, texels, "variances")) * weight
             drawn.append(self.squares(noise))
         made = np.stack(drawn)
-        return made[..., 0] if np.ndim(image) == 2 else made
+        return made[..., 0] if picture.axis is None else made
 
     def sums(self, texels: Doubles) -> Doubles:
         """Return sums (h, w, C) of texels (H, W, C) times the shares of a pixel that they cover."""
         warped = warp(
             texels, self.geometry, self.shape, interpolation=self.interpolation, alpha="none",
-            fill=PREMULTIPLIED, threads=self.threads,
+            fill=PREMULTIPLIED, threads=self.threads, axis=-1,
         )  # fmt: skip
         return np.asarray(warped.image, np.float64)
 
@@ -239,8 +246,6 @@ class _Coadding(NamedTuple):
 def _texels(image: Any) -> Doubles:
     """Return a picture's values (H, W, C), not a number where they are masked."""
     values = np.ma.filled(np.ma.asarray(image).astype(np.float64), np.nan)
-    if values.ndim not in (2, 3) or 0 in values.shape:
-        raise ValueError(f"a picture is (H, W) or (H, W, C), not {values.shape}")
     return np.asarray(values.reshape(*values.shape[:2], -1))
 
 

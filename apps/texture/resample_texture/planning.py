@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyConvention
-from resample.files.exchange import check_layout
 from resample.words import check_threads
 from resample_texture.arguments import (
     Places,
@@ -20,7 +19,17 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.types import AnyAlpha, AnyEdge, AnyLight, Fill, Method, Warped
+from resample_texture.stacks import axis_of, stacked
+from resample_texture.types import (
+    FRAMES,
+    AnyAlpha,
+    AnyAxis,
+    AnyEdge,
+    AnyLight,
+    Fill,
+    Method,
+    Warped,
+)
 
 
 class Plan:
@@ -71,6 +80,7 @@ class Plan:
         self,
         image: NDArray[Any],
         *,
+        axis: AnyAxis | None = None,
         linear_light: AnyLight | None = None,
         alpha: AnyAlpha | None = None,
         nodata: complex | None = None,
@@ -83,8 +93,8 @@ class Plan:
         Parameters
         ----------
         image
-            A picture of `source_shape`. It and all options are as `warp` takes them, except that
-            batches are refused.
+            A picture of `source_shape`, or a stack of them. It and all options are as `warp` takes
+            them.
 
         Returns
         -------
@@ -97,15 +107,19 @@ class Plan:
         """
         check_threads(threads)
         image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
-        check_layout(image)
-        if image.shape[:2] != self.source_shape:
-            raise ValueError(f"the plan is for pictures of {self.source_shape}, not {image.shape}")
-        values = image.size + image[0, 0].size * self.shape[0] * self.shape[1]
-        drawing = self._quick if values <= MOST_AT_ONCE else self._drawing
+        is_stack = axis_of(image, axis) == FRAMES
         image = without_nodata(image, nodata)
-        filling = fill_for(fill, image, alpha, self._drawing.method)
+        pictures = image if is_stack else image[np.newaxis]
+        if pictures.shape[1:3] != self.source_shape:
+            raise ValueError(f"the plan is for pictures of {self.source_shape}, not {image.shape}")
+        channels = pictures[0, 0, 0].size
+        values = pictures[0].size + channels * self.shape[0] * self.shape[1]
+        drawing = self._quick if values <= MOST_AT_ONCE else self._drawing
+        filling = fill_for(fill, pictures[0], alpha, self._drawing.method)
         drawing = drawing._replace(threads=threads, fill=filling)
-        warped = drawn(image, drawing, linear_light=linear_light, alpha=alpha)
+        light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+        each = [drawn(picture, drawing, **light) for picture in pictures]
+        warped = stacked(each, image) if is_stack else each[0]
         if nodata is not None:
             warped = with_nodata(warped, nodata, fill)
         return warped if out is None else put(warped, out)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyConvention
-from resample.files.exchange import check_layout, picture_and_encoding
 from resample.painting.scenes.plans import shape_of
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
@@ -31,11 +30,13 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
+from resample_texture.stacks import given_pictures
 from resample_texture.texels.encoding import Encoding, decoded
 from resample_texture.texels.levels import light_for
 from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import (
     AnyAlpha,
+    AnyAxis,
     AnyEdge,
     AnyLight,
     Edge,
@@ -63,8 +64,8 @@ class PictureScene(AnyScene):
     ----------
     given
         What `resample.files.exchange.as_picture` takes.
-    linear_light, alpha
-        As `warp` takes them.
+    linear_light, alpha, axis
+        As `warp` takes them, but no stack.
 
     Raises
     ------
@@ -80,11 +81,17 @@ class PictureScene(AnyScene):
     """
 
     def __init__(
-        self, given: Any, *, linear_light: AnyLight | None = None, alpha: AnyAlpha | None = None
+        self,
+        given: Any,
+        *,
+        linear_light: AnyLight | None = None,
+        alpha: AnyAlpha | None = None,
+        axis: AnyAxis | None = None,
     ) -> None:
-        self.image, is_encoded = picture_and_encoding(given)
-        check_layout(self.image)
-        light = light_for(linear_light, self.image.dtype, is_encoded)
+        picture = given_pictures(given, axis, kinds="biuf")
+        picture.check_alone("a scene")
+        self.image, self._axis = picture.values, picture.axis
+        light = light_for(linear_light, self.image.dtype, picture.is_encoded)
         self._light: dict[str, Any] = {"linear_light": light, "alpha": alpha}
         self._levels: list[Floats] = []  # the texels, and the levels of their 2 × 2 pyramid
         self._encoding: Encoding | None = None
@@ -133,7 +140,7 @@ class PictureScene(AnyScene):
                 check_shape(shape)
                 geometry = geometry_of(matrix, shape, convention, bool(inverse))
                 return self._preview(geometry, shape, edge)
-            given: dict[str, Any] = {"fill": PREMULTIPLIED, **choices}
+            given: dict[str, Any] = {"fill": PREMULTIPLIED, "axis": self._axis, **choices}
             if "detail" in given:
                 given["quality"] = given.pop("detail")
             return warp(self.image, matrix, shape, method, edge=edge, **self._light, **given)
@@ -174,10 +181,6 @@ class PictureScene(AnyScene):
         return ids
 
     def _shape(self, size: tuple[int, int] | None) -> tuple[int, int]:
-        if self.image.ndim not in (2, 3) or 0 in self.image.shape:
-            raise ValueError(
-                f"a scene is of one picture, (H, W) or (H, W, C), not {self.image.shape}"
-            )
         return (self.image.shape[0], self.image.shape[1]) if size is None else shape_of(size)
 
     def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:

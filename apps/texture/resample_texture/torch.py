@@ -129,7 +129,7 @@ class _Warp(torch.autograd.Function):  # type: ignore[misc]
         ctx.made, ctx.chosen = made, chosen
         is_shared = _is_shared(geometry)
         pictures = [
-            chosen(picture, made(one))
+            chosen(picture, made(one), axis=-1)
             for picture, one in zip(_pictures(image, is_shared), _geometries(geometry), strict=True)
         ]
         return _as_tensor(_batch(pictures, image.shape[1]), image)

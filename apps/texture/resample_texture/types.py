@@ -45,6 +45,8 @@ class Alpha(StrEnum):
 
 AnyAlpha = Alpha | Literal["straight", "premultiplied", "none"]
 AnyLight = bool | Literal["pixels"]  # what is filtered in linear light
+AnyAxis = Literal[0, -1, 2]  # of frames, or of channels
+FRAMES: Literal[0] = 0
 Fill = complex | Literal["premultiplied"]  # value of pixels that nothing is known of
 
 
@@ -150,6 +152,12 @@ class PlaceOptions(TypedDict, total=False):
     inverse: bool  # whether the matrix maps target to source
 
 
+class StackOptions(TypedDict, total=False):
+    """What the axes of an array are, as `warp` describes it."""
+
+    axis: AnyAxis | None
+
+
 class MissingOptions(TypedDict, total=False):
     """Values that stand for missing ones, as `warp` describes them."""
 
@@ -172,29 +180,31 @@ class ResultOptions(TypedDict, total=False):
     out: NDArray[Any] | None
 
 
-class WarpOptions(SamplingOptions, PlaceOptions, ValueOptions, ResultOptions, total=False):
+class WarpOptions(
+    SamplingOptions, PlaceOptions, StackOptions, ValueOptions, ResultOptions, total=False
+):
     """Options of `warp` besides its method and edge mode."""
 
 
-class ResizeOptions(SamplingOptions, MissingOptions, ResultOptions, total=False):
+class ResizeOptions(SamplingOptions, StackOptions, MissingOptions, ResultOptions, total=False):
     """Options of `resize`, `scale` and `rotate` besides those in their signatures."""
 
 
-class ReprojectOptions(SamplingOptions, ValueOptions, ResultOptions, total=False):
+class ReprojectOptions(SamplingOptions, StackOptions, ValueOptions, ResultOptions, total=False):
     """Options of `reproject`, as `warp` describes them."""
 
     method: "str | Method"
     edge: AnyEdge
 
 
-class ProjectOptions(SamplingOptions, ValueOptions, total=False):
+class ProjectOptions(SamplingOptions, StackOptions, ValueOptions, total=False):
     """Options of `project`, as `warp` describes them."""
 
     method: "str | Method"
     threads: int | None
 
 
-class ChunkOptions(PlaceOptions, total=False):
+class ChunkOptions(PlaceOptions, StackOptions, total=False):
     """Options of `warp_chunks`, as `warp` describes them."""
 
     linear_light: AnyLight | None

@@ -5,7 +5,6 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.files.exchange import check_layout, picture_and_encoding
 from resample.words import check_options, check_threads
 from resample_texture.arguments import (
     Places,
@@ -22,7 +21,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.texels.gaps import masked
+from resample_texture.stacks import given_pictures, matrices_in, stacked
 from resample_texture.texels.levels import light_for
 from resample_texture.types import AnyEdge, Method, SamplingOptions, Warped, WarpOptions
 
@@ -41,16 +40,18 @@ def warp(
     Parameters
     ----------
     image
-        An array (H, W) or (H, W, C), or a batch (N, H, W, C), in any layout, masked or not; or
+        An array (H, W) or (H, W, C), or a stack of them, see `axis`, masked or not; or
         anything else that `resample.files.exchange.as_picture` takes, such as a path. uint8
         and uint16 are taken for light; bool, other integers of 8 to 64 bits and floats of 16 to 64
         bits for values, which are never encoded or limited to 0..1; complex ones are warped in
         both parts. Values that are masked, not finite or `nodata` are missing, channel by channel,
         and have no weight.
     matrix
-        (3, 3) homography or (2, 3) affine map from source to target; or a `Homography`, a
-        `ForwardMap` or a `BackwardMap`; or a function from x and y of pixels, (height, width)
-        each, to those of the source.
+        (3, 3) homography or (2, 3) affine map from source to target, or one for each frame or
+        result, (N, 3, 3) or (N, 2, 3); or a `Homography`, a `ForwardMap` or a `BackwardMap`; or a
+        function from x and y of pixels, (height, width) each, to those of the source; or the pair
+        `(map_x, map_y)` as `cv2.remap` takes it, or a transform of scikit-image from source to
+        target, both of which count from pixel centers, whatever the `convention`.
     shape
         Height and width of the target, px.
     method
@@ -77,6 +78,10 @@ def warp(
         count from pixel centers.
     inverse
         True: `matrix` maps target to source.
+    axis
+        What three dimensions are: 0, a stack of gray frames (N, H, W); −1, a picture (H, W, C) of
+        any number of channels. By default frames, if there is a matrix for each, or up to 15
+        channels; else they are refused. Four are a stack (N, H, W, C), of more channels with 0.
     linear_light
         `pixels`: uint8 and uint16 are sRGB-encoded; between texels their levels are interpolated,
         and pixels that cover more than a texel average their light (along a `ForwardMap` all do).
@@ -107,7 +112,7 @@ def warp(
     coverage is, too; sums are 0 there. Others are multiplied by the coverage, so that pixels beyond
     the picture are black, or their opacity is, if the fourth channel is straight opacity; copied
     texels (`nearest`, `majority`, shifts by whole pixels) are not multiplied. A masked array
-    returns a masked array, a batch (N, height, width, C) and (N, height, width).
+    returns a masked array, a stack, or many matrices, (N, ...) of both.
 
     Raises
     ------
@@ -134,46 +139,45 @@ def warp(
     nodata, roi, out = options.get("nodata"), options.get("roi"), options.get("out")
     linear_light, alpha = options.get("linear_light"), options.get("alpha")
     convention, inverse = options.get("convention", "corner"), options.get("inverse", False)
-    image, is_encoded = picture_and_encoding(image, kinds="biufc")
-    linear_light = light_for(linear_light, image.dtype, is_encoded)
-    check_layout(image)
-    border = edge_named(edge)
     shape = whole_pair(shape, "height", "width")
+    matrices = matrices_in(matrix, shape)
+    given = given_pictures(image, options.get("axis"), None if matrices is None else len(matrices))
+    image = given.values
+    linear_light = light_for(linear_light, image.dtype, given.is_encoded)
+    border = edge_named(edge)
     chosen = method_named(
         method, **{name: options.get(name) for name in SamplingOptions.__annotations__}
     )
     check_sums(image.dtype, chosen)
     if roi is None or callable(matrix):
         check_shape(shape)
-    geometry = geometry_of(matrix, shape, convention, inverse)
-    part = np.s_[:, :]
-    if roi is not None:
-        geometry, shape, part = within(geometry, shape, roi, chosen)
-    check_shape(shape)
     image = without_nodata(image, nodata)
     warn_if_unknown(image)
-    drawing = Drawing(chosen, geometry, shape, border, options.get("threads"))
-    drawing = drawing._replace(fill=fill_for(options.get("fill"), image, alpha, chosen))
-    if image.ndim == 4 and image.shape[0] > 1:
-        drawing = prepared(drawing, (image.shape[1], image.shape[2]))
+    one_of = image[0] if given.is_stack else image
+    filling = fill_for(options.get("fill"), one_of, alpha, chosen)
 
-    def one(picture: NDArray[Any]) -> Warped:
+    def placed(matrix: Any) -> tuple[Drawing, tuple[slice, slice]]:
+        geometry, form, part = geometry_of(matrix, shape, convention, inverse), shape, np.s_[:, :]
+        if roi is not None:
+            geometry, form, part = within(geometry, shape, roi, chosen)
+        check_shape(form)
+        return Drawing(chosen, geometry, form, border, options.get("threads"), fill=filling), part
+
+    def one(picture: NDArray[Any], way: tuple[Drawing, tuple[slice, slice]]) -> Warped:
+        drawing, part = way
         warped = drawn(picture, drawing, linear_light=linear_light, alpha=alpha)
         return type(warped)(warped.image[part], warped.coverage[part])
 
-    warped = one(image) if image.ndim != 4 else _stacked([one(picture) for picture in image], image)
+    if matrices is not None:
+        pictures = image if given.is_stack else [image] * len(matrices)
+        pairs = zip(pictures, map(placed, matrices), strict=True)
+        warped = stacked([one(*pair) for pair in pairs], image)
+    elif given.is_stack:
+        drawing, part = placed(matrix)
+        quick = prepared(drawing, given.size) if len(image) > 1 else drawing
+        warped = stacked([one(picture, (quick, part)) for picture in image], image)
+    else:
+        warped = one(image, placed(matrix))
     if nodata is not None:
         warped = with_nodata(warped, nodata, options.get("fill"))
     return warped if out is None else put(warped, out)
-
-
-def _stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
-    """Stack the warped pictures of a batch (N, H, W, C)."""
-    if not each:
-        raise ValueError(f"a batch has one picture or more, not {image.shape}")
-    images = [warped.image for warped in each]
-    stacked: NDArray[Any] = np.stack([np.ma.getdata(one) for one in images])
-    if isinstance(image, np.ma.MaskedArray):
-        mask = np.stack([np.ma.getmaskarray(one) for one in images])
-        stacked = masked(stacked, mask, image.fill_value)
-    return type(each[0])(stacked, np.stack([warped.coverage for warped in each]))

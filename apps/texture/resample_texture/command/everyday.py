@@ -1,9 +1,8 @@
 """Everyday commands: resize, scale, rotate, undistort."""
 
-import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
@@ -17,10 +16,11 @@ from resample_texture.command.choices import MATRIX, Besides, Filling, Picture, 
 
 if TYPE_CHECKING:
     from resample_texture.command.inputs import Aim, PictureTarget
+    from resample_texture.sizes import AnySize
 
 PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
-Fit = Literal["contain", "cover", "stretch", "pad"]
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
+Fit = Literal["contain", "cover", "stretch", "pad"]
 
 
 class NewSize(Choices):
@@ -57,63 +57,36 @@ class NewSize(Choices):
         ),
     ] = None
 
+    box: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Part of the picture to take: left,top,right,bottom in px. [default: all "
+            "of it]"
+        ),
+    ] = None
+
     def check(self) -> None:
         """Refuse a wrong size before any picture is read."""
-        self.shape((1, 1))
-
-    def shape(self, source_shape: tuple[int, int]) -> tuple[int, int]:
-        """Return height and width, px, of the result for a picture (height, width).
-
-        Raises
-        ------
-        ValueError
-            No size was given, two were, or it is not a size.
-        """
-        fit, box = self._fit(source_shape)
-        return fitted_shape(source_shape, box, is_inside=True) if fit == "contain" else box
+        self.model_copy(update={"box": None}).target((1, 1))
+        self._part()
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample_texture.command.inputs import PictureTarget
-        from resample_texture.geometry.mappings import Homography
-        from resample_texture.geometry.matrices import resizing
+        from resample_texture.sizes import resized
 
-        fit, box = self._fit(source_shape)
-        if fit == "stretch":
-            return PictureTarget(resizing(source_shape, box), box)
-        shown = fitted_shape(source_shape, box, is_inside=fit != "cover")
-        if fit == "contain":
-            return PictureTarget(resizing(source_shape, shown), shown)
-        matrix = resizing(source_shape, shown).matrix
-        matrix[:2, 2] = (box[1] - shown[1]) // 2, (box[0] - shown[0]) // 2  # whole px stay sharp
-        return PictureTarget(Homography(matrix), box)
+        size = None if self.size is None else size_of(self.size)
+        sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
+        return PictureTarget(*resized(source_shape, size, **sides, box=self._part()))
+
+    def _part(self) -> list[float] | None:
+        return None if self.box is None else numbers_in("box", self.box)
 
     def opened(self, warping: Filling) -> Filling:
         """Return options with which padding shows nothing, unless an edge mode was given."""
         is_open = self.fit == "pad" and "edge" not in warping.model_fields_set
         return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
-
-    def _fit(self, source_shape: tuple[int, int]) -> tuple[Fit, tuple[int, int]]:
-        """Return how a picture fills a height and a width, px, and these."""
-        from resample_texture.geometry.matrices import scaled_shape
-
-        if (self.size is None) == (self.width is None and self.height is None):
-            raise ValueError("give a --size, or a --width, a --height or both")
-        share = None if self.size is None else _share_of(self.size)
-        is_ratio = share is not None or (self.size is None and None in (self.width, self.height))
-        if is_ratio and self.fit is not None:
-            raise ValueError("--fit needs a width and a height in px, such as --size 640x480")
-        if share is not None:
-            return "stretch", scaled_shape(source_shape, (share, share))
-        if self.size is not None:
-            if PIXELS.fullmatch(self.size.strip()) is None:
-                raise ValueError(f"size {self.size!r}; give 400, 640x480, 50%, 0.5 or 2x")
-            usual: Fit = "stretch" if "x" in self.size.lower() else "contain"
-            return self.fit or usual, height_and_width(self.size)
-        height, width = source_shape
-        down, across = (self.height or 0) / height, (self.width or 0) / width
-        box = _side(self.height, height * across), _side(self.width, width * down)
-        return self.fit or "stretch", box
 
 
 class Factor(Choices):
@@ -234,27 +207,15 @@ class Undistortion(Choices):
         return lambda shape: rectified(calibration, size or shape, inverse=self.inverse)
 
 
-def _share_of(size: str) -> float | None:
-    """Return the factor that 50%, 0.5 or 2x stands for; None for a size in px."""
-    match = SHARE.fullmatch(size.strip())
-    if match is None or (match[2] is None and "." not in match[1]):
-        return None
-    return float(match[1]) / (100.0 if match[2] == "%" else 1.0)
-
-
-def fitted_shape(
-    source_shape: tuple[int, int], box: tuple[int, int], *, is_inside: bool
-) -> tuple[int, int]:
-    """Return the size with a picture's aspect that a box holds, or that covers it."""
-    factors = [there / side for side, there in zip(source_shape, box, strict=True)]
-    factor = min(factors) if is_inside else max(factors)
-    height, width = (_side(None, side * factor) for side in source_shape)
-    return height, width
-
-
-def _side(given: int | None, following: float) -> int:
-    """Return a side, px: as given, or else in proportion to the other."""
-    return max(1, math.floor(following + 0.5)) if given is None else given
+def size_of(text: str) -> "AnySize":
+    """Read a size: 400, 640x480, 50%, 0.5 or 2x."""
+    share = SHARE.fullmatch(text.strip())
+    if share is not None and (share[2] is not None or "." in share[1]):
+        return float(share[1]) / (100.0 if share[2] == "%" else 1.0)
+    if PIXELS.fullmatch(text.strip()) is None:
+        raise ValueError(f"size {text!r}; give 400, 640x480, 50%, 0.5 or 2x")
+    height, width = height_and_width(text)
+    return (height, width) if "x" in text.lower() else height
 
 
 Files = Annotated[
@@ -267,8 +228,9 @@ Files = Annotated[
 Output = Annotated[
     flags.OptionalOutput,
     Parameter(
-        help="Written to: .png, .tif, .exr, .webp, .avif or .jpg; a folder for several. "
-        "[default: the last of the files]"
+        help="Written to: .png, .tif, .exr, .webp, .avif or .jpg; for several a folder, or a "
+        'quoted pattern such as "small/*.webp"; for pages and frames .tif, .gif, .webp, .apng or '
+        ".mp4. [default: the last of the files]"
     ),
 ]
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -40,11 +40,7 @@ from resample.words import one_line
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.palettes import (
-    PalettePicture,
-    palette_picture,
-    write_palette_picture,
-)
+from resample_texture.command.palettes import palette_picture, write_palette_picture
 from resample_texture.command.rendering import check_memory, covers_all, report, warped
 from resample_texture.geometry.mappings import Homography
 
@@ -62,15 +58,14 @@ class Job:
     roi: tuple[int, int, int, int] | None = None
     told: set[str] = field(default_factory=set)  # what has been said
 
-    def target(self, picture: Picture) -> PictureTarget:
-        """Return the target of a picture."""
-        return self.aim((picture.data.shape[0], picture.data.shape[1]))
-
-    def opened(self, source: Place) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
+    def opened(self, source: Place | Picture) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
         """Read a picture, return it, its target and its size; a JPEG only as large as is needed.
 
         Pixels of the target then still average `REDUCED` times as many along an axis, or more.
         """
+        if isinstance(source, Picture):
+            size = source.data.shape
+            return source, self.aim((size[0], size[1])), size
         reader = picture_at(source, encoding=self.warping.encoding)
         height, width = reader.shape[:2]
         target = self.aim((height, width))
@@ -162,7 +157,7 @@ def warp_all(
         told = warp_batch(images, output, job)
     else:
         check_targets(output, coverage, stats)
-        told = warp_file(images[0], output, job, coverage)
+        told = warp_file(Session(), images[0], output, job, coverage)
     if stats is not None:
         write_json(stats, told)
 
@@ -170,12 +165,14 @@ def warp_all(
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
     """Warp files into a folder; return the statistics. Report failures and go on."""
     pairs = batch_of(images, output)
-    output.mkdir(exist_ok=True)
+    folder = pairs[0][1].parent
+    folder.mkdir(exist_ok=True)
     told, session = [], Session()
     with progress_bar(f"warping {len(pairs)} files") as progress:
         for n, (source, target) in enumerate(pairs):
             try:
-                told.append({"file": str(target), **_warp(session, source, target, job)})
+                done = warp_file(session, source, target, job, shows=False)
+                told.append({"file": str(target), **done})
             except (KeyError, IndexError):  # bugs, see `resample.command.session.run`
                 raise
             except (ValueError, LookupError, OSError, MemoryError) as error:
@@ -184,39 +181,32 @@ def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any
                 progress((n + 1) / len(pairs))
     if len(told) < len(pairs):
         with suppress(OSError):  # the folder holds files
-            output.rmdir()
+            folder.rmdir()
         raise ValueError(f"{len(pairs) - len(told)} of {len(pairs)} files could not be warped")
     return {"files": told, "seconds": session.times()}
 
 
 def warp_file(
-    source: Place, output: Path, job: Job, coverage: Path | None = None
+    session: Session,
+    source: Place,
+    output: Path,
+    job: Job,
+    coverage: Path | None = None,
+    *,
+    shows: bool = True,
 ) -> dict[str, Any]:
-    """Warp the pictures of a file; return what `--stats` writes."""
-    session, frames = Session(), frames_of(source, job.warping.encoding)
-    if frames is None:
-        return _warp_picture(session, source, output, job, coverage, bar="warping")
-    if coverage is not None:
-        raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
-    with progress_bar("warping") as progress:
-        return _warp_frames(session, frames, output, job, progress)
-
-
-def _warp(session: Session, source: Place, output: Path, job: Job) -> dict[str, Any]:
-    """Warp a file without a progress bar."""
+    """Warp the pictures of a file, with a progress bar or not; return what `--stats` writes."""
     frames = frames_of(source, job.warping.encoding)
     if frames is None:
-        return _warp_picture(session, source, output, job)
-    return _warp_frames(session, frames, output, job, None)
-
-
-def _warp_frames(
-    session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
-) -> dict[str, Any]:
+        bar = "warping" if shows else None
+        return _warp_picture(session, source, output, job, coverage, bar=bar)
+    if coverage is not None:
+        raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
     check_frames(output, frames, job.options)
     check_targets(output)
-    pictures = _warped_frames(session, frames, output, job, progress)
-    write_frames(output, pictures, frames.seconds, job.options, frames.plays)
+    with progress_bar("warping") if shows else nullcontext() as progress:
+        pictures = _warped_frames(session, frames, output, job, progress)
+        write_frames(output, pictures, frames.seconds, job.options, frames.plays)
     return {"frames": len(frames.seconds), "seconds": session.times()}
 
 
@@ -232,46 +222,30 @@ def _warp_picture(
     check_targets(output, coverage)
     with session.stage("read"):
         held = palette_picture(source, output, job.warping, job.options)
-    if held is not None:
-        return _warp_palette(session, held, output, job, coverage, bar)
-    job.say_palette(source)
+    if held is None:
+        job.say_palette(source)
+        with session.stage("read"):
+            written = Destination(output, job.options)
+            large = large_picture(source, job.aim, job.warping, job.roi, written)
+        if large is not None:
+            return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
-        written = Destination(output, job.options)
-        large = large_picture(source, job.aim, job.warping, job.roi, written)
-    if large is not None:
-        return _warp_large(session, large, output, job, coverage, bar)
-    with session.stage("read"):
-        job.check_memory(source, output)
-        picture, target, size = job.opened(source)
-    job.check(picture, target, output)
+        job.check_memory(held.picture if held else source, output)
+        picture, target, size = job.opened(held.picture if held else source)
+    if held is None:
+        job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
-    _say_lost(picture.about, result.about, output, has_nans=bool(np.isnan(result.data).any()))
+    has_nans = held is None and bool(np.isnan(result.data).any())
+    _say_lost(picture.about, result.about, output, has_nans=has_nans)
     with session.stage("write"):
-        write_picture(output, result, job.options)
+        if held is None:
+            write_picture(output, result, job.options)
+        else:
+            write_palette_picture(output, result, held.palette)
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
-    return report(session, size, result.data.shape, result.kind, job.warping)
-
-
-def _warp_palette(
-    session: Session,
-    held: PalettePicture,
-    output: Path,
-    job: Job,
-    coverage: Path | None,
-    bar: str | None,
-) -> dict[str, Any]:
-    """Warp the numbers of a picture with a palette."""
-    job.check_memory(held.picture, output)
-    target = job.target(held.picture)
-    result, share = job.warped(session, held.picture, target, output, bar)
-    _say_lost(held.picture.about, result.about, output, has_nans=False)
-    with session.stage("write"):
-        write_palette_picture(output, result, held.palette)
-        if coverage is not None:
-            write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
-    told = report(session, held.picture.data.shape, result.data.shape, result.kind, job.warping)
-    return {**told, "channels": ["index"], "encoding": "palette"}
+    told = report(session, size, result.data.shape, result.kind, job.warping)
+    return {**told, "channels": ["index"], "encoding": "palette"} if held else told
 
 
 def _warp_large(
@@ -309,7 +283,7 @@ def _warped_frames(
     for n, picture in enumerate(frames.read()):
         if n == 0:
             job.check_memory(picture, output)
-        result, _ = job.warped(session, picture, job.target(picture), output, None)
+        result, _ = job.warped(session, *job.opened(picture)[:2], output, None)
         if n == 0:
             nans = bool(np.isnan(result.data).any())
             _say_lost(picture.about, result.about, output, has_nans=nans)

@@ -40,7 +40,8 @@ def palette_picture(
         quality=choice.quality,
     )
     is_copied = isinstance(method, Majority | NearestTexel) and not choice.total
-    is_kept = look.bits in (None, 8) and look.background is None and look.quality is None
+    is_kept = look.bits in (None, 8) and look.background is None
+    is_kept = is_kept and look.quality is None and not look.in_srgb
     found = None
     if is_copied and is_kept and output.suffix.lower() in WRITTEN:
         found = read_indices(source)

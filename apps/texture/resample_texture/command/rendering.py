@@ -78,6 +78,7 @@ def _drawn(
         "interpolation": choice.interpolation,
         "quality": choice.quality,
         "fill": "premultiplied",
+        "axis": -1,
         "linear_light": linear_light,
         "threads": choice.threads,
     }

@@ -29,8 +29,9 @@ from resample_texture.differentiable.kernels.gather import (
 from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
 from resample_texture.differentiable.kernels.points import InterpolatedSource
 from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
+from resample_texture.stacks import axis_of
 from resample_texture.texels.forward import EDGES
-from resample_texture.types import AnyEdge, Edge
+from resample_texture.types import FRAMES, AnyAxis, AnyEdge, Edge
 
 Integers = NDArray[np.int64]
 Places = MatrixPlaces | MapPlaces
@@ -81,8 +82,13 @@ class LinearWarp:
         if not 1.0 <= self.quality <= LARGEST_QUALITY:
             raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not {self.quality}")
 
-    def __call__(self, image: ArrayLike, places: Places) -> Doubles:
+    def __call__(self, image: ArrayLike, places: Places, *, axis: AnyAxis | None = None) -> Doubles:
         """Warp a picture (H, W) or (H, W, C) to (h, w) or (h, w, C).
+
+        Parameters
+        ----------
+        image, axis
+            As `resample_texture.warp` takes them, but no stack.
 
         Raises
         ------
@@ -90,6 +96,8 @@ class LinearWarp:
             The picture has a wrong shape, or does not fit the places.
         """
         texels = _picture(image, "a picture")
+        if axis_of(np.asarray(image), axis) == FRAMES:
+            raise ValueError("a stack; warp its frames one by one")
         _check_source(texels.shape[:2], places)
         plate = coefficients(texels, self.interpolation, self.edge)
         seen = places.places()

@@ -6,67 +6,37 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.cameras.models import AnyCamera, Camera
-from resample.cameras.pixels import distorted_places, pixel_centers, undistorted_places
+from resample.cameras.pixels import distorted_places, undistorted_places
 from resample.cameras.poses import turned_by
 from resample.types import Doubles
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
-
-
-def undistorting(
-    camera: Camera,
-    shape: tuple[int, int],
-    *,
-    ideal: Camera | None = None,
-    rotation: ArrayLike | None = None,
-) -> BackwardMap:
-    """Return the backward map of a pinhole's picture into the camera's photo.
-
-    Parameters
-    ----------
-    shape
-        Height and width of the pinhole's picture, the target, px.
-    rotation
-        (3, 3) from the camera's axes to the pinhole's (OpenCV's R); by default the identity.
-
-    Returns
-    -------
-    A map that is not a number behind the camera, and where the distortion's polynomial folds back:
-    there `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap` show parts of the
-    photo twice.
-    """
-    return BackwardMap.from_function(
-        places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=False), shape
-    )
-
-
-def distorting(
-    camera: Camera,
-    shape: tuple[int, int],
-    *,
-    ideal: Camera | None = None,
-    rotation: ArrayLike | None = None,
-) -> BackwardMap:
-    """Return the backward map of the camera's photo into a pinhole's picture.
-
-    Parameters
-    ----------
-    shape
-        Height and width of the photo, the target, px.
-
-    Returns
-    -------
-    A map that is not a number where no light comes through the lens.
-    """
-    return BackwardMap.from_function(
-        places_by_lens(camera, ideal=ideal, rotation=rotation, inverse=True), shape
-    )
+from resample_texture.geometry.mappings import Homography
 
 
 def places_by_lens(
-    camera: Camera, *, ideal: Camera | None, rotation: ArrayLike | None, inverse: bool
+    camera: Camera,
+    *,
+    ideal: Camera | None = None,
+    rotation: ArrayLike | None = None,
+    inverse: bool = False,
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
-    """Return a function from x and y of pixel centers, (h, w) each, to those of the source."""
-    turned = _checked(rotation)
+    """Return a function for `warp` or `Plan` that removes a lens's distortion, or adds it.
+
+    Parameters
+    ----------
+    ideal
+        Pinhole camera of the picture without distortion; by default the camera without its lens.
+    rotation
+        (3, 3) from the camera's axes to the pinhole's (OpenCV's R); by default the identity.
+    inverse
+        True: the target is the camera's photo, with its distortion.
+
+    Returns
+    -------
+    A function from x and y of pixels, pixel centers at + 0.5, to those of the source; not a number
+    behind the camera, where no light comes through the lens, and where its polynomial folds back:
+    there `cv2.initUndistortRectifyMap` shows parts of the photo twice.
+    """
+    turned = None if rotation is None else turned_by(rotation)
     way = undistorted_places if inverse else distorted_places
 
     def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
@@ -74,28 +44,6 @@ def places_by_lens(
         return u, v
 
     return places
-
-
-def undistorting_forward(
-    camera: Camera,
-    source_shape: tuple[int, int],
-    *,
-    ideal: Camera | None = None,
-    rotation: ArrayLike | None = None,
-) -> ForwardMap:
-    """Return the forward map of a photo's texels to a pinhole's picture.
-
-    Parameters
-    ----------
-    source_shape
-        Height and width of the photo, the source, px.
-    """
-    places = undistorted_places(camera, pixel_centers(source_shape), ideal, _checked(rotation))
-    return ForwardMap(*np.moveaxis(places, 2, 0))
-
-
-def _checked(rotation: ArrayLike | None) -> Doubles | None:
-    return None if rotation is None else turned_by(rotation)
 
 
 def plane_homography(

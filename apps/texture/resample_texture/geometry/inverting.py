@@ -58,14 +58,44 @@ def inverse_of(
         return np.full(shape, np.nan), np.full(shape, np.nan)
     wanted = np.stack([a.ravel() for a in np.meshgrid(*(np.arange(n) + 0.5 for n in shape[::-1]))])
     place = _nearest(x, y, is_known, shape)
-    spline = _spline(np.stack([x, y]), is_known)
+    u, v = _found(x, y, place, wanted, tolerance).reshape(2, *shape)
+    return u, v
+
+
+def points_back(x: Doubles, y: Doubles, wanted: Doubles) -> Doubles:
+    """Return where a map (h, w) takes the values (2, N); not a number where it does not."""
+    from scipy.spatial import cKDTree
+
+    row, column = np.nonzero(np.isfinite(x))
+    if not row.size:
+        return np.full(wanted.shape, np.nan)
+    tree, is_given = cKDTree(np.stack([x, y])[:, row, column].T), np.isfinite(wanted).all(axis=0)
+    _, nearest = tree.query(np.where(is_given, wanted, 0.0).T)
+    place = np.stack([column + 0.5, row + 0.5])[:, nearest].astype(np.float64)
+    return np.where(is_given, _found(x, y, place, wanted, TOLERANCE), np.nan)
+
+
+def points_along(x: Doubles, y: Doubles, place: Doubles) -> Doubles:
+    """Return the values of a map (h, w) at places (2, N), px; not a number beyond its edges."""
+    is_known = np.isfinite(x)
+    if not is_known.any():
+        return np.full(place.shape, np.nan)
+    spline, size = _spline(np.stack([x, y]), is_known), np.array(x.shape[::-1])[:, None]
+    is_within = ((place >= 0.0) & (place <= size)).all(axis=0)
+    here = np.where(is_within, place, 0.0)
+    is_within &= _sampled(spline.is_known, here, 1) > 1.0 - 1e-6
+    return np.where(is_within, spline.at(here), np.nan)
+
+
+def _found(x: Doubles, y: Doubles, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:
+    """Return where a map has the wanted values, from places (2, N) nearby; else not a number."""
+    spline = _spline(np.stack([x, y]), np.isfinite(x) & np.isfinite(y))
     miss = _refine(spline, place, wanted, tolerance)
     size = np.array(x.shape[::-1], np.float64)[:, None]
     is_found = (miss <= tolerance) & (place >= -BEYOND).all(axis=0)
     is_found &= (place <= size + BEYOND).all(axis=0)
     is_found &= _sampled(spline.is_known, place, 1) > 1.0 - 1e-6
-    u, v = np.where(is_found, place, np.nan).reshape(2, *shape)
-    return u, v
+    return np.where(is_found, place, np.nan)
 
 
 def _refine(spline: _Spline, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:

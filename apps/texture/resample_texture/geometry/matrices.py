@@ -127,7 +127,7 @@ def _shift(distance: float) -> Doubles:
     return np.array([[1, 0, distance], [0, 1, distance], [0, 0, 1]], np.float64)
 
 
-def resizing(source_shape: tuple[int, int], shape: tuple[int, int]) -> Homography:
+def resizing(source_shape: tuple[float, float], shape: tuple[int, int]) -> Homography:
     """Return the map from a picture's whole area to that of a target (height, width)."""
     (source_height, source_width), (height, width) = source_shape, shape
     return Homography(np.diag([width / source_width, height / source_height, 1.0]))
@@ -138,7 +138,7 @@ def scaling(factor: tuple[float, float]) -> Homography:
     return Homography(np.diag([*factor, 1.0]))
 
 
-def scaled_shape(source_shape: tuple[int, int], factor: tuple[float, float]) -> tuple[int, int]:
+def scaled_shape(source_shape: tuple[float, float], factor: tuple[float, float]) -> tuple[int, int]:
     """Return a picture's height and width times factors along x and y, rounded."""
     if not all(0.0 < one < math.inf for one in factor):
         raise ValueError(

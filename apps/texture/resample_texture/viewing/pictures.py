@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resample.command.session import Session
 from resample.command.settings import Written
 from resample.files.exchange import levels_of
 from resample.view.files import FileView, file_of, levels_in
@@ -201,4 +202,4 @@ def _write(source: Path, settings: Settings, path: Path) -> None:
     """Write the file that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
     job = Job(partial(target_of, place), warping, written.options(), region(besides.roi))
-    warp_file(source, path, job)
+    warp_file(Session(), source, path, job)
