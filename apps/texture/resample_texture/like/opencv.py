@@ -59,6 +59,7 @@ BORDERS = {
 WARPED = {np.dtype(name) for name in ("uint8", "uint16", "int16", "float32")}
 RESIZED = {*WARPED, np.dtype("float64")}
 BEYOND = 64  # rows around a polar picture that go on at its other end
+OPENCV: Any = cv2  # whose stubs take less than it does
 Color = float | tuple[float, ...]
 P = ParamSpec("P")
 
@@ -166,7 +167,7 @@ def warp_like_opencv(
         return None if back is None else by_matrix(back, shape, most)
 
     def theirs(dst: Any) -> Any:
-        draw: Any = cv2.warpPerspective if matrix.shape == (3, 3) else cv2.warpAffine
+        draw = OPENCV.warpPerspective if matrix.shape == (3, 3) else OPENCV.warpAffine
         return draw(src, matrix, dsize, dst, flags, borderMode, borderValue, *[hint][: hint > 0])
 
     def geometry() -> Geometry:
@@ -245,13 +246,10 @@ def remap(
             y = y + np.arange(0, shape[0], step)[:, None]
         return x, y
 
-    def theirs(dst: Any) -> Any:
-        draw: Any = cv2.remap
-        return draw(
-            src, map1, map2, interpolation, dst, borderMode, borderValue, *[hint][: hint > 0]
-        )
-
-    return _drawn_by_map(call, places, theirs)
+    given = borderMode, borderValue, *[hint][: hint > 0]
+    return _drawn_by_map(
+        call, places, lambda dst: OPENCV.remap(src, map1, map2, interpolation, dst, *given)
+    )
 
 
 @_refusing
@@ -303,9 +301,6 @@ def resize(
         src, shape, dst, kernel, most, cv2.BORDER_REPLICATE, 0, linear_light, method, 0, RESIZED
     )
 
-    def tiles(most: float) -> Tiles | None:
-        return np.ones((1, 1), np.bool_) if min(scale) ** -2 > most else None
-
     def geometry() -> Geometry:
         if interpolation != cv2.INTER_NEAREST:
             return Homography(np.diag([*scale, 1.0]))
@@ -313,11 +308,12 @@ def resize(
         axes = (np.floor(np.arange(shape[n]) / scale[1 - n]) + 0.5 for n in (1, 0))
         return BackwardMap(*np.meshgrid(*axes))
 
-    def theirs(dst: Any) -> Any:
-        draw: Any = cv2.resize
-        return draw(src, dsize, dst, fx, fy, interpolation)
-
-    return _drawn(call, tiles, theirs, geometry)
+    return _drawn(
+        call,
+        lambda most: np.ones((1, 1), np.bool_) if min(scale) ** -2 > most else None,
+        lambda dst: OPENCV.resize(src, dsize, dst, fx, fy, interpolation),
+        geometry,
+    )
 
 
 @_refusing
@@ -356,13 +352,11 @@ def warpPolar(  # noqa: N802 - as cv2 has it
     if not least < maxRadius < math.inf:
         raise ValueError(f"maxRadius is above {least:g} px, not {maxRadius}")
     farthest = math.log(maxRadius) if is_log else maxRadius
-    # The size of a result whose size is not given.
-    down, across = _size(None, src)
-    width, height = whole_pair(dsize, "width", "height")
+    (down, across), (width, height) = _size(None, src), whole_pair(dsize, "width", "height")
     if width <= 0:
-        width, height = (across, down) if is_inverse else (round(maxRadius), 0)
-    if height <= 0:
-        height = down if is_inverse else round(width * math.pi)
+        width, height = round(maxRadius), round(maxRadius * math.pi)
+    elif height <= 0:
+        height = round(width * math.pi)
 
     def places(step: int) -> Places:
         x: Any = np.arange(0, width, step)
@@ -383,7 +377,7 @@ def warpPolar(  # noqa: N802 - as cv2 has it
     size = width, height
     call = Call(src, size[::-1], dst, kernel, most, border, 0, linear_light, method, around)
     return _drawn_by_map(
-        call, places, lambda dst: cv2.warpPolar(src, size, center, maxRadius, flags, dst)
+        call, places, lambda dst: OPENCV.warpPolar(src, size, center, maxRadius, flags, dst)
     )
 
 
