@@ -274,3 +274,16 @@ def test_planes_are_scaled_one_by_one():
     for n in range(3):
         plane = ndimage.zoom(image[..., n], (0.25, 0.5), mode="reflect")
         np.testing.assert_allclose(ours[..., n], plane, atol=1e-6)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_value_that_is_no_number_is_found_among_large_ones(value):
+    image = np.full((40, 50), 1e30, np.float32)  # whose squares are no numbers in 32 bits
+    turn = cv2.getRotationMatrix2D((25, 20), 7, 1.2)[:2]
+    given = turn, (60, 50), None, cv2.INTER_LINEAR, cv2.BORDER_REPLICATE
+    ours, theirs = (module.warpAffine(image, *given) for module in (opencv, cv2))
+    np.testing.assert_array_equal(ours, theirs)
+    image[20, 25] = value
+    ours = opencv.warpAffine(image, *given)
+    np.testing.assert_allclose(ours[np.isfinite(ours)], 1e30, rtol=1e-6)
+    assert 0 < (~np.isfinite(ours)).sum() < 5

@@ -53,9 +53,8 @@ class Values(NamedTuple):
 
     def dtype_of(self, image: NDArray[Any]) -> np.dtype[Any]:
         """Return the type of a picture's result."""
-        if isinstance(self.output, np.ndarray):
-            return self.output.dtype
-        return image.dtype if self.output is None else np.dtype(self.output)
+        given = image if self.output is None else self.output
+        return np.dtype(given.dtype if isinstance(given, np.ndarray) else given)
 
     def are_scipy_s(self, image: NDArray[Any], long: float = 1.0) -> bool:
         """Whether SciPy draws a picture whose pixels have a squared length, texels²."""
