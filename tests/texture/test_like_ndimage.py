@@ -92,17 +92,23 @@ def test_labels_and_gaps_are_kept():
     np.testing.assert_allclose(ours[np.isfinite(ours)], 1.0, rtol=1e-5)
 
 
+MASKED = {"input": np.ma.MaskedArray(smooth())}  # what SciPy does not take
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"order": 6}, "order 6; known: 0 to 5"),
-        ({"mode": "wrap"}, "mode 'wrap'; known: constant"),
-        ({"prefilter": False}, "give values instead"),
+        ({"mode": "around"}, "mode 'around'; known: constant"),
+        ({"prefilter": False, **MASKED}, "give values instead"),
         ({"matrix": np.ones(3)}, r"a matrix is \(2,\), \(2, 2\)"),
         ({"matrix": [[1, 0, 0], [0, 1, 0], [0, 1, 1]]}, "ends with 0, 0, 1"),
-        ({"matrix": np.zeros((2, 2))}, "no inverse"),
-        ({"input": np.zeros((3, 3, 3))}, r"a picture has the shape \(height, width\) here"),
-        ({"output": np.zeros((3, 4, 5))}, "is no height and width"),
+        ({"matrix": np.zeros((2, 2)), **MASKED}, "no inverse"),
+        (
+            {"input": np.ma.zeros(3), "output_shape": (2, 3)},
+            r"a picture has the shape \(height, width\) here",
+        ),
+        ({"output": np.zeros((3, 4, 5)), **MASKED}, "is no height and width"),
     ],
 )
 def test_what_cannot_be_done_is_refused(given, message):

@@ -43,18 +43,12 @@ def outside(matrix, shape, picture=(15, 17)):
     return cv2.warpPerspective(ones, moved, shape[::-1], flags=cv2.INTER_LINEAR) == 0.0
 
 
-@pytest.mark.parametrize("channels", [None, 2, 3, 4])
-def test_a_grown_picture_is_opencv_s(channels, record):
+@pytest.mark.parametrize("channels", [None, 1, 2, 3, 4])
+def test_a_grown_picture_is_opencv_s_bit_by_bit(channels):
     image = smooth(channels=channels)
-    ours = warp_like_opencv(image, GROWN, SIZE)
-    planes = np.atleast_3d(image)  # of two channels at once OpenCV's positions have five bits
-    theirs = [cv2.warpPerspective(planes[..., c], GROWN, SIZE) for c in range(planes.shape[2])]
-    theirs = np.stack(theirs, axis=2).reshape(ours.shape)
-    there = inside(GROWN, SHAPE)
-    assert there.mean() > 0.5
-    np.testing.assert_allclose(ours[there], theirs[there], atol=ROUNDING)
-    error = (ours - theirs)[there]
-    record.quality("picture", 10 * np.log10(1 / np.mean(error**2)))
+    np.testing.assert_array_equal(
+        warp_like_opencv(image, GROWN, SIZE), cv2.warpPerspective(image, GROWN, SIZE)
+    )
 
 
 def test_an_affine_matrix_is_that_of_warp_affine():
@@ -94,11 +88,11 @@ def test_nearest_shows_squares_as_opencv_does():
         (cv2.INTER_CUBIC | cv2.WARP_FILL_OUTLIERS, "cubic"),
     ],
 )
-def test_flags_choose_the_reconstruction(flags, interpolation):
-    image = smooth()
+def test_flags_choose_the_reconstruction_of_what_shrinks(flags, interpolation):
+    image, matrix = smooth(150, 170), np.diag([0.3, 0.4, 1.0])
     method = Hybrid(interpolation=interpolation, average="shrinking")
-    expected = warp(image, GROWN, SHAPE, method, convention="opencv", fill="premultiplied").image
-    np.testing.assert_array_equal(warp_like_opencv(image, GROWN, SIZE, flags=flags), expected)
+    expected = warp(image, matrix, SHAPE, method, convention="opencv", fill="premultiplied").image
+    np.testing.assert_array_equal(warp_like_opencv(image, matrix, SIZE, flags=flags), expected)
 
 
 def test_nearest_copies_texels():
@@ -128,8 +122,7 @@ def test_a_constant_border_has_its_color(value, dtype):
     image = smooth(channels=3)
     image = levels(image, dtype) if np.dtype(dtype).kind == "u" else image.astype(dtype)
     ours = warp_like_opencv(image, SMALL, SIZE, borderValue=value)
-    color = value if np.ndim(value) else (value, value, value)
-    theirs = cv2.warpPerspective(image, SMALL, SIZE, borderValue=color)
+    theirs = cv2.warpPerspective(image, SMALL, SIZE, borderValue=value)  # a number: of blue alone
     beyond = outside(SMALL, SHAPE)
     assert beyond.mean() > 0.1
     np.testing.assert_allclose(ours[beyond], theirs[beyond], rtol=1e-7)  # float64 by float32
@@ -143,7 +136,7 @@ def test_a_constant_border_of_gray_is_one_number():
     np.testing.assert_array_equal(ours[beyond], theirs[beyond])
 
 
-@pytest.mark.parametrize(("value", "level"), [(-5, 0), (76.6, 77), (300, 255), (np.inf, 255)])
+@pytest.mark.parametrize(("value", "level"), [(-5, 0), (76.6, 77), (300, 255)])
 def test_a_border_s_color_is_rounded_and_clipped(value, level):
     ours = warp_like_opencv(levels(smooth(), "uint8"), SMALL, SIZE, borderValue=value)
     assert ours[0, 0] == level
@@ -153,7 +146,7 @@ def test_a_border_s_color_is_rounded_and_clipped(value, level):
 @pytest.mark.parametrize("channels", [None, 3])
 def test_a_border_may_be_not_a_number(channels, matrix):
     image = smooth(channels=channels)
-    ours = warp_like_opencv(image, matrix, SIZE, borderValue=np.nan)
+    ours = warp_like_opencv(image, matrix, SIZE, borderValue=(np.nan,) * 3)
     assert np.isnan(ours[outside(matrix, SHAPE)]).all()
     assert np.isfinite(ours[inside(matrix, SHAPE)]).all()
 
@@ -209,10 +202,10 @@ def test_gaps_are_kept(matrix):
 def test_a_shift_by_whole_pixels_is_opencv_s_bit_for_bit(channels, dtype):
     image = smooth(channels=channels)
     image = levels(image, dtype) if np.dtype(dtype).kind == "u" else image.astype(dtype)
-    ours = warp_like_opencv(image, [[1, 0, 3], [0, 1, -2]], (20, 19), borderValue=9)
+    ours = warp_like_opencv(image, [[1, 0, 3], [0, 1, -2]], (20, 19), borderValue=(9,) * 4)
     expected = np.full((19, 20, *image.shape[2:]), 9, dtype)
     expected[:13, 3:] = image[2:]
-    np.testing.assert_array_equal(ours, expected)
+    np.testing.assert_array_equal(ours, expected[..., 0] if channels == 1 else expected)
     assert ours.dtype == image.dtype
 
 
@@ -238,25 +231,27 @@ def test_a_shrunk_picture_is_antialiased_where_opencv_s_is_not(record):
     assert np.abs(theirs - 0.5).max() > 0.4
 
 
-@pytest.mark.parametrize("flags", [5, 6, 7, 32, 1 | 64, 128])
+@pytest.mark.parametrize("flags", [5, 6, 7])
 def test_other_interpolations_are_refused(flags):
-    with pytest.raises(ValueError, match=rf"flags {flags}: interpolations are cv2.INTER_NEAREST"):
+    with pytest.raises(ValueError, match=rf"interpolation {flags}: known are cv2.INTER_NEAREST"):
+        warp_like_opencv(smooth(), SMALL, SIZE, flags=flags)
+    with pytest.raises(cv2.error, match="known are"):  # as scripts of OpenCV expect
         warp_like_opencv(smooth(), SMALL, SIZE, flags=flags)
 
 
-@pytest.mark.parametrize("border", [cv2.BORDER_ISOLATED, 6, -1])
+@pytest.mark.parametrize("border", [6, 99, -1])
 def test_other_borders_are_refused(border):
     with pytest.raises(ValueError, match="CONSTANT, REPLICATE, REFLECT, WRAP, REFLECT_101 and"):
         warp_like_opencv(smooth(), SMALL, SIZE, borderMode=border)
 
 
-@pytest.mark.parametrize("size", [(0, 0), (0, 5), (5, -1)])
-def test_a_result_has_at_least_one_pixel(size):
-    with pytest.raises(ValueError, match="give a height and a width of 1 px or more"):
-        warp_like_opencv(smooth(), SMALL, size)
+@pytest.mark.parametrize("size", [(0, 0), (0, 5), None])
+def test_a_size_that_is_not_given_is_the_source_s(size):
+    for image in (smooth(), smooth().astype(np.float16)):
+        assert warp_like_opencv(image, SMALL, size).shape == image.shape
 
 
-@pytest.mark.parametrize("size", [(5,), (5, 5, 3), (5.5, 5), 5, None])
+@pytest.mark.parametrize("size", [(5,), (5, 5, 3), (5.5, 5), 5])
 def test_a_size_is_two_whole_numbers(size):
     with pytest.raises(ValueError, match="is no width and height"):
         warp_like_opencv(smooth(), SMALL, size)
@@ -270,10 +265,17 @@ def test_a_target_of_another_form_is_refused(dst):
         warp_like_opencv(smooth(), SMALL, SIZE, dst=dst, borderMode=cv2.BORDER_TRANSPARENT)
 
 
-@pytest.mark.parametrize("value", [(1, 2), [[1, 2, 3]], ()])
-def test_a_color_has_a_value_for_each_channel(value):
+def test_a_color_is_a_row_of_numbers():
     with pytest.raises(ValueError, match="give one number, or 3"):
-        warp_like_opencv(smooth(channels=3), SMALL, SIZE, borderValue=value)
+        warp_like_opencv(smooth(channels=3), SMALL, SIZE, borderValue=[[1, 2, 3]])
+
+
+@pytest.mark.parametrize("value", [7, (1, 2), (1, 2, 3, 4)])
+def test_own_code_has_opencv_s_colors(value):
+    image, shrink = smooth(60, 70, channels=3), np.diag([0.3, 0.3, 1.0])
+    ours = warp_like_opencv(image, shrink, SIZE, borderValue=value)
+    theirs = cv2.warpPerspective(image, shrink, SIZE, borderValue=value)
+    np.testing.assert_array_equal(ours[40:, 40:], theirs[40:, 40:])
 
 
 @pytest.mark.parametrize("dtype", ["datetime64[s]", "object"])
@@ -282,6 +284,8 @@ def test_other_types_are_refused(dtype):
         warp_like_opencv(np.zeros((4, 4), dtype), SMALL, SIZE)
 
 
-def test_a_singular_matrix_is_refused():
+def test_a_singular_matrix_is_refused_but_by_opencv():
     with pytest.raises(ValueError, match="no inverse"):
-        warp_like_opencv(smooth(), np.zeros((3, 3)), SIZE)
+        warp_like_opencv(smooth().astype(np.float16), np.zeros((3, 3)), SIZE)
+    ours = warp_like_opencv(smooth(), np.zeros((3, 3)), SIZE)
+    np.testing.assert_array_equal(ours, cv2.warpPerspective(smooth(), np.zeros((3, 3)), SIZE))

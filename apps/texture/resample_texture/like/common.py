@@ -1,4 +1,4 @@
-"""Shared by the drop-ins: draw over a background, fill given output arrays."""
+"""Shared by the drop-ins: draw over a background, or some tiles alone; find missing values."""
 
 from typing import Any
 
@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from resample import registry
 from resample.profiles.interpolation import Nearest
-from resample_texture.arguments import check_shape, method_named
-from resample_texture.drawing import Drawing, drawn
+from resample_texture.arguments import check_shape, method_named, within
+from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn
+from resample_texture.like.shrinking import TILE, Tiles
 from resample_texture.methods.forward import Hybrid
 from resample_texture.types import Method
 
@@ -28,7 +29,8 @@ def method_for(interpolation: str, method: str | Method | None = None) -> Method
         if interpolation == NEAREST:
             return method_named(NEAREST)
         kernel = registry.build("interpolations", interpolation)
-        return Hybrid(interpolation=kernel, average="always" if _averages(kernel) else "shrinking")
+        is_mean = getattr(kernel, "is_mean", False) or isinstance(kernel, Nearest)
+        return Hybrid(interpolation=kernel, average="always" if is_mean else "shrinking")
     chosen = method_named(method)
     if hasattr(chosen, "interpolation"):
         chosen = method_named(chosen, interpolation=interpolation)
@@ -48,15 +50,18 @@ def method_of_order(
     return method_for(interpolation or kernel, method)
 
 
-def _averages(kernel: Any) -> bool:
-    """Whether an interpolation is one of means, or of blocks."""
-    return bool(getattr(kernel, "is_mean", False)) or isinstance(kernel, Nearest)
+def has_gaps(image: NDArray[Any]) -> bool:
+    """Whether an array has a mask, or values that are not finite."""
+    if isinstance(image, np.ma.MaskedArray) or image.dtype.kind not in "fc":
+        return isinstance(image, np.ma.MaskedArray)
+    flat = image.reshape(-1)
+    with np.errstate(over="ignore", invalid="ignore"):  # the fastest pass over all values
+        is_finite = np.isfinite(np.dot(flat, flat))
+    return not (is_finite or np.isfinite(image).all())
 
 
-def draw(
-    image: NDArray[Any], drawing: Drawing, behind: NDArray[Any], *, linear_light: bool = False
-) -> NDArray[Any]:
-    """Draw a picture (h, w) or (h, w, C) over a background; missing values stay missing.
+def draw(image: NDArray[Any], drawing: Drawing, *, linear_light: bool = False) -> NDArray[Any]:
+    """Draw a picture (h, w) or (h, w, C) over its background; missing values stay missing.
 
     Parameters
     ----------
@@ -66,8 +71,37 @@ def draw(
         Filter linear light, not the encoded levels.
     """
     check_shape(drawing.shape)
-    drawing = drawing._replace(behind=behind)
     return drawn(image, drawing, linear_light=linear_light, alpha="none").image
+
+
+def tiles_drawn(
+    image: NDArray[Any], drawing: Drawing, tiles: Tiles
+) -> tuple[tuple[slice, slice], Tiles, NDArray[Any]]:
+    """Draw some tiles, see `draw`.
+
+    Returns
+    -------
+    The part of the target around them; which of its pixels (h, w) are theirs; and the picture.
+    """
+    # The rectangle around them, and the pixels of tiles in it and in what is drawn around it.
+    height, width = drawing.shape
+    columns, rows = (np.flatnonzero(tiles.any(axis=axis)) * TILE for axis in (0, 1))
+    left, top = int(columns[0]), int(rows[0])
+    right, bottom = min(int(columns[-1]) + TILE, width), min(int(rows[-1]) + TILE, height)
+    roi = left, top, right - left, bottom - top
+    method: Any = drawing.method
+    geometry, shape, inner = within(drawing.geometry, drawing.shape, roi, method)
+    y, x = top - (inner[0].start or 0), left - (inner[1].start or 0)
+    part = np.s_[y : y + shape[0], x : x + shape[1]]
+    wanted = tiles.repeat(TILE, axis=0).repeat(TILE, axis=1)[part]
+    # Tiles are drawn alone, but for pictures so large that windows of them are.
+    if image.size <= MOST_AT_ONCE:
+        method = method.partly(wanted)
+    behind: Any = drawing.behind
+    if behind.shape[:2] != (1, 1):
+        behind = behind[part]
+    made = draw(image, Drawing(method, geometry, shape, drawing.edge, behind=behind))
+    return np.s_[top:bottom, left:right], wanted[inner], made[inner]
 
 
 def color_behind(
@@ -81,22 +115,11 @@ def color_behind(
         raise ValueError(f"{name} {value}: give one number, or {channels}")
     if image.dtype.kind in "iu":
         limits = np.iinfo(image.dtype)
-        exact = [min(max(round(float(v)), limits.min), limits.max) for v in _finite(values)]
+        finite = np.nan_to_num(values, posinf=2.0**70, neginf=-(2.0**70))
+        exact = [min(max(round(float(v)), limits.min), limits.max) for v in finite]
         level = np.array(exact, image.dtype)
     else:
         with np.errstate(over="ignore"):
             level = values.astype(image.dtype)
     level = np.broadcast_to(level, channels) if level.size == 1 else level[:channels]
     return level.reshape(1, 1, channels)
-
-
-def into(given: NDArray[Any] | None, result: NDArray[Any]) -> NDArray[Any]:
-    """Return the result, stored in the given array if that fits."""
-    if given is None or given.shape != result.shape or given.dtype != result.dtype:
-        return result
-    given[...] = result
-    return given
-
-
-def _finite(values: NDArray[Any]) -> NDArray[Any]:
-    return np.asarray(np.nan_to_num(values, posinf=2.0**70, neginf=-(2.0**70)))

@@ -1,5 +1,9 @@
-"""`warp`, `resize`, `rescale` and `rotate` as in `skimage.transform`, without aliasing."""
+"""`skimage.transform` without aliasing: `import resample_texture.like.scikit as transform`.
 
+`warp`, `resize`, `rescale` and `rotate` are own code; other names are scikit-image's, if installed.
+"""
+
+import importlib
 import math
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
@@ -244,7 +248,7 @@ def _drawn(image: NDArray[Any], drawing: Drawing, values: ReadAs) -> NDArray[Any
     """Draw a picture as `values` say."""
     order, cval, clip, preserve_range = values
     given = image if order == 0 else _as_floats(image, preserve_range)
-    result = draw(given, drawing, color_behind(cval, given, "cval"))
+    result = draw(given, drawing._replace(behind=color_behind(cval, given, "cval")))
     return _clipped(result, given, cval) if clip and order > 1 else result
 
 
@@ -293,3 +297,18 @@ def _clipped(result: NDArray[Any], image: NDArray[Any], cval: float) -> NDArray[
     bounds = [known.min(), known.max(), *([cval] if np.isfinite(cval) else [])]
     clipped: NDArray[Any] = np.clip(result, min(bounds), max(bounds))
     return clipped
+
+
+def __getattr__(name: str) -> Any:
+    if name.startswith("__"):
+        raise AttributeError(name)
+    try:
+        transform = importlib.import_module("skimage.transform")
+    except ImportError:
+        raise AttributeError(
+            f"{name} is scikit-image's own; install that: pip install scikit-image"
+        ) from None
+    return getattr(transform, name)
+
+
+__all__ = ["rescale", "resize", "rotate", "warp"]
