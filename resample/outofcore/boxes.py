@@ -50,11 +50,6 @@ class PartBoxes(NamedTuple):
         return np.column_stack([least, most]).astype(np.float32)
 
 
-def boxes_around(low: Doubles, high: Doubles, lattice: Doubles) -> PartBoxes:
-    """Return boxes (P, 3), scene units, of scattered samples with kernels of a lattice (3, 3)."""
-    return PartBoxes(low, high, beyond=np.linalg.norm(lattice, axis=1))
-
-
 def _projected(place: Doubles, view: View) -> Doubles:
     """Project points (N, 3) in camera axes to (N, 2) px; undefined behind the camera."""
     if not view.perspective:

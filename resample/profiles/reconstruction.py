@@ -86,18 +86,11 @@ class BSplineKernel:
         return np.where(t < 1, near, np.where(t < 2, far, 0.0))
 
 
-def density_table(reconstruction: Reconstruction) -> RadialTable:
-    """Density over the squared distance in radii, with integral 1 over the unit ball."""
-    squared = np.linspace(0, 1, STEPS + 1)
-    density = reconstruction(np.sqrt(squared) * reconstruction.radius) / _mass(reconstruction)
-    return RadialTable(density.astype(np.float32), 1.0)
-
-
 @once
 def footprint_table(reconstruction: Reconstruction) -> RadialTable:
     """Line integrals over the squared distance of the line from the center, in radii.
 
-    Normalised as in `density_table`: the integral over the unit disk is 1 (paper, section 4.2,
+    Normalised so that the integral over the unit disk is 1 (paper, section 4.2,
     "footprint table", here for any radial kernel and without a square root per look-up).
     """
     integral = _line_integrals(reconstruction, np.linspace(0, 1, STEPS + 1))
@@ -149,8 +142,8 @@ def footprint_pieces(reconstruction: Reconstruction) -> Pieces | None:
 def density_profile(reconstruction: Reconstruction) -> Doubles | None:
     """Fit nine powers of t = 1 - squared distance in radii to the density; None if they do not fit.
 
-    Normalised as in `density_table`. Its integrals are as accurate as `partial_table`, and it is
-    nowhere negative.
+    Normalised so that the integral over the unit ball is 1. Its integrals are as accurate as
+    `partial_table`, and it is nowhere negative.
     """
     node = 0.5 - 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
     exact = reconstruction(np.sqrt(1 - node) * reconstruction.radius) / _mass(reconstruction)
@@ -167,7 +160,7 @@ def product_profile(reconstruction: Reconstruction) -> tuple[Doubles, Doubles, f
 
     Nine powers of t = 1 - squared distance of the line from the center, and nine of the squared
     position on it, both in radii; None if the kernel is not a Gaussian, or too narrow. Normalised
-    as in `density_table`.
+    as in `density_profile`.
     """
     if not isinstance(reconstruction, GaussianKernel):
         return None

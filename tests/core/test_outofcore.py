@@ -10,7 +10,7 @@ from resample import Camera, Resampler
 from resample.command.settings import Sharing
 from resample.command.workers import at_work
 from resample.outofcore import samples
-from resample.outofcore.boxes import boxes_around
+from resample.outofcore.boxes import PartBoxes
 from resample.outofcore.bricks import BrickArray, LruCache, bricks_in_memory, with_neighbours
 from resample.outofcore.passes import PassContext, counts_by_digit, passed, ranked
 from resample.outofcore.samples import (
@@ -40,7 +40,7 @@ class Scattered(SampleSource):
 
     def bounds(self, number):
         low, high = self.ends[number].swapaxes(0, 1)
-        return boxes_around(low, high, self.lattice)
+        return PartBoxes(low, high, beyond=np.linalg.norm(self.lattice, axis=1))
 
     def load(self, number, count):
         self.reads += len(number)

@@ -6,7 +6,6 @@ from resample import registry
 from resample.profiles.reconstruction import (
     BSplineKernel,
     GaussianKernel,
-    density_table,
     footprint_table,
     ripple,
     variance,
@@ -70,24 +69,14 @@ def test_between_its_entries_the_footprint_table_is_as_good(installed):
     np.testing.assert_allclose(read, truth, atol=1e-5 * table.values[0])
 
 
-def test_the_density_table_holds_the_kernel(installed):
-    table = density_table(installed)
-    squared = np.linspace(0, 1, table.values.size)
-    truth = installed(np.sqrt(squared) * installed.radius) / mass(installed)
-    np.testing.assert_allclose(table.values, truth, atol=1e-6 * truth[0])  # float32
-
-
 def test_tables_have_the_mass_one(installed):
     squared = np.linspace(0, 1, footprint_table(installed).values.size)
     disk = np.pi * np.trapezoid(footprint_table(installed).values, squared)
     assert disk == pytest.approx(1.0, abs=1e-5)  # dA = π d(r²)
-    ball = 2 * np.pi * np.trapezoid(density_table(installed).values * np.sqrt(squared), squared)
-    assert ball == pytest.approx(1.0, abs=2e-4)  # dV = 2 π r d(r²): a root at 0
 
 
 def test_tables_end_at_zero(installed):
     assert footprint_table(installed).values[-1] == 0.0
-    assert density_table(installed).values[-1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_variance_is_the_second_moment_along_an_axis(installed):
@@ -147,6 +136,5 @@ def test_a_kernel_without_mass_is_refused():
 
 @pytest.mark.parametrize("radius", [65.0, 1e9])
 def test_a_kernel_that_would_never_end_is_refused(radius):
-    for use in (footprint_table, density_table):
-        with pytest.raises(ValueError, match="above 0 to 64 are allowed"):
-            use(BSplineKernel(radius))
+    with pytest.raises(ValueError, match="above 0 to 64 are allowed"):
+        footprint_table(BSplineKernel(radius))

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.engine import compositing, sorting, vectors
+from resample.engine import sorting, vectors
 from resample.engine.cells import scattering
 from resample.engine.ellipsoids import footprints, lanes, outlines, steps
 from resample.engine.ellipsoids import rows as rows_of_tiles
@@ -26,7 +26,7 @@ from resample.engine.vectors import (
     vector_at,
 )
 from resample.engine.windows import gather
-from resample.types import LAST_SHEET, Absorbing, Linear, Place
+from resample.types import Absorbing, Linear, Place
 from tests.kernels import run_in_python
 
 
@@ -292,13 +292,3 @@ def test_samples_on_a_plane_lie_between_the_ends_of_four(rng):
         a, b = (tuple(map(np.float32, row)) for row in rng.normal(size=(2, 4)))
         four = [(row[n] + 4 * row[n + 1] + row[n + 2]) / 6 for row in (a, b) for n in (0, 1)]
         assert splines._ends_of.__wrapped__(a, b) == pytest.approx((min(four), max(four)), rel=1e-5)
-
-
-def test_sheets_are_numbered_as_whole_thicknesses(rng):
-    """Those that lie too far away have the last number."""
-    sheet_of = compositing.sheet_of.__wrapped__
-    layers = SimpleNamespace(thickness=0.7)
-    for place in rng.uniform(-9.0, 9.0, 20):
-        assert sheet_of(layers, place) == np.floor(np.float32(place) / np.float32(0.7))
-    assert sheet_of(layers, 1e30) == LAST_SHEET
-    assert sheet_of(layers, -1e30) == -LAST_SHEET

@@ -26,7 +26,7 @@ from resample_points import (
     write_gaussians,
 )
 from resample_points.baselines import mitsuba
-from resample_points.data.gaussians import colors_toward
+from resample_points.data.gaussians import colors_along
 from resample_points.viewing import suits, view_of
 from tests import commands, splats
 from tests.shaped import twin
@@ -52,6 +52,12 @@ def file(tmp_path, monkeypatch):
     return Path("scene.ply")
 
 
+def toward(given, eye):
+    """Unit directions from an eye to the Gaussians."""
+    along = given.position - eye
+    return along / np.linalg.norm(along, axis=1, keepdims=True)
+
+
 @pytest.mark.parametrize("degree", [0, 3, 8, 15])
 def test_colors_are_those_of_the_harmonics_toward_the_eye(degree):
     given, eye = scene(harmonics=degree), np.array([0.5, -4.0, 1.0])
@@ -60,7 +66,7 @@ def test_colors_are_those_of_the_harmonics_toward_the_eye(degree):
         given, camera, size=(48, 36), background=(0, 0, 0),
         style=GaussianStyle("bare", "rays", subpixels=1),
     )  # fmt: skip
-    shapes = (*given[:4], colors_toward(given, eye))
+    shapes = (*given[:4], colors_along(given, toward(given, eye)))
     truth = twin.painted(shapes, camera, (36, 48), "rays")[..., :3]
     np.testing.assert_allclose(to_srgb(ours.rgba[..., :3]), np.clip(truth, 0, 1), atol=2e-3)
 
@@ -352,7 +358,8 @@ def test_mitsuba_traces_the_same_gaussians():
     camera = Camera(
         np.array([[40.0, 0, 20], [0, 40, 20], [0, 0, 1]]), look_at((1, -14, 2), (0, 0, 0))
     )
-    color = colors_toward(given, -camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3])
+    eye = -camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3]
+    color = colors_along(given, toward(given, eye))
     try:
         found, _ = mitsuba.render(given, color, camera, (36, 48), 0.0)
     except ValueError as error:

@@ -11,7 +11,6 @@ from resample_points.data.gaussians import (
     Gaussians,
     checked_gaussians,
     colors_along,
-    colors_toward,
     cropped_gaussians,
 )
 from resample_points.data.harmonics import harmonics_along, turned_harmonics
@@ -89,19 +88,6 @@ def test_colors_are_half_the_constant_and_the_harmonics_and_not_below_0():
     up, down = (colors_along(made, (0, 0, z)) for z in (1, -1))
     assert np.allclose(up, 0.5 + 2 * np.sqrt(3 / (4 * np.pi)), atol=1e-12)
     assert np.array_equal(down, np.zeros((COUNT, 3)))
-
-
-def test_colors_toward_an_eye_go_from_the_eye_to_each_center():
-    made, eye = gaussians(), np.array([0.3, 5, -1])
-    along = made.position - eye
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    assert np.allclose(colors_toward(made, eye), colors_along(made, along), atol=1e-12)
-
-
-def test_an_eye_at_a_center_sees_the_constant_color():
-    made = gaussians()
-    found = colors_toward(made, made.position[0])[0]
-    assert np.allclose(found, 0.5 + made.color[0] / np.sqrt(4 * np.pi))
 
 
 # Poses

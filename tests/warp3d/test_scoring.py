@@ -8,9 +8,7 @@ from resample_warp3d.figures.scoring import (
     ScoringTarget,
     WarpedScreen,
     delivered,
-    flicker,
     hole_percent,
-    inpainted,
     iv_psnr,
     masked_ssim,
     near_steps,
@@ -151,43 +149,6 @@ def test_ssim_of_a_mask_ignores_what_is_beyond(truth, mask):
     image = truth.copy()
     image[~mask] = 0
     assert masked_ssim(image, truth, mask) == pytest.approx(1.0)
-
-
-def test_a_constant_error_does_not_flicker(mask):
-    assert flicker([np.full((*SHAPE, 3), 0.2, np.float32)] * 3, [mask] * 3) == 0.0
-
-
-def test_an_error_that_comes_and_goes_flickers_by_its_size(mask):
-    dark, bright = np.zeros((*SHAPE, 3), np.float32), np.full((*SHAPE, 3), 0.1, np.float32)
-    assert flicker([dark, bright, dark], [mask] * 3) == pytest.approx(25.5)
-
-
-def test_only_pixels_of_both_frames_flicker(mask):
-    dark, bright = np.zeros((*SHAPE, 3), np.float32), np.zeros((*SHAPE, 3), np.float32)
-    bright[8, 8] = 1
-    later = mask.copy()
-    later[8, 8] = False
-    assert flicker([dark, bright], [mask, later]) == 0.0
-
-
-def test_frames_without_common_pixels_are_refused(mask):
-    frame = np.zeros((*SHAPE, 3), np.float32)
-    with pytest.raises(ValueError, match="no pixel counts"):
-        flicker([frame, frame], [mask, ~mask])
-
-
-def test_holes_in_an_even_picture_are_filled_with_its_color():
-    even = np.full((*SHAPE, 3), 0.4, np.float32)
-    covered = np.ones(SHAPE, np.bool_)
-    covered[10:13, 10:14] = False
-    filled = inpainted(np.where(covered[..., None], even, np.float32(0)), covered)
-    np.testing.assert_allclose(filled, 0.4, atol=2.5 / 255)  # OpenCV fills with 8 bits
-
-
-def test_filling_leaves_covered_pixels_alone(truth):
-    covered = np.ones(SHAPE, np.bool_)
-    covered[5, 5] = False
-    assert np.array_equal(inpainted(truth, covered)[covered], truth[covered])
 
 
 def test_two_pixels_around_a_step_are_near_it():

@@ -16,7 +16,7 @@ _SIGN = np.uint32(0x80000000)
 
 @kernel
 def _key_bits(layers: Layers, world: Vector, eye: Eye) -> np.uint32:
-    """Integer key of a position, which sorts as `resample.engine.compositing.key_of_sheet` does."""
+    """Integer key of a position, ascending in painting order."""
     # Place along the axis, or distance from the eye.
     place = layers.offset + dot(layers.axis, world)
     if layers.is_around:

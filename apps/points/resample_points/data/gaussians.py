@@ -150,23 +150,6 @@ def some_gaussians(gaussians: Gaussians, which: NDArray[Any]) -> Gaussians:
     return gaussians._replace(**parts, harmonics=harmonics)
 
 
-def colors_toward(gaussians: Gaussians, eye: ArrayLike) -> Doubles:
-    """Return display-referred colors (N, 3) of Gaussians seen from a point.
-
-    Examples
-    --------
-    >>> from resample_points.data.gaussians import Gaussians, colors_toward
-    >>> import numpy as np
-    >>> parts = (np.ones((1, n), np.float32) for n in (3, 3, 4))
-    >>> gray = Gaussians(*parts, np.ones(1), np.zeros((1, 3)))
-    >>> colors_toward(gray, eye=(0, 0, -5)).tolist()
-    [[0.5, 0.5, 0.5]]
-    """
-    direction = np.asarray(gaussians.position, np.float64) - np.asarray(eye, np.float64)
-    length = np.sqrt((direction * direction).sum(axis=1, keepdims=True))
-    return colors_along(gaussians, direction / np.where(length > 0, length, 1.0))
-
-
 def colors_along(gaussians: Gaussians, direction: ArrayLike) -> Doubles:
     """Return display-referred colors (N, 3) along unit directions (N, 3) or (3,) from the eye.
 

@@ -15,7 +15,7 @@ from resample.measuring.compare import check_sheet, contact_sheet, enlarged, mil
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.figures.pairs import edges_in_view, expected_nearness
+from resample_warp3d.figures.expected import edges_in_view, expected_nearness
 from resample_warp3d.figures.scenes import VIEWPOINTS, ObjectScene, generated
 from resample_warp3d.figures.scoring import (
     Mask,

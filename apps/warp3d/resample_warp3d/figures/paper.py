@@ -20,7 +20,7 @@ from resample_warp3d.figures.compare import (
     compare_cases,
     scene_case,
 )
-from resample_warp3d.figures.pairs import edges_in_view, expected_nearness
+from resample_warp3d.figures.expected import edges_in_view, expected_nearness
 from resample_warp3d.figures.scenes import generated
 from resample_warp3d.figures.scoring import ScoringTarget, Screen
 from resample_warp3d.types import Equation, Source

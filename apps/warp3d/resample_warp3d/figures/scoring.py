@@ -6,13 +6,12 @@ divided by their coverage, as compositors get them, and over black, as films and
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import as_levels
 from resample.measuring.quality import psnr, ssim
 from resample.types import Doubles, Floats
 
@@ -21,7 +20,6 @@ Screen = NDArray[np.floating]  # (H, W, 3) sRGB-encoded, 0..1
 
 STEP = 0.03  # of the depth: larger steps within a pixel, or to its neighbour, are edges
 NEAR_EDGE = 2  # px
-TELEA_RADIUS = 3.0  # px
 HIGHEST = 100.0  # dB of a component without error in IV-PSNR
 
 # Y, Cb, Cr of encoded R, G, B (ITU-R BT.709), and their weights in IV-PSNR.
@@ -139,33 +137,6 @@ def _shifted(picture: Floats, reach: int) -> Iterator[Floats]:
     for row in range(2 * reach + 1):
         for column in range(2 * reach + 1):
             yield around[row : row + height, column : column + width]
-
-
-def flicker(errors: Sequence[Floats], masks: Sequence[Mask]) -> float:
-    """Return the RMS change of errors from frame to frame, in levels of 255.
-
-    `errors`: (H, W, 3) differences to the truth, of consecutive frames. `masks`: (H, W) pixels that
-    count; they must count in both frames.
-    """
-    squares, count = 0.0, 0
-    for n in range(len(errors) - 1):
-        change = (errors[n + 1] - errors[n])[masks[n] & masks[n + 1]]
-        squares += float(np.square(change, dtype=np.float64).sum())
-        count += change.size
-    if not count:
-        raise ValueError("no pixel counts in two consecutive frames, so flicker cannot be measured")
-    return 255.0 * math.sqrt(squares / count)
-
-
-def inpainted(screen: Screen, covered: Mask) -> Floats:
-    """Fill a picture's holes by OpenCV (Telea, radius 3 px), equally for all methods."""
-    import cv2
-
-    filled = cv2.inpaint(
-        as_levels(screen), (~covered).astype(np.uint8), TELEA_RADIUS, cv2.INPAINT_TELEA
-    )
-    whole = np.where(covered[..., None], screen, filled.astype(np.float32) / 255.0)
-    return np.asarray(whole, np.float32)
 
 
 def near_steps(nearest: Doubles, farthest: Doubles) -> Mask:
