@@ -24,17 +24,11 @@ from resample.view.views import (
     placed_by,
     settings_of,
 )
-from resample.watching import Cancel, Progress, cancellable
+from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, scene_of
 from resample_points.geometry.spacing import Surfels
-from resample_points.viewing.films import (
-    AROUND,
-    check_film_settings,
-    film_facts,
-    orbit_keyframes,
-    write_page_film,
-)
+from resample_points.viewing.films import AROUND, FilmPainter, film_facts
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -60,7 +54,7 @@ PREPARED = (
 
 
 @dataclass
-class CloudPainter:
+class CloudPainter(FilmPainter):
     """Painter of a cloud for one page.
 
     Parameters
@@ -70,6 +64,7 @@ class CloudPainter:
     """
 
     path: Path
+    of_films = OF_FILMS
     _kept: tuple[Any, ColoredScene] | None = field(init=False, default=None)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
@@ -99,17 +94,9 @@ class CloudPainter:
         form, cloud, camera = self._placed(settings, size)
         cloud.write(path, cloud.picture(camera, size[::-1]), form)
 
-    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """Return a keyframe file of cameras around the cloud, see `resample.view.views.Filming`."""
-        return orbit_keyframes(cameras, settings)
-
-    def film(
-        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
-    ) -> None:
-        """Write a film as `animate` does, see `resample.view.views.Filming`."""
-        check_film_settings(settings, OF_FILMS)
+    def filmed(self, settings: Settings) -> tuple[ColoredScene, CloudAim, FrameFormat]:
         look, aim, form = _checked(settings)
-        write_page_film(self._scene(look), aim, form, size[::-1], keyframes, path, progress)
+        return self._scene(look), aim, form
 
     def surfels(self, settings: Settings) -> Surfels:
         """Return the prepared cloud; raises as `save` does."""

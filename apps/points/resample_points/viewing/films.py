@@ -1,14 +1,15 @@
 """Films of a page: through its keyframes, around what a file holds."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from resample.command.settings import FrameFormat
 from resample.files.animations import write_film
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import path_file
-from resample.view.views import Settings
+from resample.view.views import Settings, Size
 from resample.watching import Progress
 from resample_points.command.choices import CloudStart
 from resample_points.command.kinds import Filmed
@@ -26,25 +27,28 @@ def film_facts(options: Sequence[str]) -> dict[str, Any]:
     return {"command": FILM, "options": [*options], **ORBITING}
 
 
-def orbit_keyframes(cameras: Sequence[str], settings: Settings) -> str:
-    """Return a keyframe file of cameras, see `resample.view.views.Filming`."""
-    return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
+class FilmPainter(ABC):
+    """Painter that makes films, see `resample.view.views.Filming`."""
 
+    of_films: ClassVar[Sequence[str]]  # options that pictures and films share
 
-def check_film_settings(settings: Settings, options: Sequence[str]) -> None:
-    """Refuse options of pictures that films do not have."""
-    if unknown := [key for key in settings if key not in (*ORBITING["steered"], *options)]:
-        raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
+    @abstractmethod
+    def filmed(self, settings: Settings) -> tuple[Filmed, CloudStart, FrameFormat]:
+        """Return what films show, where they start and their format; the options are checked."""
 
+    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+        return keyframes_as_toml(cameras, {"fov": FIELD, **settings})
 
-def write_page_film(
-    scene: Filmed, aim: CloudStart, form: FrameFormat, shape: tuple[int, int], keyframes: str,
-    path: Path, progress: Progress,
-) -> None:  # fmt: skip
-    """Write the film that `animate` writes for a page's keyframes."""
-    turned = scene.upright(aim)
-    with path_file(KEYFRAMES, keyframes) as file:
-        viewpoints = path_of(str(file), None, RATE, turned.start())
-    cameras = cameras_of(scene.framing, viewpoints, shape, steady=turned.steady)
-    film = scene.film(cameras, shape, form.behind() or (0.0, 0.0, 0.0))
-    write_film(path, film, RATE, progress=progress)
+    def film(
+        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
+    ) -> None:
+        shared = (*ORBITING["steered"], *self.of_films)
+        if unknown := [key for key in settings if key not in shared]:
+            raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
+        scene, start, form = self.filmed(settings)
+        turned = scene.upright(start)
+        with path_file(KEYFRAMES, keyframes) as file:
+            viewpoints = path_of(str(file), None, RATE, turned.start())
+        cameras = cameras_of(scene.framing, viewpoints, size[::-1], steady=turned.steady)
+        film = scene.film(cameras, size[::-1], form.behind() or (0.0, 0.0, 0.0))
+        write_film(path, film, RATE, progress=progress)

@@ -24,7 +24,7 @@ from resample.view.views import (
     placed_by,
     settings_of,
 )
-from resample.watching import Cancel, Progress, cancellable
+from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import (
     SHARED,
@@ -32,13 +32,7 @@ from resample_points.command.gaussians import (
     GaussianPictures,
     gaussians_of,
 )
-from resample_points.viewing.films import (
-    AROUND,
-    check_film_settings,
-    film_facts,
-    orbit_keyframes,
-    write_page_film,
-)
+from resample_points.viewing.films import AROUND, FilmPainter, film_facts
 
 COMMAND = "resample-points render"
 SHOWN = (CloudOptions, GaussianOptions, CloudAim, FrameFormat)  # options that a page can change
@@ -55,7 +49,7 @@ READ_WITH = ("also", "crop", "least_opacity", "largest")  # options that the sce
 
 
 @dataclass
-class GaussianPainter:
+class GaussianPainter(FilmPainter):
     """Painter of 3D Gaussians for one page.
 
     Parameters
@@ -65,6 +59,7 @@ class GaussianPainter:
     """
 
     path: Path
+    of_films = OF_FILMS
     _kept: tuple[Any, GaussianPictures] | None = field(init=False, default=None)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
@@ -106,17 +101,9 @@ class GaussianPainter:
         form, scene, camera = self._placed(settings, size)
         scene.write(path, camera, form)
 
-    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """Return a keyframe file of cameras, see `resample.view.views.Filming`."""
-        return orbit_keyframes(cameras, settings)
-
-    def film(
-        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
-    ) -> None:
-        """Write a film as `animate` does, see `resample.view.views.Filming`."""
-        check_film_settings(settings, OF_FILMS)
+    def filmed(self, settings: Settings) -> tuple[GaussianPictures, CloudAim, FrameFormat]:
         look, options, aim, form = checked(settings)
-        write_page_film(self.scene(look, options), aim, form, size[::-1], keyframes, path, progress)
+        return self.scene(look, options), aim, form
 
     def scene(self, look: CloudOptions, options: GaussianOptions) -> GaussianPictures:
         """Return the scene, cached until the options change that it is read with."""

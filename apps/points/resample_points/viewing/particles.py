@@ -20,20 +20,14 @@ from resample.view.views import (
     placed_by,
     settings_of,
 )
-from resample.watching import Cancel, Progress, cancellable
+from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudStart
 from resample_points.command.density import SHARED, DensityOptions, ParticleOptions, write_map
 from resample_points.command.particles import ParticlePictures, pictures_of
 from resample_points.files.snapshots import kinds_in
 from resample_points.painting.bending import shrunken
 from resample_points.scenes import camera_of
-from resample_points.viewing.films import (
-    AROUND,
-    check_film_settings,
-    film_facts,
-    orbit_keyframes,
-    write_page_film,
-)
+from resample_points.viewing.films import AROUND, FilmPainter, film_facts
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -50,7 +44,7 @@ READ_WITH = ("kind", "crop", "quantity")  # options that the scene depends on
 
 
 @dataclass
-class ParticlePainter:
+class ParticlePainter(FilmPainter):
     """Painter of particles for one page.
 
     Parameters
@@ -60,6 +54,7 @@ class ParticlePainter:
     """
 
     path: Path
+    of_films = OF_FILMS
     _kept: tuple[Any, ParticlePictures] | None = field(init=False, default=None)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
@@ -102,17 +97,9 @@ class ParticlePainter:
         form, scene, camera = self._placed(settings, size)
         write_map(path, scene.measure(camera, size[::-1]), scene.options, form)
 
-    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """Return a keyframe file of cameras, see `resample.view.views.Filming`."""
-        return orbit_keyframes(cameras, settings)
-
-    def film(
-        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
-    ) -> None:
-        """Write a film as `animate` does, see `resample.view.views.Filming`."""
-        check_film_settings(settings, OF_FILMS)
+    def filmed(self, settings: Settings) -> tuple[ParticlePictures, CloudStart, FrameFormat]:
         options, start, form = checked(settings)
-        write_page_film(self.scene(options), start, form, size[::-1], keyframes, path, progress)
+        return self.scene(options), start, form
 
     def scene(self, options: DensityOptions) -> ParticlePictures:
         """Return the particles, cached until the options change that they are read with."""
