@@ -201,11 +201,9 @@ def visible(text: str) -> str:
     """
     if text.isprintable():
         return text
-    return "".join(letter if _is_shown(letter) else _code(letter) for letter in text)
-
-
-def _is_shown(letter: str) -> bool:
-    return letter.isprintable() or letter == " "
+    return "".join(
+        letter if letter.isprintable() or letter == " " else _code(letter) for letter in text
+    )
 
 
 def _code(letter: str) -> str:

@@ -1,7 +1,7 @@
 """Say in one line what is wrong with a command line, and what to do about it."""
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,7 +66,7 @@ def explained(error: BaseException) -> str:
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         return _of_missing(error)
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"{_quoted(error.unused_tokens)}: {_of_too_many(error)}"
+        return f"{visible(', '.join(map(repr, error.unused_tokens)))}: {_of_too_many(error)}"
     return one_line(error)
 
 
@@ -171,7 +171,3 @@ def _clause(argument: "Argument") -> str:
 def _option_names(arguments: "Iterable[Argument]") -> Iterator[str]:
     for argument in arguments:
         yield from (name[2:] for name in argument.names if name.startswith("--"))
-
-
-def _quoted(words: Sequence[str]) -> str:
-    return visible(", ".join(map(repr, words)))

@@ -26,8 +26,6 @@ TAKEN = (
 )
 ROWS, COLUMNS = ("y", "row", "rows", "lat", "latitude"), ("x", "column", "columns", "lon")
 MODES = {"1": "L", "P": "RGBA", "PA": "RGBA", "CMYK": "RGB", "YCbCr": "RGB", "HSV": "RGB"}
-FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
-MANY = 16  # ... if it has as many columns and channels, at least
 COLORMAP = "turbo"
 PERCENTILES = (0.5, 99.5)  # range of the finite values that false colors span
 ENCODED = (np.dtype(np.uint8), np.dtype(np.uint16))  # types with sRGB-encoded light
@@ -72,16 +70,6 @@ def picture_and_encoding(
         numbers = "real or complex numbers" if "c" in kinds else "real numbers"
         raise TypeError(f"a {name} of {array.dtype}; its values must be {numbers}")
     return array, None
-
-
-def check_layout(image: NDArray[Any], name: str = "image") -> None:
-    """Refuse pictures that have their channels first."""
-    form = image.shape[-3:]
-    if image.ndim in (3, 4) and form[0] in FEW_CHANNELS and min(form[1:]) >= MANY:
-        raise ValueError(
-            f"{image.shape} looks like channels first: {form[0]} rows of {form[1]} pixels with"
-            f" {form[2]} channels each; give numpy.moveaxis({name}, {image.ndim - 3}, -1)"
-        )
 
 
 def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:

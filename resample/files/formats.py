@@ -19,7 +19,6 @@ BY_PILLOW = {".webp": "webp", ".avif": "avif"}  # its names of what it is built 
 QUALITY = {".jpg": 95, ".jpeg": 95, ".webp": 90, ".avif": 85}  # unless given
 NO_LOSS = "lossless"
 PHOTO = "; for a photo give --encoding srgb"
-LOSSLESS = ("none", "rle", "zips", "zip", "piz")  # compressions of EXR
 
 
 class WriteOptions(NamedTuple):
@@ -28,8 +27,6 @@ class WriteOptions(NamedTuple):
     bits: int | None = None  # 8, 16 or 32 per channel; None: what fits format and source
     background: Color | None = None  # linear light; None keeps transparency
     is_light: bool = True  # otherwise numbers, which are not encoded
-    half: bool = False  # EXR: R, G, B and A in 16 bits
-    compression: str = "zip"  # EXR: one of `LOSSLESS`
     quality: int | str | None = None  # 1 to 100 of `QUALITY`, or `NO_LOSS` of .webp
     in_srgb: bool = False  # colors of ICC profiles become sRGB's; otherwise profiles are kept
 

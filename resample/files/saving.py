@@ -1,6 +1,6 @@
 """Write pictures in any format, bit depth and number of channels; files appear atomically."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from resample.files.facts.metadata import (
 from resample.files.facts.origin import state
 from resample.files.formats import (
     BY_PILLOW,
-    LOSSLESS,
     NO_LOSS,
     QUALITY,
     SUFFIXES,
@@ -44,7 +43,6 @@ LONGEST = {".webp": 16_383, ".avif": 65_535}  # px of a side
 UNCALIBRATED = 0xFFFF  # Exif's value for neither sRGB nor Adobe RGB
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")  # of a frame in EXR
 
-Attribute = str | int | float | Sequence[float]
 Put = Callable[[Picture], None]
 
 
@@ -70,9 +68,6 @@ def write_frame(
     frame: Frame[Any],
     bits: int = 8,
     background: Background | None = None,
-    *,
-    half: bool = False,
-    attributes: Mapping[str, Attribute] | None = None,
 ) -> None:
     """Write a rendered scene in the format of its suffix.
 
@@ -82,7 +77,7 @@ def write_frame(
     path = Path(path)
     check_frame(path, bits, _color(background))
     if path.suffix.lower() == ".exr":
-        write_exr(path, frame, half=half, attributes=attributes)
+        write_exr(path, frame)
     elif path.suffix.lower() == ".png":
         write_png(path, frame.rgba, bits=bits, background=background)
     else:
@@ -136,37 +131,17 @@ def screen_levels(
     return levels(pixels, f"uint{bits}", has_alpha=background is None, is_light=True)
 
 
-def write_exr(
-    path: str | Path,
-    frame: Frame[Any],
-    *,
-    compression: str = "zip",
-    half: bool = False,
-    attributes: Mapping[str, Attribute] | None = None,
-) -> None:
-    """Write a picture with all its data, lossless except for `half`.
+def write_exr(path: str | Path, frame: Frame[Any]) -> None:
+    """Write a picture with all its data, lossless.
 
     `frame`: becomes the channels R, G, B, A (premultiplied, linear light), Z (`depth`), coverage,
-    first.Z (`first_depth`) and, if there is one, `value`; all but colors are float32. Depths are in
-    scene units, inf where empty. `half`: store R, G, B and A in 16 bits instead of 32.
-    `attributes`: header entries: text, numbers, and sequences of numbers (16 make a 4 × 4 matrix).
+    first.Z (`first_depth`) and, if there is one, `value`; all are float32. Depths are in scene
+    units, inf where empty.
     """
-    if compression not in LOSSLESS:
-        raise ValueError(f"unknown compression {compression!r}; known: {', '.join(LOSSLESS)}")
     layers = [frame.rgba, frame.depth, frame.coverage, frame.first_depth]
     data = np.dstack([*layers, *([] if frame.value is None else [frame.value])])
-    about = FileMetadata(spoken=tuple(_entry(*one) for one in (attributes or {}).items()))
     kind = Kind(CHANNELS[: data.shape[2]], 32, is_encoded=False)
-    look = WriteOptions(half=half, compression=compression)
-    write_picture(Path(path), Picture(data.astype(np.float32, copy=False), kind, about), look)
-
-
-def _entry(name: str, value: Attribute) -> tuple[str, Any, Any]:
-    """Name, OpenImageIO's type and value of a header entry."""
-    if isinstance(value, str | int | float):
-        return name, {str: "string", int: "int"}.get(type(value), "float"), value
-    numbers = tuple(float(number) for number in np.ravel(value))
-    return name, "matrix" if len(numbers) == 16 else f"float[{len(numbers)}]", numbers
+    write_picture(Path(path), Picture(data.astype(np.float32, copy=False), kind), WriteOptions())
 
 
 def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
@@ -305,11 +280,6 @@ def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
         raise refused(path, temporary, INCOMPLETE) from None
 
 
-def _compression(suffix: str, look: WriteOptions) -> str:
-    """OpenImageIO's compression."""
-    return f"jpeg:{look.quality or QUALITY[suffix]}" if suffix in JPEG else look.compression
-
-
 def _space_of(page: StoredPage) -> str:
     """OpenImageIO's color space of integers; "data" says nothing, as their source does."""
     if page.is_light:
@@ -328,8 +298,6 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     spec = OpenImageIO.ImageSpec(width, height, count, form)
     spec.channelnames = kind.channels
     spec.alpha_channel = kind.channels.index("A") if kind.has_alpha else -1
-    if page.options.half:
-        spec.channelformats = ("half",) * 4 + (form,) * (count - 4)
     has_profile = bool(page.about.profile)
     describe(spec, page.about, suffix)
     if is_whole:
@@ -341,6 +309,7 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
         spec.attribute("Exif:ColorSpace", UNCALIBRATED)
     if is_bare and is_whole:
         spec.attribute("tiff:predictor", 1)
-    spec.attribute("compression", _compression(suffix, page.options))
+    quality = page.options.quality or QUALITY.get(suffix)
+    spec.attribute("compression", f"jpeg:{quality}" if suffix in JPEG else "zip")
     spec.attribute("jpeg:subsampling", "4:4:4")
     return spec

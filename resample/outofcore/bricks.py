@@ -130,7 +130,9 @@ class PinnedCache:
 
     def keep(self, index: Step, values: NDArray[Any]) -> None:
         """Cache a brick if there is room, unless it is constant and so known without reading."""
-        if values.nbytes > self.most - self.size or _is_known(values):
+        if values.nbytes > self.most - self.size or (
+            is_known_by_its_ends(values.dtype) and bool(values.min() == values.max())
+        ):
             return
         with self._lock:
             if index not in self._kept and values.nbytes <= self.most - self.size:
@@ -162,10 +164,6 @@ def _cache_here(most: int, name: tuple[str, str]) -> PinnedCache:
         cache = _CACHES.setdefault(name, PinnedCache(most, name))
     cache.limit(most)
     return cache
-
-
-def _is_known(values: NDArray[Any]) -> bool:
-    return is_known_by_its_ends(values.dtype) and bool(values.min() == values.max())
 
 
 def is_known_by_its_ends(dtype: np.dtype[Any]) -> bool:

@@ -128,7 +128,8 @@ class Spline:
     limit: str = "none"  # as in `AreaSpline`
 
     def __post_init__(self) -> None:
-        _check_degree(self.degree, (2, 3, 4, 5))
+        if self.degree not in (2, 3, 4, 5):
+            raise ValueError(f"a spline's degree is one of 2, 3, 4, 5, not {self.degree}")
         _check_limit(self.limit)
 
     @property
@@ -140,7 +141,7 @@ class Spline:
 
 
 @dataclass(frozen=True)
-class AreaSpline:
+class AreaSpline(Spline):
     """Spline whose mean over the extent of every sample equals that sample.
 
     A shift then acts like an interpolating spline one degree higher, means over whole samples are
@@ -162,17 +163,6 @@ class AreaSpline:
     degree: int = 4
     limit: str = "usual"
     is_mean: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        _check_degree(self.degree, (2, 3, 4, 5))
-        _check_limit(self.limit)
-
-    @property
-    def radius(self) -> float:
-        return 0.5 * (self.degree + 1)
-
-    def __call__(self, distance: Doubles) -> Doubles:
-        return b_spline(self.degree, distance)
 
 
 @dataclass(frozen=True)
@@ -227,13 +217,6 @@ def b_spline(degree: int, distance: Doubles) -> Doubles:
         sign = (-1) ** knot * math.comb(degree + 1, knot)
         total += sign * np.maximum(from_start - knot, 0.0) ** degree
     return np.asarray(total / math.factorial(degree))
-
-
-def _check_degree(degree: int, allowed: tuple[int, ...]) -> None:
-    if degree not in allowed:
-        raise ValueError(
-            f"a spline's degree is one of {', '.join(map(str, allowed))}, not {degree}"
-        )
 
 
 def _check_limit(limit: str) -> None:

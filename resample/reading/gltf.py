@@ -142,7 +142,9 @@ def _check_accessor(tree: Tree, place: str, accessor: Tree) -> None:
     kind, parts = accessor.get("componentType"), accessor.get("type")
     for given, key, known in ((kind, "componentType", SIZES), (parts, "type", PARTS)):
         if not isinstance(given, int | str) or isinstance(given, bool) or given not in known:
-            raise ValueError(f"its {place}.{key} is {given!r:.40}; known are {_listed(known)}")
+            raise ValueError(
+                f"its {place}.{key} is {given!r:.40}; known are {', '.join(map(str, known))}"
+            )
     count = _whole(accessor.get("count"), f"{place}.count", least=1)
     if "bufferView" not in accessor:
         return
@@ -154,10 +156,6 @@ def _check_accessor(tree: Tree, place: str, accessor: Tree) -> None:
         raise ValueError(
             f"its {place} needs {needed} bytes, of which {view['byteLength']} are in its bufferView"
         )
-
-
-def _listed(known: Any) -> str:
-    return ", ".join(map(str, known))
 
 
 def _check_node(_: Tree, place: str, node: Tree) -> None:

@@ -134,27 +134,6 @@ def test_exr_returns_every_channel_exactly(tmp_path, frame):
     np.testing.assert_array_equal(channels["coverage"], frame.coverage)
 
 
-def test_half_exr_rounds_the_color_and_keeps_the_depth(tmp_path, frame):
-    write_exr(tmp_path / "a.exr", frame, half=True)
-    color = frame.rgba.astype(np.float16).astype(np.float32)
-    np.testing.assert_array_equal(read_image(tmp_path / "a.exr"), color)
-    np.testing.assert_array_equal(read_channels(tmp_path / "a.exr")["Z"], frame.depth)
-
-
-def test_exr_keeps_attributes(tmp_path, frame):
-    pose = np.arange(16.0).reshape(4, 4)
-    attributes = {"title": "a", "gain": 0.5, "seed": 7, "pose": pose, "origin": (1.0, 2.0, 3.0)}
-    write_exr(tmp_path / "a.exr", frame, attributes=attributes)
-    spec = OpenImageIO.ImageInput.open(str(tmp_path / "a.exr")).spec()
-    stored = {name: spec.getattribute(name) for name in attributes}
-    assert stored == {**attributes, "pose": tuple(pose.ravel())}
-
-
-def test_exr_refuses_an_unknown_compression(tmp_path, frame):
-    with pytest.raises(ValueError, match="unknown compression 'lzw'; known: none, rle, zips, zip"):
-        write_exr(tmp_path / "a.exr", frame, compression="lzw")
-
-
 @pytest.mark.parametrize("suffix", [".png", ".PNG", ".exr"])
 def test_a_frame_is_written_in_the_format_of_its_suffix(tmp_path, frame, suffix):
     write_frame(tmp_path / f"a{suffix}", frame)

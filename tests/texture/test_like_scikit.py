@@ -121,7 +121,7 @@ def test_gaps_and_masks_are_kept():
         ({"order": 7}, "order 7; known: 0 to 5"),
         ({"mode": "mirror"}, "mode 'mirror'; known: constant, edge"),
         ({"inverse_map": np.eye(2)}, r"a \(3, 3\) matrix or places \(2, 16, 18\), not \(2, 2\)"),
-        ({"inverse_map": lambda points: points[:5]}, r"the inverse map returned \(5, 2\) for"),
+        ({"inverse_map": lambda points: points[:5]}, r"the map of points returned \(5, 2\) for"),
         ({"output_shape": (5,)}, "is no height and width"),
     ],
 )

@@ -83,7 +83,10 @@ def places_of_points(transform: Any, is_forward: bool) -> Places:
     def places(x: Any, y: Any) -> tuple[Any, Any]:
         pairs = np.asarray(function(np.stack([np.ravel(x), np.ravel(y)], axis=1)))
         if pairs.shape != (np.size(x), 2):
-            raise ValueError(f"a transform of {(np.size(x), 2)} points returned {pairs.shape}")
+            raise ValueError(
+                f"the map of points returned {pairs.shape} for places of {(np.size(x), 2)};"
+                " it must return as many"
+            )
         return pairs[:, 0].reshape(np.shape(x)), pairs[:, 1].reshape(np.shape(x))
 
     return places

@@ -75,17 +75,6 @@ class _LazyPicture:
         return np.asarray(self._stored[...])
 
 
-class _Way(NamedTuple):
-    """Method, geometry, target size and edge mode of a warp."""
-
-    method: Method
-    geometry: Geometry
-    shape: tuple[int, int]
-    edge: str
-    threads: int | None
-    fill: Any  # see `Drawing.fill`
-
-
 def warp_chunks(
     source: Any,
     matrix: ArrayLike | Geometry | Places,
@@ -160,7 +149,7 @@ def warp_chunks(
     chosen = method_named(method, total=total)
     check_sums(kept.dtype, chosen)
     filling = fill_for(options.get("fill"), kept, alpha, chosen)
-    way = _Way(chosen, geometry, shape, border, threads, filling)
+    way = Drawing(chosen, geometry, shape, border, threads, fill=filling)
     light: dict[str, Any] = {"linear_light": options.get("linear_light"), "alpha": alpha}
     is_partly, boxes = _is_read_in_parts(kept, way), boxes_of(shape, sides)
     chunk = partial(_chunk, way=way, light=light, is_partly=is_partly)
@@ -203,13 +192,12 @@ class _Chunk(NamedTuple):
         return type(warped)(warped.image[self.part], warped.coverage[self.part])
 
 
-def _chunk(box: Box, way: _Way, light: dict[str, Any], is_partly: bool) -> _Chunk:
+def _chunk(box: Box, way: Drawing, light: dict[str, Any], is_partly: bool) -> _Chunk:
     """Return the chunk of rows and columns of the target."""
     rows, columns = box
     roi = columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
     geometry, form, part = within(way.geometry, way.shape, roi, way.method)
-    drawing = Drawing(way.method, geometry, form, way.edge, way.threads, fill=way.fill)
-    return _Chunk(drawing, part, light, is_partly)
+    return _Chunk(way._replace(geometry=geometry, shape=form), part, light, is_partly)
 
 
 def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
@@ -251,7 +239,7 @@ def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
     return height, width
 
 
-def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
+def _is_read_in_parts(source: _LazyPicture, way: Drawing) -> bool:
     """Whether the part of the source that each chunk shows is known beforehand."""
     geometry: Any = way.geometry
     if isinstance(geometry, ForwardMap) or not hasattr(way.method, "visible_tiles"):
@@ -260,7 +248,7 @@ def _is_read_in_parts(source: _LazyPicture, way: _Way) -> bool:
         return False
     if isinstance(geometry, BackwardMap):
         return True
-    return parts_of(source, Drawing(*way[:5])) is not None
+    return parts_of(source, way) is not None
 
 
 def _drawn(

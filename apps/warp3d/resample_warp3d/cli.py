@@ -299,7 +299,6 @@ def animate(
     from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
-        ToFilm,
         appearing,
         depths_of,
         frames_of,
@@ -334,7 +333,8 @@ def animate(
     poses = poses_of(travel.path, travel.frames, travel.amount, camera.world_to_camera, distance)
     film = film_of(session, taken, shape, warping, behind)
     made = shots_with_depth(poses, camera, film, depths)
-    again = partial(frames_of, ToFilm(reader, color, depth, warping, shape, behind), poses, camera)
+    files = reader, color, depth
+    again = partial(frames_of, files, warping, shape, behind, poses, camera)
     with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
         write_shared(output, made, again, crew, fps=fps, resume=resume)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from resample import registry
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb
-from resample.files.exchange import as_picture, check_layout, picture_and_encoding
+from resample.files.exchange import as_picture, picture_and_encoding
 from resample.painting.scenes.plans import pair_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
@@ -35,6 +35,8 @@ FILLINGS = get_args(Filling)
 CLOSEST = 1e-30  # scene units; smaller depths are unknown
 OPACITY = 3  # channel
 LARGEST_PICTURE = 1 << 28  # pixels; a larger size is taken for a mistake
+FEW_CHANNELS = 1, 3, 4  # rows of a picture that is taken for one with its channels first, ...
+MANY = 16  # ... if it has as many columns and channels, at least
 
 
 class DepthWarpOptions(TypedDict, total=False):
@@ -234,7 +236,12 @@ def as_light(color: Any) -> Floats:
     are sRGB levels with straight opacity.
     """
     given, is_encoded = picture_and_encoding(color)
-    check_layout(given)
+    form = given.shape[-3:]
+    if given.ndim in (3, 4) and form[0] in FEW_CHANNELS and min(form[1:]) >= MANY:
+        raise ValueError(
+            f"{given.shape} looks like channels first: {form[0]} rows of {form[1]} pixels with"
+            f" {form[2]} channels each; give numpy.moveaxis(image, {given.ndim - 3}, -1)"
+        )
     if given.ndim == 2:
         given = given[..., None]
     if given.ndim != 3 or min(given.shape) < 1:

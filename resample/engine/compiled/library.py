@@ -141,7 +141,7 @@ def _native() -> ModuleType | None:
     asked = os.environ.get(VARIABLE, "on")
     if asked not in {"on", "off"}:
         raise ValueError(f"{VARIABLE} is {asked!r}: on or off")
-    if asked == "off" or any(_is_set(f"NUMBA_{name}") for name in OTHER_CODE):
+    if asked == "off" or any(os.environ.get(f"NUMBA_{name}") for name in OTHER_CODE):
         return None
     try:
         if (found := find_spec(MODULE)) is None or found.origin is None:
@@ -188,7 +188,3 @@ def _seal(content: memoryview) -> bytes:
 def lacking(native: ModuleType) -> tuple[str, ...]:
     """What the library needs of the processor and is not there."""
     return tuple(native.lacking())
-
-
-def _is_set(variable: str) -> bool:
-    return os.environ.get(variable, "") != ""

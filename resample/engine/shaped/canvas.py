@@ -114,22 +114,12 @@ def close_groups(canvas: Floats, is_open: Open) -> bool:
 
 
 @inner_step
-def rows_of(record: Floats, spot: TilePlace) -> tuple[int, int]:
-    """First row of a tile whose sub-pixels a record's box holds, and one past the last."""
-    per = 1.0 / float(spot.step)
-    low, high = span_of(record, 1)
-    first = math.ceil(max((low - spot.top) * per - 0.5, 0.0))
-    last = math.floor(min((high - spot.top) * per - 0.5, SIDE - 1.0))
-    return int(first), int(last) + 1
-
-
-@inner_step
-def columns_of(record: Floats, spot: TilePlace) -> tuple[int, int]:
-    """First column of a tile whose sub-pixels a record's box holds, and one past the last."""
-    per = 1.0 / float(spot.step)
-    low, high = span_of(record, 0)
-    first = math.ceil(max((low - spot.left) * per - 0.5, 0.0))
-    last = math.floor(min((high - spot.left) * per - 0.5, SIDE - 1.0))
+def subpixels_of(record: Floats, axis: int, begin: float, step: Single) -> tuple[int, int]:
+    """First of a tile's columns or rows that a record's box holds, and one past the last."""
+    per = 1.0 / float(step)
+    low, high = span_of(record, axis)
+    first = math.ceil(max((low - begin) * per - 0.5, 0.0))
+    last = math.floor(min((high - begin) * per - 0.5, SIDE - 1.0))
     return int(first), int(last) + 1
 
 

@@ -19,11 +19,10 @@ from resample.engine.shaped.canvas import (
     TilePlace,
     clear,
     close_groups,
-    columns_of,
     groups_of,
     lay,
     line_of,
-    rows_of,
+    subpixels_of,
     write_tile,
 )
 from resample.engine.shaped.lists import TileGrid, TileLists
@@ -208,7 +207,8 @@ def _visit(
 ) -> None:
     """Bring a record to the sub-pixels of a tile that it may cover."""
     record = records[number]
-    columns, (top, bottom) = columns_of(record, spot), rows_of(record, spot)
+    columns = subpixels_of(record, 0, spot.left, spot.step)
+    top, bottom = subpixels_of(record, 1, spot.top, spot.step)
     for row in range(top, bottom):
         bits = is_open[row]
         if bits == np.uint32(0):

@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,13 +17,6 @@ NUMBERS = 1, 3, 4, 5, 7  # of parametric curves, by type
 Curve = Callable[[Any], Any]
 
 
-class ProfileColors(NamedTuple):
-    """How encoded values of a profile become light."""
-
-    curves: tuple[Curve, ...]  # of each channel, from 0..1 to 0..1
-    to_xyz: Doubles  # (3, 3) from light to XYZ; (1, 1) of gray
-
-
 def converted(color: Floats, profile: bytes) -> Floats:
     """Convert straight light (..., C), decoded as sRGB is, to that of sRGB.
 
@@ -34,17 +27,17 @@ def converted(color: Floats, profile: bytes) -> Floats:
     ValueError
         The profile is of neither RGB by a matrix nor gray by a curve.
     """
-    own = profile_colors(profile)
+    curves, to_xyz = profile_colors(profile)
     values = to_srgb(color)
-    light = np.stack([curve(values[..., n]) for n, curve in enumerate(own.curves)], axis=-1)
-    if len(own.curves) == 1:
+    light = np.stack([curve(values[..., n]) for n, curve in enumerate(curves)], axis=-1)
+    if len(curves) == 1:
         return light.astype(np.float32)
-    return np.asarray(light @ (np.linalg.inv(_usual()) @ own.to_xyz).T, np.float32)
+    return np.asarray(light @ (np.linalg.inv(_usual()) @ to_xyz).T, np.float32)
 
 
 @lru_cache(8)
-def profile_colors(profile: bytes) -> ProfileColors:
-    """Read a profile's matrix and curves."""
+def profile_colors(profile: bytes) -> tuple[tuple[Curve, ...], Doubles]:
+    """Read the curves of a profile's channels to light, 0..1, and its matrix from that to XYZ."""
     tags, names = _tags(profile), {b"RGB ": b"rgb", b"GRAY": b"k"}.get(profile[16:20], b"")
     wanted = [bytes([name]) + b"TRC" for name in names]
     wanted += [bytes([name]) + b"XYZ" for name in names if name != ord("k")]
@@ -52,7 +45,7 @@ def profile_colors(profile: bytes) -> ProfileColors:
         raise ValueError("its profile is no matrix with curves; convert it where it was made")
     curves = tuple(_curve(tags[name]) for name in wanted if name.endswith(b"TRC"))
     columns = [_fixed(tags[name][8:20]) for name in wanted if name.endswith(b"XYZ")]
-    return ProfileColors(curves, np.stack(columns, axis=1) if columns else np.eye(1))
+    return curves, np.stack(columns, axis=1) if columns else np.eye(1)
 
 
 @lru_cache(1)
@@ -60,7 +53,7 @@ def _usual() -> Doubles:
     """Matrix (3, 3) from light of sRGB to XYZ, white as in profiles (D50)."""
     from PIL import ImageCms
 
-    return profile_colors(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()).to_xyz
+    return profile_colors(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())[1]
 
 
 def _tags(profile: bytes) -> dict[bytes, bytes]:

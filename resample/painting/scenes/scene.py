@@ -40,7 +40,7 @@ MOST_STRETCHED = 1e6  # largest ratio of lengths of a lattice's steps
 def check_lattice(lattice: ArrayLike, what: str) -> Doubles:
     """Check a lattice (3, 3), the steps to a sample's neighbours."""
     steps = contiguous(lattice, np.float64)
-    if steps.shape != (3, 3) or not _is_regular(steps):
+    if steps.shape != (3, 3) or not (np.isfinite(steps).all() and np.linalg.cond(steps) < 1e12):
         raise ValueError(f"{what} must be a finite, regular matrix (3, 3)")
     length = np.linalg.norm(steps, axis=0)
     if not (LENGTHS[0] <= length.min() and length.max() <= LENGTHS[1]):
@@ -162,11 +162,6 @@ def kernel_field(field: LatticeField) -> LatticeField:
         origin=contiguous(field.origin, np.float64),
         classifier=kernel_classifier(field.classifier),
     )
-
-
-def _is_regular(matrix: Doubles) -> bool:
-    """Whether a matrix is invertible in float64 without losing all digits."""
-    return bool(np.isfinite(matrix).all() and np.linalg.cond(matrix) < 1e12)
 
 
 def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:

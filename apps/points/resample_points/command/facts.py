@@ -75,13 +75,9 @@ def _ends(values: NDArray[Any]) -> list[float]:
 
 def _quantiles(values: NDArray[Any]) -> list[float]:
     """Return the 1 %, 50 % and 99 % quantile."""
-    return _rounded(np.quantile(values, QUANTILES))
+    return [float(f"{number:.6g}") for number in np.quantile(values, QUANTILES)]
 
 
 def _exact(numbers: Any) -> list[float]:
     """Return numbers with all digits that are known: 15 of float64, fewer of others."""
     return [float(f"{n:.15g}" if n.dtype == np.float64 else str(n)) for n in numbers]
-
-
-def _rounded(numbers: Any) -> list[float]:
-    return [float(f"{number:.6g}") for number in numbers]

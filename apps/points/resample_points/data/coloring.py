@@ -52,17 +52,10 @@ class Scale(NamedTuple):
         return [f"{number} {meanings.get(number, '')}".strip() for number in self.classes]
 
 
-class Colored(NamedTuple):
-    """A cloud colored by values, and its scale."""
-
-    cloud: Cloud
-    scale: Scale
-
-
 def colored(
     cloud: Cloud, column: str, *, colormap: str = "viridis", span: str | Range | None = None
-) -> Colored:
-    """Color a cloud by a column of its file.
+) -> tuple[Cloud, Scale]:
+    """Color a cloud by a column of its file; also return the scale.
 
     `span`: values at the ends of the colormap; values beyond get the color of the end. Two numbers,
     or text `low,high`, each of which may be a quantile: `2%,98%`. Default: the least and the
@@ -83,7 +76,7 @@ def colored(
 
     color = _per_point(cloud, color_of)
     classes = tuple(number for number in _classes(value) if low <= number <= high)
-    return Colored(cloud._replace(color=color), Scale(column, colormap, (low, high), classes))
+    return cloud._replace(color=color), Scale(column, colormap, (low, high), classes)
 
 
 def _share(value: Doubles, span: Range) -> Doubles:

@@ -37,7 +37,7 @@ def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarg
     if name == "matrix":
         return _by_matrix(place, given, source_shape)
     if name == "lens":
-        return _by_lens(place, given, source_shape)
+        return rectified(calibrated(given), place.shape() or source_shape, inverse=place.inverse)
     if place.inverse:
         raise ValueError(f"--inverse applies to a matrix or a lens, not to a {name}")
     if name == "corners":
@@ -89,10 +89,6 @@ def _by_flow(place: WarpGeometry, path: Path, source_shape: tuple[int, int]) -> 
             f"has {source_shape[1]} x {source_shape[0]}"
         )
     return PictureTarget(flow, place.shape() or source_shape)
-
-
-def _by_lens(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
-    return rectified(calibrated(text), place.shape() or source_shape, inverse=place.inverse)
 
 
 def calibrated(

@@ -230,8 +230,9 @@ def _warp_picture(
         if large is not None:
             return _warp_large(session, large, output, job, coverage, bar)
     with session.stage("read"):
-        job.check_memory(held.picture if held else source, output)
-        picture, target, size = job.opened(held.picture if held else source)
+        given = source if held is None else held[0]
+        job.check_memory(given, output)
+        picture, target, size = job.opened(given)
     if held is None:
         job.check(picture, target, output)
     result, share = job.warped(session, picture, target, output, bar)
@@ -241,7 +242,7 @@ def _warp_picture(
         if held is None:
             write_picture(output, result, job.options)
         else:
-            write_palette_picture(output, result, held.palette)
+            write_palette_picture(output, result, held[1])
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
     told = report(session, size, result.data.shape, result.kind, job.warping)

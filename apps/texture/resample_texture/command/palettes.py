@@ -1,7 +1,6 @@
 """Pictures with a palette, which stay so where their pixels are copied."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,17 +19,10 @@ from resample_texture.methods.labels import Majority, NearestTexel
 WRITTEN = (".png", *TIFF)  # formats with palettes
 
 
-class PalettePicture(NamedTuple):
-    """A picture of numbers, and what colors they mean."""
-
-    picture: Picture
-    palette: Palette
-
-
 def palette_picture(
     source: Place, output: Path, choice: PictureWarping, look: WriteOptions
-) -> PalettePicture | None:
-    """Return the numbers of a picture with a palette; None if it has none or must become colors."""
+) -> tuple[Picture, Palette] | None:
+    """Return a picture's numbers and their palette; None if it has none or must become colors."""
     if not isinstance(source, Path) or not has_palette(source):
         return None
     method = method_named(
@@ -52,7 +44,7 @@ def palette_picture(
     about, kind = header.upright_about._replace(number="uint8"), Kind(("Y",), 32, is_encoded=False)
     number = upright(index, header.orientation)[..., np.newaxis]
     data = with_gaps(number.astype(np.float32), kind, about)
-    return PalettePicture(Picture(data, kind, about), palette)
+    return Picture(data, kind, about), palette
 
 
 def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:

@@ -195,7 +195,10 @@ def page(comparison: PictureComparison, *, about: Mapping[str, str]) -> str:
         about=about,
         pictures={name: data_uri(screen) for name, screen in comparison.screens.items()},
         size={"width": width, "height": height},
-        details=_details(comparison),
+        details=[
+            {"zone": zone, "top": rows.start, "left": columns.start, "side": rows.stop - rows.start}
+            for zone, (rows, columns) in comparison.details().items()
+        ],
         zones=list(comparison.zones),
         measures=MEASURES,
         lines=_lines(comparison),
@@ -209,14 +212,6 @@ def data_uri(screen: Screen) -> str:
 
     _, png = cv2.imencode(".png", as_levels(screen[..., ::-1]))
     return "data:image/png;base64," + base64.b64encode(png.tobytes()).decode("ascii")
-
-
-def _details(comparison: PictureComparison) -> list[dict[str, Any]]:
-    """Return the position of each zone's detail for the page's script and style."""
-    return [
-        {"zone": zone, "top": rows.start, "left": columns.start, "side": rows.stop - rows.start}
-        for zone, (rows, columns) in comparison.details().items()
-    ]
 
 
 def _lines(comparison: PictureComparison) -> list[dict[str, Any]]:

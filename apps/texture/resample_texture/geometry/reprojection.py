@@ -112,13 +112,9 @@ def _between(transform: Any) -> Pairs | None:
     return found
 
 
-def _is_world(given: Any) -> bool:
-    return hasattr(given, "pixel_to_world_values") and hasattr(given, "world_to_pixel_values")
-
-
 def _affine(given: Any, name: str) -> Homography | None:
     """Return the affine map from pixels, the first one's corner at 0, to world coordinates."""
-    if _is_world(given):
+    if hasattr(given, "pixel_to_world_values") and hasattr(given, "world_to_pixel_values"):
         return None
     if all(hasattr(given, letter) for letter in "abcdef"):  # as rasterio has it
         given = [[given.a, given.b, given.c], [given.d, given.e, given.f]]

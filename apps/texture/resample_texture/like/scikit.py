@@ -6,12 +6,13 @@
 import importlib
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample_texture.arguments import REFLECT_101, check_shape, whole_pair
+from resample_texture.arguments import REFLECT_101, check_shape, places_of_points, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.geometry.matrices import homography, resizing
@@ -258,16 +259,7 @@ def _geometry(given: Any, args: dict[str, Any], shape: tuple[int, int]) -> Geome
     if np.ndim(params) == 2 and np.shape(params) == (3, 3):
         return homography(params, convention="opencv", inverse=True)
     if callable(given):
-
-        def places(x: NDArray[Any], y: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-            pairs = np.asarray(given(np.stack([x.ravel(), y.ravel()], axis=1), **args))
-            if pairs.shape != (x.size, 2):
-                raise ValueError(
-                    f"the inverse map returned {pairs.shape} for places of {(x.size, 2)};"
-                    " it must return as many"
-                )
-            return pairs[:, 0].reshape(x.shape), pairs[:, 1].reshape(x.shape)
-
+        places = places_of_points(partial(given, **args), is_forward=True)
         return BackwardMap.from_function(places, shape, first=0.0)
     rows_columns = np.asarray(given)
     if rows_columns.shape != (2, *shape):

@@ -288,9 +288,14 @@ def render_mesh(
     cover = skin(mesh, look.interpolation, view, shading=look.shading)
     triangles = _surfaces(len(mesh.triangle))
     profile = pixel_profile(look.pixel_filter, look.samples)
-    grid = _grid(len(profile), look)
+    grid = SubpixelGrid(look.samples, (len(profile) // look.samples - 1) // 2, look.quality)
     screen = Screen(width, height, float(grid.margin), np.zeros((4, 4)))
-    picture = _picture(height, width, profile)
+    picture = MeshPicture(
+        np.zeros((height, width, 4), np.float32),
+        np.full((height, width), np.inf, np.float32),
+        np.full((height, width), np.inf, np.float32),
+        profile,
+    )
     with threads(None):
         project_triangles(Faces(point, depth, mesh.triangle, cover.uv), lens, triangles)
         tiles = dealt_to_tiles(triangles.bounds, screen, max(1, TILE // look.samples))
@@ -315,11 +320,6 @@ def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
             f"{pixel_filter} meets none of the {samples} samples along a pixel; choose a wider one"
         )
     return weight / total
-
-
-def _grid(taps: int, look: MeshStyle) -> SubpixelGrid:
-    """Return the grid of sub-pixels for a filter of that many taps."""
-    return SubpixelGrid(look.samples, (taps // look.samples - 1) // 2, look.quality)
 
 
 def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
@@ -370,13 +370,4 @@ def _surfaces(count: int) -> ProjectedTriangles:
         np.zeros(count),
         np.zeros(count),
         np.zeros(count, BOUNDS),
-    )
-
-
-def _picture(height: int, width: int, profile: Doubles) -> MeshPicture:
-    return MeshPicture(
-        np.zeros((height, width, 4), np.float32),
-        np.full((height, width), np.inf, np.float32),
-        np.full((height, width), np.inf, np.float32),
-        profile,
     )

@@ -37,13 +37,13 @@ def compare_files(
     """Compare methods with a true picture."""
     from resample_warp3d.figures.compare import compare_view
 
-    truth = read_truth(Path(str(given.truth)), given.mask)
-    size = f"{truth.color.shape[1]}x{truth.color.shape[0]}"
+    truth, mask = read_truth(Path(str(given.truth)), given.mask)
+    size = f"{truth.shape[1]}x{truth.shape[0]}"
     if aim.size not in (None, size):
         raise ValueError(f"{given.truth} has {size} pixels; leave out the size")
     seen = read_view(reader, str(given.color), str(given.depth))
     source, equation, _ = _placed(seen, reader, aim.model_copy(update={"size": size}), refine)
-    return compare_view(source, equation, truth.color, truth.mask, names)
+    return compare_view(source, equation, truth, mask, names)
 
 
 def figure_of_files(

@@ -5,7 +5,6 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 from resample.colors import Background, as_levels
 from resample.command.session import Session
@@ -100,24 +99,18 @@ def depths_of(
     return frames
 
 
-class ToFilm(NamedTuple):
-    """Inputs of a film's frames, by name, for workers."""
-
-    reader: DepthReader
-    color: str
-    depth: str
-    warping: DepthWarping
-    shape: tuple[int, int]  # height and width, px
-    background: Background
-
-
 def frames_of(
-    given: ToFilm, poses: Sequence[Doubles], camera: CameraModel, threads: int
+    files: tuple[DepthReader, str, str],
+    warping: DepthWarping,
+    shape: tuple[int, int],
+    background: Background,
+    poses: Sequence[Doubles],
+    camera: CameraModel,
+    threads: int,
 ) -> Callable[[int], Levels]:
     """Return the function that makes frames without depth; raises as `read_views` does."""
-    taken = read_views(given.reader, given.color, given.depth)
-    warping = given.warping.model_copy(update={"threads": threads})
-    film = film_of(Session(), taken, given.shape, warping, given.background)
+    warping = warping.model_copy(update={"threads": threads})
+    film = film_of(Session(), read_views(*files), shape, warping, background)
     return shots(poses, camera, film.frame, film.job).frame
 
 

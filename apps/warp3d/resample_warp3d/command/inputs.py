@@ -101,14 +101,6 @@ class Inputs(NamedTuple):
         return isinstance(self.camera, Equirectangular)
 
 
-class ViewNames(NamedTuple):
-    """Files of an additional view."""
-
-    color: str
-    depth: str
-    pose: str
-
-
 class TrueView(NamedTuple):
     """Files of a depth image and of a true picture of another view."""
 
@@ -126,28 +118,21 @@ class TrueView(NamedTuple):
             raise ValueError("give COLOR, DEPTH and --truth, or --scene generated")
 
 
-class Truth(NamedTuple):
-    """True picture of a view, and the mask of pixels that count."""
-
-    color: Floats  # (H, W, C) linear light
-    mask: NDArray[np.bool_] | None  # (H, W); None: unknown
-
-
-def read_truth(truth: Path, mask: Path | None) -> Truth:
-    """Read the true picture of a view, over black, and its mask."""
+def read_truth(truth: Path, mask: Path | None) -> tuple[Floats, NDArray[np.bool_] | None]:
+    """Read the true picture of a view (H, W, C), over black, and its mask (H, W); None: unknown."""
     picture = flattened(read_picture(truth), (0.0, 0.0, 0.0))
     if len(picture.kind.channels) not in (1, 3):
         raise ValueError(f"{truth} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
     chosen = None if mask is None else read_picture(mask).data[..., 0] > 0.5
-    return Truth(picture.data, chosen)
+    return picture.data, chosen
 
 
-def view_names(text: str) -> ViewNames:
+def view_names(text: str) -> list[str]:
     """Split a text COLOR,DEPTH,POSE into file names."""
     words = [word.strip() for word in text.split(",")]
     if len(words) != 3 or not all(words):
         raise ValueError(f"view {text!r}; give COLOR,DEPTH,POSE, three files separated by commas")
-    return ViewNames(*words)
+    return words
 
 
 class DepthReader(NamedTuple):
@@ -291,7 +276,7 @@ def mention_doubt(reader: DepthReader, view: DepthInput, depth: str) -> None:
 
 
 def read_views(
-    reader: DepthReader, color: str, depth: str, further: Sequence[ViewNames] = ()
+    reader: DepthReader, color: str, depth: str, further: Sequence[Sequence[str]] = ()
 ) -> Inputs:
     """Read a depth image and further ones of the same scene; warn of doubtful poses."""
     if further:

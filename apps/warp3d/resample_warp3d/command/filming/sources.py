@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from resample.command.intrinsics import Shape
 from resample.command.session import Session
@@ -20,13 +19,6 @@ from resample_warp3d.command.rendering import Prepared, prepared
 from resample_warp3d.depth.steadying import SteadyDepth
 
 ReadInputs = Callable[[int], Inputs]
-
-
-class PreparedFrame(NamedTuple):
-    """A picture of a film, and its prepared sources."""
-
-    taken: Inputs
-    sources: list[Prepared]
 
 
 def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> ReadInputs:
@@ -121,7 +113,7 @@ class FilmSources:
         if first == n:
             return None
         if first not in self._chosen:
-            self.note(first, self.prepared(first).sources)
+            self.note(first, self.prepared(first)[1])
         return self._chosen[first]
 
     def note(self, n: int, sources: list[Prepared]) -> None:
@@ -129,10 +121,10 @@ class FilmSources:
         if n in self.ranges.starts:
             self._chosen[n] = [source.refined.chosen for source in sources]
 
-    def prepared(self, n: int) -> PreparedFrame:
-        """Read and prepare a picture."""
+    def prepared(self, n: int) -> tuple[Inputs, list[Prepared]]:
+        """Read a picture; also return its prepared sources."""
         chosen = self.refinements(n)
         taken = self.inputs(n)
         sources = prepared(self.session, taken.views, self.warping, chosen)
         self.note(n, sources)
-        return PreparedFrame(taken, sources)
+        return taken, sources
