@@ -75,32 +75,16 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
     return numbers
 
 
-def whole_number(name: str, given: Any, least: int = 1) -> int:
-    """Return a whole number of users' arguments.
-
-    Examples
-    --------
-    >>> from resample.words import whole_number
-    >>> whole_number("threads", 0)
-    Traceback (most recent call last):
-    ...
-    ValueError: threads 0; give a whole number of 1 or more
-    """
-    try:
-        number = operator.index(given)
-    except TypeError:
-        raise TypeError(
-            f"{name} {shortly(given)}; give a whole number of {least} or more"
-        ) from None
-    if number < least:
-        raise ValueError(f"{name} {number}; give a whole number of {least} or more")
-    return number
-
-
 def check_threads(given: Any) -> None:
     """Reject what is no number of threads; None takes all."""
-    if given is not None:
-        whole_number("threads", given)
+    if given is None:
+        return
+    try:
+        count = operator.index(given)
+    except TypeError:
+        raise TypeError(f"threads {shortly(given)}; give a whole number of 1 or more") from None
+    if count < 1:
+        raise ValueError(f"threads {count}; give a whole number of 1 or more")
 
 
 def number(name: str, given: Any) -> float:

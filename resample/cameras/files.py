@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 
-from resample.cameras.models import Camera
 from resample.cameras.poses import UpAxis
 from resample.cameras.trajectories import (
     Entry,
@@ -56,38 +55,33 @@ KINDS: Mapping[str, Read] = {
 SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 
 
-def read_entries(path: str | Path, kind: str | None = None) -> list[Entry]:
-    """Read all pictures of a file, including those that are invalid.
-
-    `kind`: one of `KINDS`; None: detected from name and content.
-    """
+def read_entries(path: str | Path) -> list[Entry]:
+    """Read all pictures of a file, including those that are invalid."""
     file = Path(path)
     if not file.exists():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
-    if kind is not None and kind not in KINDS:
-        raise ValueError(f"unknown kind of poses {kind!r}; known: {', '.join(KINDS)}")
-    entries = KINDS[kind or _recognised(file)](file)
+    entries = KINDS[_recognised(file)](file)
     if not entries:
         raise ValueError(f"{path} holds no poses")
     return entries
 
 
-def read_shots(path: str | Path, kind: str | None = None) -> list[PosedPicture]:
+def read_shots(path: str | Path) -> list[PosedPicture]:
     """Read the valid pictures of a file; `left_out` reports the others.
 
     Parameters and errors are those of `read_entries`; one that has only pictures that cannot be had
     is refused with what is wrong with the first.
     """
-    entries = read_entries(path, kind)
+    entries = read_entries(path)
     shots = [entry for entry in entries if isinstance(entry, PosedPicture)]
     if not shots:
         raise ValueError(next(entry.complaint for entry in entries if isinstance(entry, Refused)))
     return shots
 
 
-def read_poses(path: str | Path, kind: str | None = None) -> list[Doubles]:
+def read_poses(path: str | Path) -> list[Doubles]:
     """Read poses (4, 4), world to camera; like `read_shots`, but cameras may be unknown."""
-    entries = read_entries(path, kind)
+    entries = read_entries(path)
     poses = [entry.pose for entry in entries if entry.pose is not None]
     if not poses:
         raise ValueError(next(entry.complaint for entry in entries if isinstance(entry, Refused)))
@@ -106,40 +100,32 @@ def left_out(path: str | Path, *, poses: bool = False) -> str | None:
     return f"{count}: {refused[0].complaint}"
 
 
-def read_pose(text: str, kind: str | None = None) -> Doubles:
+def read_pose(text: str) -> Doubles:
     """Read a pose (4, 4), world to camera, of `file` or `file:frame`; errors as in `read_shot`.
 
     Works for cameras of unknown models too.
     """
-    entry = _read_entry(text, kind)
+    entry = _read_entry(text)
     if entry.pose is None:
         raise ValueError(_complaint(entry))
     return entry.pose
 
 
-def read_camera(text: str, kind: str | None = None) -> Camera:
-    """Read a camera of `file` or `file:frame`; see `read_shot`."""
-    camera = read_shot(text, kind).camera
-    if camera is None:
-        raise ValueError(f"{text} has no intrinsics, or no size of the picture; give these as well")
-    return camera
-
-
-def read_shot(text: str, kind: str | None = None) -> PosedPicture:
+def read_shot(text: str) -> PosedPicture:
     """Read one pose of a file.
 
     `text`: `file` if it holds one pose; `file:3` for the fourth; `file:name` for the picture or
     time of that name; folders and suffix are optional.
     """
-    entry = _read_entry(text, kind)
+    entry = _read_entry(text)
     if isinstance(entry, Refused):
         raise ValueError(_complaint(entry))
     return entry
 
 
-def _read_entry(text: str, kind: str | None) -> Entry:
+def _read_entry(text: str) -> Entry:
     path, frame = file_and_frame(text)
-    entries = read_entries(path, kind)
+    entries = read_entries(path)
     if frame:
         return entries[_index(path, entries, frame)]
     if len(entries) > 1:

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from resample.cameras.files import left_out, read_camera, read_pose, read_poses, read_shot
+from resample.cameras.files import left_out, read_pose, read_poses, read_shot
 from resample.cameras.files import read_shots as shots_of
 from tests.core.test_pose_files import NAMES, QUATERNIONS, SHIFTS, WORLD_TO_CAMERA, write_colmap
 
@@ -89,7 +89,7 @@ def test_poses_need_no_cameras(tmp_path):
 )
 def test_every_model_of_opencv_s_is_read(tmp_path, model, parameters, distortion):
     folder = write(tmp_path, pictures(), [camera_bytes(1, IDS[model], 64, 48, parameters)])
-    camera = read_camera(f"{folder}:0")
+    camera = read_shot(f"{folder}:0").camera
     np.testing.assert_array_equal(camera.matrix, [[80, 0, 30], [0, 80, 25], [0, 0, 1]])
     assert (None if camera.distortion is None else camera.distortion.tolist()) == distortion
     assert camera.model == ("fisheye" if "FISHEYE" in model else "pinhole")
@@ -112,9 +112,9 @@ def test_a_camera_that_cannot_be_had_spares_the_others(tmp_path, camera, complai
     cameras = [camera_bytes(*camera), camera_bytes(*OPENCV)]
     folder = write(tmp_path, pictures((1, 7, 1)), cameras)
     assert [shot.name for shot in shots_of(folder)] == [NAMES[0], NAMES[2]]
-    assert read_camera(f"{folder}:2").distortion is not None
+    assert read_shot(f"{folder}:2").camera.distortion is not None
     with pytest.raises(ValueError, match=complaint) as caught:
-        read_camera(f"{folder}:b.png")
+        read_shot(f"{folder}:b.png")
     assert "\n" not in str(caught.value)
     np.testing.assert_allclose(read_pose(f"{folder}:b.png"), WORLD_TO_CAMERA[1], atol=1e-12)
     assert left_out(folder).startswith("1 of 3 cameras are left out: ")
@@ -126,9 +126,9 @@ def test_what_follows_an_unknown_model_is_not_guessed(tmp_path):
     folder = write(tmp_path, pictures((1, 7, 8)), cameras)
     assert [shot.name for shot in shots_of(folder)] == [NAMES[0]]
     with pytest.raises(ValueError, match="COLMAP's model 'number 99' is not known"):
-        read_camera(f"{folder}:1")
+        read_shot(f"{folder}:1")
     with pytest.raises(ValueError, match="cameras after camera 7 cannot be read"):
-        read_camera(f"{folder}:2")
+        read_shot(f"{folder}:2")
 
 
 def test_a_damaged_pose_spares_the_others(tmp_path):

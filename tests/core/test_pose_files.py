@@ -6,7 +6,6 @@ import pytest
 from resample.cameras.files import (
     KINDS,
     left_out,
-    read_camera,
     read_pose,
     read_poses,
     read_shot,
@@ -159,18 +158,6 @@ def test_a_frame_beyond_the_last_is_refused(path):
         read_pose(f"{path}:3")
 
 
-def test_the_kind_can_be_said(tmp_path):
-    path = write_tum(tmp_path).rename(tmp_path / "poses.log")
-    np.testing.assert_allclose(read_poses(path, "tum"), WORLD_TO_CAMERA, atol=1e-12)
-
-
-def test_an_unknown_kind_names_the_known_ones(tmp_path):
-    with pytest.raises(
-        ValueError, match="known: matrix, tum, icl, log, nerf, open3d, trained, colmap"
-    ):
-        read_poses(write_tum(tmp_path), "kitti")
-
-
 @pytest.mark.parametrize("rows", [3, 4])
 def test_a_file_of_one_matrix_needs_no_frame(tmp_path, rows):
     path = tmp_path / "pose.txt"
@@ -205,7 +192,7 @@ def test_a_name_that_several_frames_have_is_refused(tmp_path):
 
 
 def test_nerf_s_intrinsics_are_read(tmp_path):
-    camera = read_camera(f"{write_nerf(tmp_path, {**FACTS, **LENS})}:b.png")
+    camera = read_shot(f"{write_nerf(tmp_path, {**FACTS, **LENS})}:b.png").camera
     np.testing.assert_array_equal(camera.matrix, [[80, 0, 30], [0, 81, 25], [0, 0, 1]])
     np.testing.assert_array_equal(camera.distortion, [*LENS.values(), 0])
 
@@ -237,7 +224,7 @@ def test_a_camera_has_its_pose(tmp_path):
     ],
 )
 def test_every_model_of_colmap_that_opencv_has_is_read(tmp_path, model, focal, distortion):
-    camera = read_camera(f"{write_colmap(tmp_path, '1 ' + model)}:0")
+    camera = read_shot(f"{write_colmap(tmp_path, '1 ' + model)}:0").camera
     np.testing.assert_array_equal(camera.matrix, [[80, 0, 30], [0, focal, 25], [0, 0, 1]])
     assert (None if camera.distortion is None else camera.distortion.tolist()) == distortion
     assert camera.model == ("fisheye" if "FISHEYE" in model else "pinhole")
@@ -246,14 +233,14 @@ def test_every_model_of_colmap_that_opencv_has_is_read(tmp_path, model, focal, d
 @pytest.mark.parametrize("said", [{"camera_model": "OPENCV_FISHEYE"}, {"is_fisheye": True}])
 def test_a_fisheye_of_nerf_is_read(tmp_path, said):
     facts = {**FACTS, **said, "k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}
-    camera = read_camera(f"{write_nerf(tmp_path, facts)}:0")
+    camera = read_shot(f"{write_nerf(tmp_path, facts)}:0").camera
     assert (camera.model, camera.distortion.tolist()) == ("fisheye", [0.1, 0.2, 0.3, 0.4])
 
 
 def test_an_angle_of_view_needs_the_frame_s_width(tmp_path):
-    camera = read_camera(
+    camera = read_shot(
         f"{write_nerf(tmp_path, {'camera_angle_x': np.pi / 2, 'w': 64, 'h': 48})}:0"
-    )
+    ).camera
     np.testing.assert_allclose(camera.matrix, [[32, 0, 32], [0, 32, 24], [0, 0, 1]])
 
 
@@ -263,11 +250,6 @@ def test_an_angle_of_view_takes_the_size_of_the_picture_itself(tmp_path):
     cv2.imwrite(str(tmp_path / "images/a.png"), np.zeros((48, 64), np.uint8))
     shot = read_shot(f"{write_nerf(tmp_path, {'camera_angle_x': np.pi / 2})}:0")
     assert (shot.shape, shot.camera.matrix[0, 0]) == ((48, 64), pytest.approx(32))
-
-
-def test_poses_alone_are_no_camera(tmp_path):
-    with pytest.raises(ValueError, match="no intrinsics"):
-        read_camera(f"{write_log(tmp_path)}:0")
 
 
 # Quaternions.
@@ -329,7 +311,7 @@ def test_a_file_that_is_no_file_of_poses_is_an_error_of_one_line(tmp_path, name)
 def test_bytes_that_are_no_text_are_an_error_of_one_line(tmp_path, kind):
     (tmp_path / "poses").write_bytes(b"\xff\xfe\x00" * 50)
     with pytest.raises(ValueError, match="poses is not a text"):
-        read_shots(tmp_path / "poses", kind)
+        KINDS[kind](tmp_path / "poses")
 
 
 @pytest.mark.parametrize("given", [np.eye(3), np.array(["a"]), np.ones(5)])
@@ -349,7 +331,7 @@ def test_an_npz_in_the_place_of_an_npy_is_refused(tmp_path):
 def test_an_empty_text_holds_no_matrix(tmp_path):
     (tmp_path / "pose.txt").touch()
     with pytest.raises(ValueError, match=r"pose\.txt has 0 rows"):
-        read_shots(tmp_path / "pose.txt", "matrix")
+        KINDS["matrix"](tmp_path / "pose.txt")
 
 
 def test_frames_of_nerf_need_no_picture(tmp_path, monkeypatch):
@@ -417,9 +399,9 @@ def test_a_camera_of_text_that_cannot_be_had_spares_the_others(tmp_path):
     path.write_text("\n".join(lines))
     assert [shot.name for shot in read_shots(tmp_path)] == [NAMES[0]]
     with pytest.raises(ValueError, match="line 3: COLMAP's model 'FOV' is not known"):
-        read_camera(f"{tmp_path}:b")
+        read_shot(f"{tmp_path}:b")
     with pytest.raises(ValueError, match="line 4: could not convert string to float: 'x'"):
-        read_camera(f"{tmp_path}:c")
+        read_shot(f"{tmp_path}:c")
     np.testing.assert_allclose(read_poses(tmp_path), WORLD_TO_CAMERA, atol=1e-12)
 
 

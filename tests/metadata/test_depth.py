@@ -13,7 +13,7 @@ import tifffile
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from resample.cameras.files import read_camera, read_pose
+from resample.cameras.files import read_pose, read_shot
 from resample.cameras.models import Camera
 from resample.files.images import read_channels
 from resample.files.pictures import read_picture
@@ -348,7 +348,7 @@ def test_what_is_no_pose_is_refused(one, tmp_path):
 def test_intrinsics_are_for_pixels_whose_corners_are_whole_numbers(one, tmp_path):
     shift = 0.5 if one.format == "Open3D" else 0.0
     wanted = [[90.0, 0.0, 3.25 + shift], [0.0, 91.0, 2.5 + shift], [0.0, 0.0, 1.0]]
-    np.testing.assert_allclose(read_camera(str(one.write(tmp_path))).matrix, wanted, rtol=1e-6)
+    np.testing.assert_allclose(read_shot(str(one.write(tmp_path))).camera.matrix, wanted, rtol=1e-6)
 
 
 @pytest.mark.parametrize("one", LABELS, ids=str)

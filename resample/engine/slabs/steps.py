@@ -58,26 +58,9 @@ def take_up_slabs(
     # A new tile has nothing saved.
     if not in_steps(carried) or carried.state[tile] == NEW:
         return
-    # Skip what `resume` has restored of the sub-pixels.
-    height, width, number = canvas.height, canvas.width, carried.number
-    place = carried.each * carried.start[tile] + len(KEPT) * height * width
-    # Restore the state of each ray of a field.
-    if canvas.state.size > 0:
-        for row in range(height):
-            for column in range(width):
-                for n in range(FIELD_STATE):
-                    canvas.state[row, column, n] = number[place + n]
-                place += FIELD_STATE
-    # Restore the one sum, and mark all of it as dirty.
     if is_one_sum:
-        stride = stride_of(ring)
-        touch(canvas.dirty, 0, 0, height, 0, width)
-        for row in range(height):
-            for column in range(width):
-                k = sum_at(ring, 0, row >> 1, column) + np.uint64(row & 1)
-                for n in range(PLANES):
-                    canvas.sums[k + np.uint64(n) * stride] = number[place + n]
-                place += PLANES
+        touch(canvas.dirty, 0, 0, canvas.height, 0, canvas.width)
+    _move(canvas, ring, is_one_sum, tile, carried, False)
 
 
 @kernel
@@ -85,24 +68,37 @@ def lay_down_slabs(
     canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried
 ) -> None:
     """Checkpoint the state of rays and the sum of all samples until the next step."""
-    if not in_steps(carried):
-        return
-    # Write behind what `checkpoint` has saved of the sub-pixels.
+    if in_steps(carried):
+        _move(canvas, ring, is_one_sum, tile, carried, True)
+
+
+@kernel
+def _move(
+    canvas: Canvas, ring: Ring, is_one_sum: bool, tile: int, carried: Carried, is_saved: bool
+) -> None:
+    """Save the state of rays and the sum of all samples, or restore them."""
+    # They stand behind what `checkpoint` saves of the sub-pixels, and `resume` restores.
     height, width, number = canvas.height, canvas.width, carried.number
     place = carried.each * carried.start[tile] + len(KEPT) * height * width
-    # Save the state of each ray of a field.
+    # Move the state of each ray of a field.
     if canvas.state.size > 0:
         for row in range(height):
             for column in range(width):
                 for n in range(FIELD_STATE):
-                    number[place + n] = canvas.state[row, column, n]
+                    if is_saved:
+                        number[place + n] = canvas.state[row, column, n]
+                    else:
+                        canvas.state[row, column, n] = number[place + n]
                 place += FIELD_STATE
-    # Save the one sum.
+    # Move the one sum.
     if is_one_sum:
         stride = stride_of(ring)
         for row in range(height):
             for column in range(width):
                 k = sum_at(ring, 0, row >> 1, column) + np.uint64(row & 1)
                 for n in range(PLANES):
-                    number[place + n] = canvas.sums[k + np.uint64(n) * stride]
+                    if is_saved:
+                        number[place + n] = canvas.sums[k + np.uint64(n) * stride]
+                    else:
+                        canvas.sums[k + np.uint64(n) * stride] = number[place + n]
                 place += PLANES

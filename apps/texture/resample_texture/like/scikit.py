@@ -7,7 +7,7 @@ import importlib
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +27,6 @@ MODES = {
     "reflect": REFLECT_101,
     "wrap": Edge.WRAP,
 }
-
-
-class ReadAs(NamedTuple):
-    """How a picture is read and what its result may be."""
-
-    order: int
-    cval: float
-    clip: bool
-    preserve_range: bool
 
 
 def warp(
@@ -87,12 +78,14 @@ def warp(
         The map has another shape, or an option is unknown.
     """
     image = _picture(image)
-    values = ReadAs(_order(order, image), cval, clip, preserve_range)
+    order = _order(order, image)
     shape = whole_pair(output_shape or image.shape[:2], "height", "width")
     geometry = _geometry(inverse_map, map_args or {}, shape)
     is_map = isinstance(geometry, BackwardMap)
-    chosen = method_of_order(values.order, interpolation, method, splines=is_map)
-    return _drawn(image, Drawing(chosen, geometry, shape, _edge(mode)), values)
+    chosen = method_of_order(order, interpolation, method, splines=is_map)
+    return _drawn(
+        image, Drawing(chosen, geometry, shape, _edge(mode)), order, cval, clip, preserve_range
+    )
 
 
 def resize(
@@ -130,19 +123,21 @@ def resize(
         The shape has other channels, or an option is unknown.
     """
     image = _picture(image)
-    values = ReadAs(_order(order, image), cval, clip, preserve_range)
+    order = _order(order, image)
     sizes = tuple(output_shape)
     if len(sizes) == 3 and sizes[2:] != image.shape[2:]:
         raise ValueError(f"output_shape {sizes} of a picture of {image.shape}; keep its channels")
-    if anti_aliasing_sigma is not None or (anti_aliasing is False and values.order > 0):
+    if anti_aliasing_sigma is not None or (anti_aliasing is False and order > 0):
         raise ValueError(
             "pixels are averaged over what they cover: leave out anti_aliasing=False and sigma"
         )
     shape = whole_pair(sizes[:2] if len(sizes) == 3 else sizes, "height", "width")
     check_shape(shape)
     geometry = resizing((image.shape[0], image.shape[1]), shape)
-    chosen = method_of_order(values.order, interpolation, method)
-    return _drawn(image, Drawing(chosen, geometry, shape, _edge(mode)), values)
+    chosen = method_of_order(order, interpolation, method)
+    return _drawn(
+        image, Drawing(chosen, geometry, shape, _edge(mode)), order, cval, clip, preserve_range
+    )
 
 
 def rescale(
@@ -245,9 +240,10 @@ def _order(order: int | None, image: NDArray[Any]) -> int:
     return order if order is not None else 0 if image.dtype.kind == "b" else 1
 
 
-def _drawn(image: NDArray[Any], drawing: Drawing, values: ReadAs) -> NDArray[Any]:
-    """Draw a picture as `values` say."""
-    order, cval, clip, preserve_range = values
+def _drawn(
+    image: NDArray[Any], drawing: Drawing, order: int, cval: float, clip: bool, preserve_range: bool
+) -> NDArray[Any]:
+    """Draw a picture; the options are those of `warp`."""
     given = image if order == 0 else _as_floats(image, preserve_range)
     result = draw(given, drawing._replace(behind=color_behind(cval, given, "cval")))
     return _clipped(result, given, cval) if clip and order > 1 else result
