@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from resample import Camera, Primitive, Resampler
 from resample.outofcore.windows import WindowTask, split_windows
-from resample.painting.scenes.plans import MIXTURE, PAPER, POINTS, SPLATS
+from resample.painting.scenes.plans import MIXTURE, PAPER, POINTS, SPLATS, together
 from resample.profiles.orders import ImageSheets
 from resample.types import Samples
 from resample_volume.baselines.painting import AxisSheets
@@ -103,8 +103,8 @@ def test_any_partition_and_any_parts_of_the_samples_give_the_same_bits(
     paint, samples, eye = Resampler(), cloud(500, near), camera()
     whole = paint(samples, eye, **PICTURE)
     shares = [some_of(samples, slice(n, None, parts)) for n in range(parts)]
-    first, *others = (paint.plan(share, eye, **PICTURE) for share in shares)
-    plan = pickle.loads(pickle.dumps(first.merged(others)))
+    plan = together([paint.plan(share, eye, **PICTURE) for share in shares])
+    plan = pickle.loads(pickle.dumps(plan))
     for (x0, x1), (y0, y1) in itertools.product(cut(WIDTH, *columns), cut(HEIGHT, *rows)):
         window = (x0, y0, x1, y1)
         near_it = those_near(samples, paint, eye, window)
@@ -132,9 +132,6 @@ def test_what_is_no_window_or_cannot_have_one_is_refused():
             paint.paint_window(samples, eye, plan, window)
     with pytest.raises(ValueError, match="give x0, y0, x1 and y1"):
         paint.paint_window(samples, eye, plan, (1, 2, 3))
-    points = Resampler(primitive=Primitive.POINTS).plan(samples, eye, **PICTURE)
-    with pytest.raises(ValueError, match="painted as points"):
-        points.merged([])
     nothing = samples._replace(**{name: getattr(samples, name)[:0] for name in samples._fields[:3]})
     with pytest.raises(ValueError, match="nothing to plan"):
         paint.plan(nothing, eye, **PICTURE)

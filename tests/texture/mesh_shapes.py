@@ -6,8 +6,9 @@ import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
+from resample.cameras.viewpoints import Orbit
 from resample.profiles.interpolation import InterpolatingCatmullRom
-from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
+from resample_texture.mesh.rendering import Mesh, MeshStyle, ball_around, render_mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FALLING = np.array([[0, 1, 2], [0, 2, 3]])  # the two ways to halve it
@@ -218,3 +219,8 @@ def halved(polygon, axis, bound, sign):
             yield here
         if (at >= 0) != (to >= 0):
             yield tuple(np.add(here, at / (at - to) * np.subtract(there, here)))
+
+
+def fitted_camera(mesh, azimuth=30.0, elevation=20.0, zoom=1.0, fov=30.0, up="y", size=(512, 512)):
+    """A camera on a sphere around a mesh; `size`: width and height."""
+    return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *size[::-1])

@@ -6,7 +6,7 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.engine.jit import threads
-from resample_texture.mesh.rendering import Mesh, fitted_camera
+from resample_texture.mesh.rendering import Mesh
 from tests.texture.mesh_shapes import (
     FALLING,
     RISING,
@@ -15,6 +15,7 @@ from tests.texture.mesh_shapes import (
     decibels,
     even,
     finely_cut,
+    fitted_camera,
     from_above,
     naive,
     naive_mesh,

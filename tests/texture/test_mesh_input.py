@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from resample.profiles.filters import Box, Gaussian, Lanczos
-from resample_texture.mesh.rendering import Mesh, MeshStyle, fitted_camera, render_mesh
+from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
 from tests.texture.mesh_shapes import (
     FALLING,
     SQUARE,
     even,
+    fitted_camera,
     from_above,
     noise,
     oblique,

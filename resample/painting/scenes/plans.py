@@ -1,7 +1,7 @@
 """What parts of a picture need of the whole: its plan, and samples that are loaded in parts."""
 
 import operator
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,16 +47,6 @@ class PicturePlan(NamedTuple):
     bounds: tuple[float, float, float, float]  # left, top, right, bottom of samples, px
     visible: int  # visible samples
     spacing: Floats | None = None  # (T,) smallest spacing in each tile; None: windows find it
-
-    def merged(self, others: Iterable["PicturePlan"]) -> "PicturePlan":
-        """Merge plans of parts of a picture's samples."""
-        plans = [plan for plan in (self, *others) if plan.visible] or [self]
-        if any(plan.painter != SPLATS for plan in plans):
-            raise ValueError(
-                "some samples are so close that they are painted as points; the painter of all "
-                "is found by `Resampler.plan_of` from `plans` of each part"
-            )
-        return together([self, *others])
 
 
 class PlansOfPart(NamedTuple):

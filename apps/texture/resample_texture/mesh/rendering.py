@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.poses import UpAxis
-from resample.cameras.viewpoints import Orbit, Sphere
+from resample.cameras.viewpoints import Sphere
 from resample.engine.jit import threads
 from resample.painting.scenes.plans import shape_of
 from resample.painting.scenes.scene import dealt_to_tiles
@@ -52,7 +51,6 @@ __all__ = [
     "Mesh",
     "MeshStatistics",
     "MeshStyle",
-    "fitted_camera",
     "load_mesh",
     "render_mesh",
 ]
@@ -220,31 +218,6 @@ class MeshStatistics(NamedTuple):
     seconds: float
 
 
-def fitted_camera(
-    mesh: Mesh,
-    azimuth: float = 30.0,
-    elevation: float = 20.0,
-    zoom: float = 1.0,
-    fov: float = 30.0,
-    up: UpAxis = "y",
-    size: tuple[int, int] = (512, 512),
-) -> AnyCamera:
-    """Return a camera on a sphere around a mesh.
-
-    Parameters
-    ----------
-    zoom
-        At 1 the mesh's bounding sphere just fits the picture; at 2 the camera is at half the
-        distance, and a parallel projection shows everything at twice the size.
-    fov
-        Degrees along the picture's shorter side; 0 is parallel projection.
-    size
-        Width and height of the picture, px.
-    """
-    shape = _shape_of(size)
-    return Orbit(azimuth, elevation, zoom, fov, up).around(ball_around(mesh), *shape)
-
-
 def ball_around(mesh: Mesh) -> Sphere:
     """Return a bounding sphere of a mesh's triangles."""
     used = mesh.position[np.unique(mesh.triangle)]
@@ -280,7 +253,11 @@ def render_mesh(
         The size is not allowed.
     """
     begin = time.perf_counter()
-    height, width = _shape_of(size)
+    height, width = shape_of(size)
+    if max(height, width) > LARGEST:
+        raise ValueError(
+            f"a picture of {width} x {height} pixels; 1 to {LARGEST} along a side are allowed"
+        )
     look = style or MeshStyle()
     view = camera.view()
     point, depth = _projected(mesh.position, view)
@@ -320,15 +297,6 @@ def pixel_profile(pixel_filter: PixelFilter, samples: int) -> Doubles:
             f"{pixel_filter} meets none of the {samples} samples along a pixel; choose a wider one"
         )
     return weight / total
-
-
-def _shape_of(size: tuple[int, int]) -> tuple[int, int]:
-    height, width = shape_of(size)
-    if max(height, width) > LARGEST:
-        raise ValueError(
-            f"a picture of {width} x {height} pixels; 1 to {LARGEST} along a side are allowed"
-        )
-    return height, width
 
 
 def _in_camera(vector: Doubles, view: View) -> tuple[Doubles, Doubles, Doubles]:
