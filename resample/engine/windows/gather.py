@@ -26,6 +26,7 @@ from resample.engine.windows.footprints import (
     fold,
     footprint_at,
     is_box,
+    is_grown,
     is_small,
     nth_part,
     parts_of,
@@ -45,8 +46,9 @@ from resample.engine.windows.limits import (
 from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.engine.windows.rows import (
     DOWN,
+    OTHER,
     RowScratch,
-    fits,
+    boxes_of,
     measure_row,
     place_of,
     row_scratch,
@@ -234,10 +236,12 @@ def _straighten(
     marks: int,
     scratch: PixelScratch,
 ) -> None:
-    """Keep a pixel beside straight edges near the means across them alone.
+    """Keep a pixel that has not shrunk near the means across straight edges beside it alone.
 
     Along an edge the samples themselves are interpolated: the grid's means over each of them.
     """
+    if not is_grown(footprint):
+        return
     # The box of the pixel's mean, on the plate, and the samples before its center.
     placed, own = averaged(view, fold(view, footprint)), view.limits.own
     (ux, vx), (uy, vy) = placed.along_x, placed.along_y
@@ -364,10 +368,13 @@ def _fill_tile(
             coverage, column = np.float32(1), first + n
             if wanted.size > 0 and not wanted[row, column]:
                 continue
-            if fits(pixels, n):
+            boxes = boxes_of(pixels, n)
+            if boxes > 0:
                 # Sum the few samples around, and clamp to the limits there.
                 across, down = side_of(pixels, n, 0), side_of(pixels, n, DOWN)
                 put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, total)
+                if boxes == 2:
+                    _average_with_other(view, pixels, n, scratch)
                 if has_limits:
                     u, v = place_of(pixels, n)
                     u, v = u - plain.left, v - plain.top
@@ -383,6 +390,15 @@ def _fill_tile(
             at = np.uint64(row * covered.shape[1] + column)
             share[at] = coverage
             _put(total, coverage, flat, at * np.uint64(image.shape[2]), image.shape[2])
+
+
+@inner_kernel
+def _average_with_other(view: GridView, pixels: RowScratch, n: int, scratch: PixelScratch) -> None:
+    """Average the nth pixel's mean over one box with that over the other."""
+    across, down = side_of(pixels, n, OTHER), side_of(pixels, n, OTHER + DOWN)
+    put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, scratch.straight)
+    for c in range(scratch.total.size):
+        scratch.total[c] = np.float32(0.5) * (scratch.total[c] + scratch.straight[c])
 
 
 @inner_step
