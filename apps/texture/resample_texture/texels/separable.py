@@ -142,7 +142,12 @@ def separable_plan(
     region = geometry.region or TargetRegion(geometry, 0, 0, shape)
     is_known = min(region.shape) > 0
     target = region.shape if is_known else (region.top + shape[0], region.left + shape[1])
-    whole = region.whole, target, region.size or size, edge, cells
+    whole_size = region.size or size
+    inverse = np.linalg.inv(oriented(region.whole, whole_size))
+    if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
+        return None
+    scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
+    whole = tuple(scale.tolist()), tuple(start.tolist()), target, whole_size, edge, cells
     try:
         plan = _whole_plan(*whole)
     except TypeError:  # a plugin's options that cannot be hashed
@@ -163,19 +168,26 @@ def separable_plan(
     )
 
 
-@lru_cache(maxsize=2)  # for targets drawn chunk by chunk
+@lru_cache(maxsize=2)  # for targets drawn chunk by chunk, and pictures one after the other
 def _whole_plan(
-    geometry: Homography,
+    scale: tuple[float, float],
+    start: tuple[float, float],
     shape: tuple[int, int],
     size: tuple[int, int],
     edge: Edge,
     cells: CellGrid,
 ) -> SeparablePlan | None:
-    """Plan the warp to a whole target, cached; `size` is the source's."""
-    inverse = np.linalg.inv(oriented(geometry, size))
-    if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
-        return None
-    scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
+    """Plan the warp to a whole target, cached; down and across.
+
+    Parameters
+    ----------
+    scale
+        Texels from a pixel to the next.
+    start
+        Source coordinates of the target's corner.
+    size
+        Of the source: height and width.
+    """
     sides = np.abs(scale)
     if any(
         count * (side + 64.0) > MOST_WEIGHTS
