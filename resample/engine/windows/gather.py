@@ -248,11 +248,11 @@ def _straighten(
     u, v = placed.u - view.plate.left, placed.v - view.plate.top
     wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
     column, row = math.floor(u - 0.5) + 0.5, math.floor(v - 0.5) + 0.5
-    channels, total = scratch.total.size, scratch.total
-    straight, tolerance = scratch.straight[:channels], scratch.straight[channels:]
+    channels, total, lanes = view.limits.plain.channels, scratch.total, scratch.total.size
+    straight, tolerance = scratch.straight[:lanes], scratch.straight[lanes:]
     for axis in range(2):
-        changes = scratch.changes[axis * channels : (axis + 1) * channels]
-        for c in range(channels):
+        changes = scratch.changes[axis * lanes : (axis + 1) * lanes]
+        for c in range(lanes):
             straight[c] = changes[c] = np.float32(0)
         has_marks = marks & (((1 << ALONG_Y) - 1) << (axis * ALONG_Y))
         if not has_marks or not tolerances(
@@ -272,7 +272,7 @@ def _straighten(
         for c in range(channels):
             changes[c] = towards(total[c], straight[c], tolerance[c])
     for c in range(channels):
-        total[c] += both(scratch.changes[c], scratch.changes[channels + c])
+        total[c] += both(scratch.changes[c], scratch.changes[lanes + c])
 
 
 @inner_kernel
@@ -316,7 +316,8 @@ def _fill_pixel(
     coverage, total, corners = _mean_of(view, footprint, scratch), scratch.total, scratch.corners
     if not coverage > 0.0 or view.limits.excess < 0.0:
         return coverage
-    u, v = footprint.u - view.limits.plain.left, footprint.v - view.limits.plain.top
+    plain, channels = view.limits.plain, view.limits.plain.channels
+    u, v = footprint.u - plain.left, footprint.v - plain.top
     if is_small(footprint):
         # Clamp small footprints to the limits at their center.
         part, has_edges = limited
@@ -325,12 +326,12 @@ def _fill_pixel(
         marks = marks_at(corners, part, u, v) if has_edges else 0
         if marks:
             _straighten(view, footprint, part, (u, v), marks, scratch)
-        keep_within(corners, part, u, v, total)
+        keep_within(corners, part, (u, v), channels, total)
         return coverage
     # Clamp long, thin ones to the mean of the limits along them.
     side = _longer_side(footprint)
     if not is_apart and (side[0] != 0.0 or side[1] != 0.0):
-        keep_within_mean(corners, limited.part, (u, v), side, total)
+        keep_within_mean(corners, limited.part, (u, v), side, channels, total)
     _keep_positive(view, footprint, total)
     return coverage
 
@@ -382,7 +383,7 @@ def _fill_tile(
                     if marks:
                         footprint = _footprint(geometry, row, column)
                         _straighten(view, footprint, part, (u, v), marks, scratch)
-                    keep_within(scratch.corners, part, u, v, total)
+                    keep_within(scratch.corners, part, (u, v), plain.channels, total)
             else:
                 footprint = _footprint(geometry, row, column)
                 coverage = np.float32(_fill_pixel(view, footprint, limited, is_apart, scratch))
