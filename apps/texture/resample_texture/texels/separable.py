@@ -188,13 +188,16 @@ def _whole_plan(
     size
         Of the source: height and width.
     """
-    sides = np.abs(scale)
+    sides: Doubles = np.abs(np.array(scale))
     if any(
         count * (side + 64.0) > MOST_WEIGHTS
         for count, side in zip(shape, sides.tolist(), strict=True)
     ):
         return None
-    middles = [start[n] + scale[n] * (np.arange(count) + 0.5) for n, count in enumerate(shape)]
+    middles: list[Doubles] = [
+        start[n] + scale[n] * np.arange(0.5, count, dtype=np.float64)
+        for n, count in enumerate(shape)
+    ]
     for middle, side, texels in zip(middles, sides, size, strict=True):
         beyond = max(-middle.min(), middle.max() - texels) + 0.5 * side
         if edge is not Edge.TRANSPARENT and beyond > FARTHEST:
