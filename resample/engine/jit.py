@@ -180,7 +180,8 @@ def _on_all_threads(
         if takes_part:
             with _stopping(started, counter):
                 compiled(counter, *args, **kwargs)
-        _await(started, counter)
+        if started:
+            _await(started, counter)
         seconds[0] = time.perf_counter() - begin
 
     if hasattr(compiled, "dispatchers"):

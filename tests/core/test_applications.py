@@ -98,7 +98,7 @@ def test_help_has_headings_and_completion_is_installed(application, folder, caps
     ("application", "mistyped", "command", "first"),
     [
         ("points", "rendr", "render", "FILE"),
-        ("texture", "wrap", "warp", "IMAGES"),
+        ("texture", "wrap", "warp", "FILES"),
         ("volume", "rendr", "render", "VOLUME"),
         ("warp3d", "rendr", "render", "COLOR"),
     ],

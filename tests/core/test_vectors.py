@@ -25,7 +25,7 @@ from resample.engine.vectors import (
     scaled,
     vector_at,
 )
-from resample.engine.windows import gather
+from resample.engine.windows import footprints as pixels
 from resample.types import Absorbing, Linear, Place
 from tests.kernels import run_in_python
 
@@ -123,18 +123,18 @@ def test_a_point_lies_between_the_pixels_that_its_filter_meets(taps):
 @pytest.mark.parametrize("finest", [1.0, 0.25])
 def test_pixels_have_so_many_parts_that_boxes_stand_for_each(rng, finest):
     """Neither side of a part slants too much, nor does a part; along the axes there is one."""
-    parts_of = plain(gather.parts_of)
+    parts_of = plain(pixels.parts_of)
     for _ in range(50):
         (ux, vx), (uy, vy) = sides = rng.uniform(-3.0, 3.0, (2, 2))
-        across, down = parts_of(gather.PixelFootprint(0.0, 0.0, *map(tuple, sides)), finest)
-        leanest = gather.LEANEST * finest * (1.0 + 1e-9)
+        across, down = parts_of(pixels.PixelFootprint(0.0, 0.0, *map(tuple, sides)), finest)
+        leanest = pixels.LEANEST * finest * (1.0 + 1e-9)
         assert abs(ux * vx) / across**2 <= leanest
         assert abs(uy * vy) / down**2 <= leanest
         assert max(abs(ux * uy), abs(vx * vy)) / (across * down) <= finest * (1.0 + 1e-9)
-    upright = gather.PixelFootprint(0.0, 0.0, (9.0, 0.0), (0.0, 7.0))
+    upright = pixels.PixelFootprint(0.0, 0.0, (9.0, 0.0), (0.0, 7.0))
     assert parts_of(upright, finest) == (1, 1)
-    longest = gather.PixelFootprint(0.0, 0.0, (1e6, 1e6), (-1e6, 1e6))
-    assert parts_of(longest, finest) == (gather.MOST_PARTS, gather.MOST_PARTS)
+    longest = pixels.PixelFootprint(0.0, 0.0, (1e6, 1e6), (-1e6, 1e6))
+    assert parts_of(longest, finest) == (pixels.MOST_PARTS, pixels.MOST_PARTS)
 
 
 @pytest.mark.parametrize("is_far", [True, False])

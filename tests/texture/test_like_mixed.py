@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from resample_texture import Homography
 from resample_texture.like import ndimage, opencv, shrinking
 from resample_texture.texels.gather import places_of
-from resample_texture.texels.kernels.gather import put_longest
+from resample_texture.texels.kernels.gather import put_shares
 from tests.conftest import real
 
 SHAPE = (150, 170)
@@ -132,8 +132,9 @@ def test_tiles_shrink_where_one_of_their_pixels_does(seed):
     matrix = np.eye(3) + rng.normal(0, [[0.4, 0.4, 30], [0.4, 0.4, 30], [4e-3, 4e-3, 0]])
     geometry = Homography(matrix)
     size, most = (90, 110), float(rng.choice([shrinking.SHARP, shrinking.LINEAR]))
-    longest = np.empty(SHAPE, np.float32)
-    put_longest(places_of(size, geometry, SHAPE), longest)
+    shares, far = np.empty(SHAPE, np.float32), 50.0
+    put_shares(places_of(size, geometry, SHAPE), (0.0, far), SHAPE, shares.reshape(-1))
+    longest = far * (1.0 - shares)
     half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
     centered = np.linalg.inv(half) @ matrix @ half
     tiles = shrinking.by_matrix(opencv._back(centered, False, size), SHAPE, most)

@@ -199,7 +199,7 @@ def _drawn_in_levels(
 def _at(warped: Warped, some: Integers) -> Warped:
     """Some pixels (N,), by their number, as a row."""
     image = warped.image.reshape(-1, warped.image.shape[2])
-    return Warped(image[some][None], warped.coverage.reshape(-1)[some][None])
+    return Warped(image.take(some, axis=0)[None], warped.coverage.reshape(-1)[some][None])
 
 
 def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Warped]) -> Warped:

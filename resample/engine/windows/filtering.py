@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.cells.bands import bands
-from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
+from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel
 from resample.types import Floats
 
 Integers = NDArray[np.int64]
@@ -154,13 +154,3 @@ def filter_plate(
     height = shape[0] - 2 * (filters.down.size // 2)
     for rows in bands(counter, height, BAND):
         _filter_rows(flat, shape, filters, rows, lanes, result)
-
-
-@packed_kernel
-def spread_plate(
-    counter: Counter, flat: Floats, shape: tuple[int, int, int], result: Floats
-) -> None:
-    """Copy a plate of up to four channels, given by `shape`, to one of four lanes."""
-    rows, columns, channels = shape
-    for row in tasks(counter, rows):
-        _spread(flat, row * columns * channels, columns, channels, result, row * columns * 4)

@@ -26,6 +26,7 @@ from resample.engine.windows.footprints import (
     fold,
     footprint_at,
     is_box,
+    is_grown,
     is_small,
     nth_part,
     parts_of,
@@ -45,8 +46,9 @@ from resample.engine.windows.limits import (
 from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.engine.windows.rows import (
     DOWN,
+    OTHER,
     RowScratch,
-    fits,
+    boxes_of,
     measure_row,
     place_of,
     row_scratch,
@@ -234,21 +236,23 @@ def _straighten(
     marks: int,
     scratch: PixelScratch,
 ) -> None:
-    """Keep a pixel beside straight edges near the means across them alone.
+    """Keep a pixel that has not shrunk near the means across straight edges beside it alone.
 
     Along an edge the samples themselves are interpolated: the grid's means over each of them.
     """
+    if not is_grown(footprint):
+        return
     # The box of the pixel's mean, on the plate, and the samples before its center.
     placed, own = averaged(view, fold(view, footprint)), view.limits.own
     (ux, vx), (uy, vy) = placed.along_x, placed.along_y
     u, v = placed.u - view.plate.left, placed.v - view.plate.top
     wide, high = math.hypot(ux, uy), math.hypot(vx, vy)
     column, row = math.floor(u - 0.5) + 0.5, math.floor(v - 0.5) + 0.5
-    channels, total = scratch.total.size, scratch.total
-    straight, tolerance = scratch.straight[:channels], scratch.straight[channels:]
+    channels, total, lanes = view.limits.plain.channels, scratch.total, scratch.total.size
+    straight, tolerance = scratch.straight[:lanes], scratch.straight[lanes:]
     for axis in range(2):
-        changes = scratch.changes[axis * channels : (axis + 1) * channels]
-        for c in range(channels):
+        changes = scratch.changes[axis * lanes : (axis + 1) * lanes]
+        for c in range(lanes):
             straight[c] = changes[c] = np.float32(0)
         has_marks = marks & (((1 << ALONG_Y) - 1) << (axis * ALONG_Y))
         if not has_marks or not tolerances(
@@ -268,7 +272,7 @@ def _straighten(
         for c in range(channels):
             changes[c] = towards(total[c], straight[c], tolerance[c])
     for c in range(channels):
-        total[c] += both(scratch.changes[c], scratch.changes[channels + c])
+        total[c] += both(scratch.changes[c], scratch.changes[lanes + c])
 
 
 @inner_kernel
@@ -312,7 +316,8 @@ def _fill_pixel(
     coverage, total, corners = _mean_of(view, footprint, scratch), scratch.total, scratch.corners
     if not coverage > 0.0 or view.limits.excess < 0.0:
         return coverage
-    u, v = footprint.u - view.limits.plain.left, footprint.v - view.limits.plain.top
+    plain, channels = view.limits.plain, view.limits.plain.channels
+    u, v = footprint.u - plain.left, footprint.v - plain.top
     if is_small(footprint):
         # Clamp small footprints to the limits at their center.
         part, has_edges = limited
@@ -321,12 +326,12 @@ def _fill_pixel(
         marks = marks_at(corners, part, u, v) if has_edges else 0
         if marks:
             _straighten(view, footprint, part, (u, v), marks, scratch)
-        keep_within(corners, part, u, v, total)
+        keep_within(corners, part, (u, v), channels, total)
         return coverage
     # Clamp long, thin ones to the mean of the limits along them.
     side = _longer_side(footprint)
     if not is_apart and (side[0] != 0.0 or side[1] != 0.0):
-        keep_within_mean(corners, limited.part, (u, v), side, total)
+        keep_within_mean(corners, limited.part, (u, v), side, channels, total)
     _keep_positive(view, footprint, total)
     return coverage
 
@@ -364,10 +369,13 @@ def _fill_tile(
             coverage, column = np.float32(1), first + n
             if wanted.size > 0 and not wanted[row, column]:
                 continue
-            if fits(pixels, n):
+            boxes = boxes_of(pixels, n)
+            if boxes > 0:
                 # Sum the few samples around, and clamp to the limits there.
                 across, down = side_of(pixels, n, 0), side_of(pixels, n, DOWN)
                 put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, total)
+                if boxes == 2:
+                    _average_with_other(view, pixels, n, scratch)
                 if has_limits:
                     u, v = place_of(pixels, n)
                     u, v = u - plain.left, v - plain.top
@@ -375,7 +383,7 @@ def _fill_tile(
                     if marks:
                         footprint = _footprint(geometry, row, column)
                         _straighten(view, footprint, part, (u, v), marks, scratch)
-                    keep_within(scratch.corners, part, u, v, total)
+                    keep_within(scratch.corners, part, (u, v), plain.channels, total)
             else:
                 footprint = _footprint(geometry, row, column)
                 coverage = np.float32(_fill_pixel(view, footprint, limited, is_apart, scratch))
@@ -383,6 +391,15 @@ def _fill_tile(
             at = np.uint64(row * covered.shape[1] + column)
             share[at] = coverage
             _put(total, coverage, flat, at * np.uint64(image.shape[2]), image.shape[2])
+
+
+@inner_kernel
+def _average_with_other(view: GridView, pixels: RowScratch, n: int, scratch: PixelScratch) -> None:
+    """Average the nth pixel's mean over one box with that over the other."""
+    across, down = side_of(pixels, n, OTHER), side_of(pixels, n, OTHER + DOWN)
+    put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, scratch.straight)
+    for c in range(scratch.total.size):
+        scratch.total[c] = np.float32(0.5) * (scratch.total[c] + scratch.straight[c])
 
 
 @inner_step

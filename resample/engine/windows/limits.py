@@ -201,10 +201,10 @@ def _between(values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y
 
 @inner_step
 def _four_between(
-    values: Floats, at: Place, down: Place, x: Single, y: Single
+    values: Floats, at: Place, steps: tuple[Place, Place], x: Single, y: Single
 ) -> tuple[Single, Single, Single, Single]:
-    """Interpolate four channels bilinearly between corners."""
-    steps, one = (np.uint64(4), down), np.uint64(1)
+    """Interpolate four numbers bilinearly between corners; those beyond a corner's are nothing."""
+    one = np.uint64(1)
     return (
         _between(values, at, steps, x, y),
         _between(values, at + one, steps, x, y),
@@ -214,19 +214,24 @@ def _four_between(
 
 
 @inner_step
-def keep_within(corners: Corners, part: Part, u: float, v: float, total: Floats) -> None:
-    """Clamp a pixel's channels to the limits at a position, in coordinates of the plain grid."""
-    at, x, y = _place_in(part, u, v, total.size)
-    steps = np.uint64(total.size), np.uint64(part.wide * total.size)
+def keep_within(
+    corners: Corners, part: Part, place: tuple[float, float], channels: int, total: Floats
+) -> None:
+    """Clamp a pixel's channels to the limits at a position, in coordinates of the plain grid.
+
+    `total` may have more numbers than there are channels.
+    """
+    at, x, y = _place_in(part, place[0], place[1], channels)
+    steps = np.uint64(channels), np.uint64(part.wide * channels)
     # Interpolate both limits of each channel, and clamp; four channels at once.
     if total.size == 4:
-        low = _four_between(corners.low, at, steps[1], x, y)
-        high = _four_between(corners.high, at, steps[1], x, y)
+        low = _four_between(corners.low, at, steps, x, y)
+        high = _four_between(corners.high, at, steps, x, y)
         a, b = min(max(total[0], low[0]), high[0]), min(max(total[1], low[1]), high[1])
         c, d = min(max(total[2], low[2]), high[2]), min(max(total[3], low[3]), high[3])
         total[0], total[1], total[2], total[3] = a, b, c, d
         return
-    for c in range(total.size):
+    for c in range(channels):
         k = at + np.uint64(c)
         low = _between(corners.low, k, steps, x, y)
         total[c] = min(max(total[c], low), _between(corners.high, k, steps, x, y))
@@ -258,14 +263,14 @@ def tolerances(
     is_along_x
         Whether the edge is along x.
     found
-        (C,) tolerances, filled; infinite where limits leave less.
+        Tolerances of the channels, filled; infinite where limits leave less.
 
     Returns
     -------
     Whether any channel has a tolerance.
     """
-    channels, any_found = found.size, False
-    flat, _, _, _, _, _, columns, before = limits.plain
+    flat, _, _, _, _, channels, columns, before = limits.plain
+    any_found = False
     first, x, y = _place_in(part, at[0], at[1], channels)
     steps = np.uint64(channels), np.uint64(part.wide * channels)
     # The same corner among the samples.
@@ -292,6 +297,7 @@ def keep_within_mean(
     part: Part,
     middle: tuple[float, float],
     side: tuple[float, float],
+    channels: int,
     total: Floats,
 ) -> None:
     """As `keep_within`, by the mean of the limits along a side (u, v) around a position.
@@ -301,12 +307,12 @@ def keep_within_mean(
     # Sample the side about once per grid sample.
     count = math.ceil(max(abs(side[0]), abs(side[1]), 1.0))
     share = np.float32(1.0 / count)
-    steps = np.uint64(total.size), np.uint64(part.wide * total.size)
-    for c in range(total.size):
+    steps = np.uint64(channels), np.uint64(part.wide * channels)
+    for c in range(channels):
         low = high = np.float32(0)
         for n in range(count):
             t = (n + 0.5) / count - 0.5
-            at, x, y = _place_in(part, middle[0] + t * side[0], middle[1] + t * side[1], total.size)
+            at, x, y = _place_in(part, middle[0] + t * side[0], middle[1] + t * side[1], channels)
             low += share * _between(corners.low, at + np.uint64(c), steps, x, y)
             high += share * _between(corners.high, at + np.uint64(c), steps, x, y)
         total[c] = min(max(total[c], low), high)
@@ -329,7 +335,7 @@ def _place_in(part: Part, u: float, v: float, channels: int) -> tuple[Place, Sin
 def corner_scratch(channels: int) -> Corners:
     """Allocate scratch for the corners of a tile."""
     most, beside = max(MOST, 4 * channels), max(MOST_BESIDE, 3 * channels)
-    low, high = np.empty(most, np.float32), np.empty(most, np.float32)
+    low, high = np.empty(most + 4, np.float32), np.empty(most + 4, np.float32)
     above, below = np.empty(2 * beside, np.float32), np.empty(2 * beside, np.float32)
     bound, marks = np.empty(most, np.float32), np.empty(2 * most, np.uint8)
     return Corners(low, high, above, below, bound, marks)

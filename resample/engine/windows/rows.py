@@ -36,24 +36,28 @@ from resample.types import Doubles, Floats, Single
 Integers32 = NDArray[np.int32]
 
 MOST = 32  # px of a row, at most
-PLACE, MOMENT, REACH = 0, MOST, 2 * MOST  # of one axis in `RowScratch.shape`
-DOWN = 3 * MOST  # from one axis to the other, in all arrays
-FITS = 6 * MOST  # in `RowScratch.whole`
+MOMENT, REACH, APART = MOST, 2 * MOST, 3 * MOST  # of one axis in `RowScratch.shape`
+DOWN = 4 * MOST  # from one axis to the other, in all arrays
+OTHER = 8 * MOST  # from one box to the other, where two stand for a pixel
+MIXED, FITS = 8 * MOST, 16 * MOST  # in `RowScratch.shape`, and in `RowScratch.whole`
 
 
 class RowScratch(NamedTuple):
     """Scratch for a row of pixels."""
 
-    shape: Doubles  # (6 × MOST,) of both axes: source coordinates, squares of sides, half extents
-    whole: Integers32  # (7 × MOST,) of both axes: first sample, both ends in the table; and fit
-    share: Floats  # (6 × MOST,) of both axes: fractions of both ends, 1 / side
+    # (9 × MOST,) of both axes: source coordinates, squares of sides, half extents, and distances of
+    # boxes; and the mixed moment.
+    shape: Doubles
+    # (17 × MOST,) of both boxes and axes: first sample, both ends in the table; and the boxes.
+    whole: Integers32
+    share: Floats  # (16 × MOST,) of both boxes and axes: fractions of both ends, 1 / side
 
 
 @kernel
 def row_scratch() -> RowScratch:
     """Allocate scratch for a row of pixels."""
-    whole, share = np.empty(7 * MOST, np.int32), np.empty(6 * MOST, np.float32)
-    return RowScratch(np.empty(6 * MOST), whole, share)
+    whole, share = np.empty(17 * MOST, np.int32), np.empty(16 * MOST, np.float32)
+    return RowScratch(np.empty(9 * MOST), whole, share)
 
 
 @lane_kernel
@@ -61,32 +65,36 @@ def measure_row(
     geometry: PixelGeometry, view: GridView, row: int, first: int, count: int, is_apart: bool,
     pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Measure the pixels of a row from a column on, and find those that `fits` is true for.
+    """Measure the pixels of a row from a column on, and find the boxes that stand for them.
 
     Parameters
     ----------
     is_apart
-        The tile has no limits in common; then none fits.
+        The tile has no limits in common; then there are none.
     """
     is_few = view.plate.channels in (1, 4)
     if is_apart or view.points.taps > 0 or not is_few:
         for n in range(count):
             pixels.whole[np.uint64(FITS + n)] = 0
         return
-    _put_footprints(geometry, row, first, count, view.finest, pixels)
+    leans = _put_footprints(geometry, row, first, count, view.finest, pixels)
+    if leans:
+        _part_in_two(count, pixels)
     most = 0.5 * LIMITED if view.limits.excess >= 0.0 else math.inf
     plate, integral, is_open = view.plate, view.integral, view.edge != TRANSPARENT
-    extent = plate.left, plate.columns, float(view.size[1])
-    _put_sides(integral, 0, count, extent, most, is_open, pixels)
-    extent = plate.top, plate.rows, float(view.size[0])
-    _put_sides(integral, DOWN, count, extent, most, is_open, pixels)
+    across = plate.left, plate.columns, float(view.size[1])
+    down = plate.top, plate.rows, float(view.size[0])
+    for box in range(1 + leans):
+        _put_sides(integral, (box, 0), count, across, most, is_open, pixels)
+        _put_sides(integral, (box, DOWN), count, down, most, is_open, pixels)
 
 
 @lane_kernel
 def _put_footprints(
     geometry: PixelGeometry, row: int, first: int, count: int, finest: float, pixels: RowScratch
-) -> None:
-    """Places and sides of pixels; those fit that need no more than one box."""
+) -> bool:
+    """Put places and sides of pixels; return whether any needs two boxes."""
+    found: Whole = np.int32(0)
     shape, whole, lean, leanest = pixels.shape, pixels.whole, LEAN * finest, LEANEST * finest
     for n in range(count):
         k, footprint = np.uint64(n), footprint_at(geometry, row, first + n)
@@ -97,23 +105,45 @@ def _put_footprints(
         shape[m + np.uint64(MOMENT)] = vx * vx + vy * vy
         shape[k + np.uint64(REACH)] = 0.5 * (abs(ux) + abs(uy))
         shape[m + np.uint64(REACH)] = 0.5 * (abs(vx) + abs(vy))
-        # As `is_box` has it, and for a single one.
-        is_upright = (max(abs(ux * vx), abs(uy * vy)) <= leanest) & (abs(ux * vx + uy * vy) <= lean)
-        is_upright &= max(abs(ux * uy), abs(vx * vy)) <= finest
-        whole[k + np.uint64(FITS)] = np.int32(is_upright)
+        shape[k + np.uint64(APART)] = shape[m + np.uint64(APART)] = 0.0
+        shape[k + np.uint64(MIXED)] = mixed = ux * vx + uy * vy
+        # As `is_box` has it.
+        is_box = max(abs(ux * vx), abs(uy * vy)) <= leanest
+        is_box &= max(abs(ux * uy), abs(vx * vy)) <= finest
+        boxes = np.int32(is_box) + np.int32(is_box & (abs(mixed) > lean))
+        whole[k + np.uint64(FITS)] = boxes
+        found |= boxes
+    return bool(found > 1)
+
+
+@lane_kernel
+def _part_in_two(count: int, pixels: RowScratch) -> None:
+    """Let two boxes carry the mixed moment by their distance; the rest stays in their sides."""
+    shape, whole = pixels.shape, pixels.whole
+    for n in range(count):
+        k = np.uint64(n)
+        m, is_two = k + np.uint64(DOWN), whole[k + np.uint64(FITS)] > np.int32(1)
+        uu, vv = shape[k + np.uint64(MOMENT)], shape[m + np.uint64(MOMENT)]
+        mixed = shape[k + np.uint64(MIXED)]
+        ratio, slant = math.sqrt(uu / vv), abs(mixed)
+        apart = math.copysign(math.sqrt(slant / ratio / 12.0), mixed)
+        shape[k + np.uint64(APART)] = math.sqrt(slant * ratio / 12.0) if is_two else 0.0
+        shape[m + np.uint64(APART)] = apart if is_two else 0.0
+        shape[k + np.uint64(MOMENT)] = max(uu - slant * ratio, 0.0) if is_two else uu
+        shape[m + np.uint64(MOMENT)] = max(vv - slant / ratio, 0.0) if is_two else vv
 
 
 @lane_kernel
 def _put_sides(
-    integral: Integral, axis: int, count: int, extent: tuple[float, int, float], most: float,
-    is_open: bool, pixels: RowScratch,
+    integral: Integral, which: tuple[int, int], count: int, extent: tuple[float, int, float],
+    most: float, is_open: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Windows along an axis, which fit if they are small and no edge of the source crosses them.
+    """Put windows along an axis; where they are large, or an edge crosses a pixel, has it no boxes.
 
     Parameters
     ----------
-    axis
-        0 or `DOWN`.
+    which
+        Box, 0 or 1, and axis, 0 or `DOWN`.
     extent
         First sample of the plate, its samples, and those of the source.
     most
@@ -127,13 +157,16 @@ def _put_sides(
     before: Whole = np.int32(integral.before)
     shortest, longest = np.float32(integral.shortest), np.float32(LONGEST)
     one, two = np.uint64(MOST), np.uint64(2 * MOST)
+    box, axis = which
+    sign = 1.0 - 2.0 * box
     for n in range(count):
-        k = np.uint64(n + axis)
-        place, reach = shape[k], shape[k + np.uint64(REACH)]
-        length: Single = np.sqrt(np.float32(shape[k + np.uint64(MOMENT)]))
+        m, k = np.uint64(n + axis), np.uint64(n + axis + box * OTHER)
+        place, reach = shape[m], shape[m + np.uint64(REACH)]
+        length: Single = np.sqrt(np.float32(shape[m + np.uint64(MOMENT)]))
+        middle = place + sign * shape[m + np.uint64(APART)]
         side = min(max(shortest, length), longest)
         # Split both ends into samples, table rows and fractions between rows, as `weights` does.
-        low = low_end(integral, place - first, float(side), size)
+        low = low_end(integral, middle - first, float(side), size)
         start: Whole = np.int32(low)
         f = np.float32(low - start)
         g = f + side
@@ -150,14 +183,18 @@ def _put_sides(
         inner = reach - NEARLY
         is_within = (place >= inner) & (place + inner <= end)
         is_within |= is_open & (abs(place) <= math.inf)
-        fits = is_within & (apart <= few) & (reach <= most)
-        whole[np.uint64(n + FITS)] &= np.int32(fits)
+        is_few = is_within & (apart <= few) & (reach <= most)
+        o = np.uint64(n + FITS)
+        whole[o] = whole[o] if is_few else np.int32(0)
 
 
 @inner_step
-def fits(pixels: RowScratch, n: int) -> bool:
-    """Whether one box stands for the nth pixel, and reads at most `FEW` samples along both axes."""
-    return bool(pixels.whole[np.uint64(FITS + n)] != 0)
+def boxes_of(pixels: RowScratch, n: int) -> int:
+    """How many boxes that read at most `FEW` samples along both axes stand for the nth pixel.
+
+    0: it needs more.
+    """
+    return int(pixels.whole[np.uint64(FITS + n)])
 
 
 @inner_step
@@ -168,7 +205,7 @@ def place_of(pixels: RowScratch, n: int) -> tuple[float, float]:
 
 @inner_step
 def side_of(pixels: RowScratch, n: int, axis: int) -> WindowSide:
-    """Window of the nth pixel along an axis, 0 or `DOWN`."""
+    """Window of the nth pixel along an axis, 0 or `DOWN`, plus `OTHER` of its second box."""
     k, one, two = np.uint64(n + axis), np.uint64(MOST), np.uint64(2 * MOST)
     whole, share = pixels.whole, pixels.share
     low, high = np.uint64(whole[k + one]), np.uint64(whole[k + two])

@@ -118,7 +118,9 @@ def mixed_light(
     made = _curved(levels.image, levels.coverage[..., None], encoding, _table(is_back=True))
     if averaged is None:
         return Warped(made, levels.coverage)
-    made = averaged.image + share * (made - averaged.image)
+    made -= averaged.image
+    made *= share
+    made += averaged.image
     return Warped(made, np.maximum(levels.coverage, averaged.coverage))
 
 

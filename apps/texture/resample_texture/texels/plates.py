@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import FEW, SPARE, Plate
-from resample.engine.windows.filtering import Filters, filter_plate, spread_plate
-from resample.profiles.interpolation import Interpolation, excess, prefilter
+from resample.engine.windows.filtering import Filters, filter_plate
+from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
 from resample_texture.geometry import shifts
 from resample_texture.types import Edge
@@ -59,20 +59,15 @@ def plates_of(
 ) -> tuple[Plate, Plate]:
     """Return coefficients and texels of a rectangle of a source's continued plane.
 
-    Texels of two to four channels have four numbers. Texels without a limit may be left out. Only a
-    part of the whole rectangle is stored. If coefficients differ from texels, the texels
-    have a margin.
+    Coefficients of two to four channels have four numbers. Only a part of the whole rectangle is
+    stored. If coefficients differ from texels, the texels have a margin.
     """
     weights, channels = prefilter(interpolation), source.texels.shape[2]
     lanes, margin = 4 if 2 <= channels <= 4 else channels, weights.size // 2
     outer = part.wider(margin)
     flat = _continued(source, outer, edge, FEW - 1)
-    rough = flat
-    if lanes != channels and (margin == 0 or excess(interpolation) >= 0.0):
-        rough = _empty_flat(outer.shape, lanes, FEW - 1)
-        spread_plate(flat, (*outer.shape, channels), rough)
-    plain = whole.wider(margin).plate(rough, outer, lanes)
-    if margin == 0:
+    plain = whole.wider(margin).plate(flat, outer, channels)
+    if margin == 0 and lanes == channels:
         return plain, plain
     smooth = _empty_flat(part.shape, lanes, FEW - 1)
     filter_plate(flat, (*outer.shape, channels), Filters(weights, weights), lanes, smooth)

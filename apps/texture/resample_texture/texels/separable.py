@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.windows.footprints import LIMITED, NEARLY, OWN
+from resample.engine.windows.footprints import LIMITED, LONGEST_STRAIGHT, NEARLY, OWN
 from resample.engine.windows.gather import LONGEST_LIMITED
 from resample.engine.windows.limits import MARGIN, Limits
 from resample.engine.windows.separable import (
@@ -142,7 +142,12 @@ def separable_plan(
     region = geometry.region or TargetRegion(geometry, 0, 0, shape)
     is_known = min(region.shape) > 0
     target = region.shape if is_known else (region.top + shape[0], region.left + shape[1])
-    whole = region.whole, target, region.size or size, edge, cells
+    whole_size = region.size or size
+    inverse = np.linalg.inv(oriented(region.whole, whole_size))
+    if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
+        return None
+    scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
+    whole = tuple(scale.tolist()), tuple(start.tolist()), target, whole_size, edge, cells
     try:
         plan = _whole_plan(*whole)
     except TypeError:  # a plugin's options that cannot be hashed
@@ -163,26 +168,36 @@ def separable_plan(
     )
 
 
-@lru_cache(maxsize=2)  # for targets drawn chunk by chunk
+@lru_cache(maxsize=2)  # for targets drawn chunk by chunk, and pictures one after the other
 def _whole_plan(
-    geometry: Homography,
+    scale: tuple[float, float],
+    start: tuple[float, float],
     shape: tuple[int, int],
     size: tuple[int, int],
     edge: Edge,
     cells: CellGrid,
 ) -> SeparablePlan | None:
-    """Plan the warp to a whole target, cached; `size` is the source's."""
-    inverse = np.linalg.inv(oriented(geometry, size))
-    if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
-        return None
-    scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
-    sides = np.abs(scale)
+    """Plan the warp to a whole target, cached; down and across.
+
+    Parameters
+    ----------
+    scale
+        Texels from a pixel to the next.
+    start
+        Source coordinates of the target's corner.
+    size
+        Of the source: height and width.
+    """
+    sides: Doubles = np.abs(np.array(scale))
     if any(
         count * (side + 64.0) > MOST_WEIGHTS
         for count, side in zip(shape, sides.tolist(), strict=True)
     ):
         return None
-    middles = [start[n] + scale[n] * (np.arange(count) + 0.5) for n, count in enumerate(shape)]
+    middles: list[Doubles] = [
+        start[n] + scale[n] * np.arange(0.5, count, dtype=np.float64)
+        for n, count in enumerate(shape)
+    ]
     for middle, side, texels in zip(middles, sides, size, strict=True):
         beyond = max(-middle.min(), middle.max() - texels) + 0.5 * side
         if edge is not Edge.TRANSPARENT and beyond > FARTHEST:
@@ -195,7 +210,7 @@ def _whole_plan(
         for middle, side, texels in zip(middles, sides, size, strict=True)
     ]
     beside: list[Weights | None] = [None, None]
-    if corners[0] is not None and sides.max() <= LIMITED:
+    if corners[0] is not None and sides.max() <= LONGEST_STRAIGHT:
         beside = [
             _beside(middle, axis.prefilter, cells)
             for middle, axis in zip(middles, axes, strict=True)
