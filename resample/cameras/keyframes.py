@@ -94,7 +94,12 @@ def read_keyframes(path: Path) -> Keyframes:
         content = _File.model_validate(toml_of(text_of(path)))
         cameras = [_camera(n, keyframe) for n, keyframe in enumerate(content.camera)]
         time = [keyframe.time for keyframe in content.camera]
-        _check_times(time)
+        for n in range(1, len(time)):
+            if not time[n - 1] < time[n]:
+                raise ValueError(
+                    f"camera.{n}.time: must be after camera.{n - 1}'s {time[n - 1]:g} (got"
+                    f" {time[n]:g})"
+                )
         _check_interpolable(cameras)
     return Keyframes(np.array(time), cameras)
 
@@ -129,14 +134,6 @@ def left_out_of(path: Path) -> str | None:
 def _camera(n: int, keyframe: _Timed) -> Viewpoint:
     with naming(f"camera.{n}"):
         return viewpoint_of(keyframe.model_extra or {})
-
-
-def _check_times(time: Sequence[float]) -> None:
-    for n in range(1, len(time)):
-        if not time[n - 1] < time[n]:
-            raise ValueError(
-                f"camera.{n}.time: must be after camera.{n - 1}'s {time[n - 1]:g} (got {time[n]:g})"
-            )
 
 
 def _check_interpolable(cameras: Sequence[Any]) -> None:

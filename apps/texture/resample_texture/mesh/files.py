@@ -175,7 +175,10 @@ def _geometries(source: _MeshFile) -> list[Any]:
             _share_pictures(one)
         found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
         for one in found:
-            _keep_colors(one, scene.geometry[one.metadata["name"]])
+            # Copies keep vertex colors besides a material, which trimesh drops.
+            held = getattr(scene.geometry[one.metadata["name"]].visual, "vertex_attributes", {})
+            if one.visual.kind == "texture" and "color" in held:
+                one.visual.vertex_attributes["color"] = held["color"]
     except Exception as error:  # trimesh and its parsers raise anything at all
         for file in source.named:
             read_image(file)  # raises for the one that cannot be read
@@ -197,13 +200,6 @@ def _share_pictures(geometry: Any) -> None:
 
 def _itself(picture: Any, *_: Any) -> Any:
     return picture
-
-
-def _keep_colors(copied: Any, original: Any) -> None:
-    """Give a copy its vertex colors besides a material; trimesh drops them."""
-    held = getattr(original.visual, "vertex_attributes", {})
-    if copied.visual.kind == "texture" and "color" in held:
-        copied.visual.vertex_attributes["color"] = held["color"]
 
 
 def _given_texture(texture: str | Path | Floats) -> Floats:

@@ -90,7 +90,9 @@ class Hybrid:
         _build(self, "filter", "filters")
         _build(self, "interpolation", "interpolations")
         _check_quality(self.quality)
-        _check_error(self.error)
+        given, least = self.error, min(ERRORS.values())
+        if given is not None and not (isinstance(given, int | float) and least <= given < math.inf):
+            raise ValueError(f"error is a share of the range, {least:g} or more, not {given!r}")
         if self.magnified not in ("cells", "splats"):
             raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
         _check_clamp(self.clamp, self.total)
@@ -470,12 +472,6 @@ def _build(method: Any, name: str, group: str) -> None:
 def _check_quality(quality: float) -> None:
     if not isinstance(quality, int | float) or not 1.0 <= quality <= LARGEST_QUALITY:
         raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not at {quality!r}")
-
-
-def _check_error(error: float | None) -> None:
-    least = min(ERRORS.values())
-    if error is not None and not (isinstance(error, int | float) and least <= error < math.inf):
-        raise ValueError(f"error is a share of the range, {least:g} or more, not {error!r}")
 
 
 def _quality_for(error: float) -> float:

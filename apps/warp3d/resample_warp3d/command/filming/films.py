@@ -84,7 +84,9 @@ def rendered_film(
 
     with session.stage("film", bar="rendering") as progress, appearing(depths):
         target.write(pictures(progress))
-    _write_stats(extras.stats, session, footage, ranges)
+    if extras.stats is not None:
+        about = {"pictures": len(footage), **ranges.report(), "seconds": session.times()}
+        write_json(extras.stats, about)
     return True
 
 
@@ -155,11 +157,3 @@ def _surveyed(film: FilmSources) -> list[Inputs]:
     count = len(film.footage)
     chosen = np.unique(np.linspace(0, count - 1, min(count, SURVEYED)).round().astype(int))
     return [film.read(int(n)) for n in chosen]
-
-
-def _write_stats(
-    path: Path | None, session: Session, footage: Footage, ranges: DepthRanges
-) -> None:
-    if path is not None:
-        about = {"pictures": len(footage), **ranges.report(), "seconds": session.times()}
-        write_json(path, about)
