@@ -229,9 +229,9 @@ def test_a_bar_of_classes_shows_a_field_for_each():
 def test_classes_of_laser_scans_have_their_names():
     number = np.array([2, 6, 2, 5], np.uint8)
     cloud = Cloud(np.eye(4, 3), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
-    named = colored(cloud._replace(columns={"classification": number}), "classification")
-    assert named.scale.class_names() == ["2 ground", "5 high vegetation", "6 building"]
-    np.testing.assert_array_equal(named.scale.class_colors()[1], named.cloud.color[3])
+    named, scale = colored(cloud._replace(columns={"classification": number}), "classification")
+    assert scale.class_names() == ["2 ground", "5 high vegetation", "6 building"]
+    np.testing.assert_array_equal(scale.class_colors()[1], named.color[3])
     other = colored(cloud._replace(columns={"row": number}), "row")
     assert other.scale.class_names() == ["2", "5", "6"]
     halves = colored(cloud._replace(columns={"row": number / 4}), "row")

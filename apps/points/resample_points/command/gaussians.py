@@ -11,7 +11,6 @@ from pydantic import Field
 
 from resample.command.flags import OptionTopic
 from resample.command.settings import Choices, FrameFormat
-from resample.lazy import installed_version
 from resample_points.command.choices import Aimed, CloudOptions
 
 if TYPE_CHECKING:
@@ -243,18 +242,15 @@ class GaussianPictures:
         """Return the frames of a film."""
         from resample.files.animations import Shots
         from resample.files.saving import screen_levels
-        from resample_points.command.rendering import cameras_print
+        from resample_points.command.rendering import film_job
 
         def frame(n: int) -> Any:
             return screen_levels(self.picture(cameras[n], shape, background).rgba)
 
         job = {
             "gaussians": self.print(),
-            "cameras": cameras_print(cameras),
-            "size": list(shape),
+            **film_job(cameras, shape, background),
             "look": self.options.model_dump(),
-            "background": list(background),
-            "version": installed_version(),
         }
         return Shots(len(cameras), frame, job)
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
-from resample.lazy import installed_version
 from resample_points.command.choices import Aimed
 from resample_points.command.density import (
     DensityOptions,
@@ -134,7 +133,7 @@ class ParticlePictures:
         """Return the frames of a film."""
         from resample.files.animations import Shots, fingerprint
         from resample.files.saving import screen_levels
-        from resample_points.command.rendering import cameras_print
+        from resample_points.command.rendering import film_job
 
         scene = self.spanned(cameras, shape)
 
@@ -147,11 +146,8 @@ class ParticlePictures:
         job = {
             "particles": fingerprint(held.position, held.mass, *smoothing),
             "quantity": [fingerprint(values) for values in held.quantities.values()],
-            "cameras": cameras_print(cameras),
-            "size": list(shape),
+            **film_job(cameras, shape, background),
             "look": scene.options.model_dump(exclude={"threads"}),
-            "background": list(background),
-            "version": installed_version(),
         }
         return Shots(len(cameras), frame, job)
 

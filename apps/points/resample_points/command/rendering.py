@@ -100,11 +100,8 @@ class ColoredScene(NamedTuple):
         surfels = self.framing
         job = {
             "cloud": fingerprint(surfels.origin, surfels.position, surfels.axes, surfels.color),
-            "cameras": cameras_print(cameras),
-            "size": list(shape),
+            **film_job(cameras, shape, background),
             "look": self.options.model_dump(exclude={"threads", "no_cache"}),
-            "background": list(background),
-            "version": installed_version(),
         }
         return Shots(len(cameras), frame, job)
 
@@ -227,14 +224,20 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
     return [replace(start, azimuth=angle) for angle in angles]
 
 
-def cameras_print(cameras: Sequence[Any]) -> str:
-    """Fingerprint of the cameras of a film."""
+def film_job(cameras: Sequence[Any], shape: "Shape", background: Any) -> dict[str, Any]:
+    """Return what the frames of every film depend on."""
     import numpy as np
 
     from resample.files.animations import fingerprint
 
     numbers = np.stack([_numbers(camera) for camera in cameras])
-    return fingerprint(numbers, np.stack([camera.world_to_camera for camera in cameras]))
+    poses = np.stack([camera.world_to_camera for camera in cameras])
+    return {
+        "cameras": fingerprint(numbers, poses),
+        "size": list(shape),
+        "background": list(background),
+        "version": installed_version(),
+    }
 
 
 def _numbers(camera: Any) -> "Doubles":
