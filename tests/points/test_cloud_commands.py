@@ -232,10 +232,10 @@ def test_classes_of_laser_scans_have_their_names():
     named, scale = colored(cloud._replace(columns={"classification": number}), "classification")
     assert scale.class_names() == ["2 ground", "5 high vegetation", "6 building"]
     np.testing.assert_array_equal(scale.class_colors()[1], named.color[3])
-    other = colored(cloud._replace(columns={"row": number}), "row")
-    assert other.scale.class_names() == ["2", "5", "6"]
-    halves = colored(cloud._replace(columns={"row": number / 4}), "row")
-    assert halves.scale.classes == ()
+    _, other = colored(cloud._replace(columns={"row": number}), "row")
+    assert other.class_names() == ["2", "5", "6"]
+    _, halves = colored(cloud._replace(columns={"row": number / 4}), "row")
+    assert halves.classes == ()
 
 
 @pytest.mark.sweep
