@@ -158,6 +158,9 @@ class Tint(NamedTuple):
 UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
 
 
+UNKNOWN = np.zeros((0, 0, 0), np.uint64)  # cells of a field, of which none was looked at
+
+
 class LatticeField(NamedTuple):
     """A scalar field of samples on a lattice; it is classified along rays."""
 
@@ -171,6 +174,7 @@ class LatticeField(NamedTuple):
     mesh: Triangles = NO_TRIANGLES  # meshes in the field
     classifiers: int = 1  # number of looks side by side in the rows of the classifier's table
     tint: Tint = UNTINTED
+    cells: NDArray[np.uint64] = UNKNOWN  # (z, y, x) as `painting.rays.visible_cells` finds them
 
 
 # Projection of a sample; painters compute it anew, in columns, for themselves.

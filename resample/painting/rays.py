@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.memory.mapped import array_like
 from resample.painting.scenes.scene import (
     Clock,
     PaintTarget,
@@ -14,6 +15,7 @@ from resample.painting.scenes.scene import (
     nothing_painted,
     planes_of,
 )
+from resample.painting.splines import FIELD
 from resample.profiles.orders import MONOTONE
 from resample.types import (
     ADDITIVE,
@@ -22,12 +24,14 @@ from resample.types import (
     FIRST_HIT,
     MAXIMUM,
     MINIMUM,
+    UNKNOWN,
     Bounds,
     Classifier,
     Doubles,
     Film,
     Floats,
     LatticeField,
+    SplineField,
     Statistics,
     Style,
     Tables,
@@ -41,18 +45,21 @@ if TYPE_CHECKING:
     from resample.engine.rays.marching import BrickBounds
     from resample.engine.rays.media import Medium
 
-LARGE_TILE, TILE, SMALL_TILE = 64, 32, 16  # px, side of a tile
-MANY = 32  # large tiles, enough for all threads
+LARGE_TILE, TILE, SMALL_TILE = 128, 32, 16  # px, side of a tile
+MANY = 8  # large tiles, enough for all threads
 FEW_RAYS = 4  # per side of a pixel, at most
 LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
 BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
-OPAQUE = 1e-3  # transmittance that counts as opaque
-CLOSE, MOST_BENT = 4.0, 6.0  # px per voxel below which the bend may grow; largest factor
-LARGE = 3.0  # px per voxel above which one ray through the pixel's center suffices
-FEWEST_RAYS = 2  # per side of a pixel, for smaller voxels
+LARGE = 0.9  # px per voxel above which one ray through the pixel's center suffices
+SPREAD = 0.6  # px per voxel below which sub-pixels are not on a grid
+STEEP = 0.3  # of the largest extinction, between neighbouring columns
+SPARSE = 1.5  # px per voxel below which no pixel is interpolated
+FEWEST_RAYS = 2  # per side of a pixel, for voxels smaller than `LARGE`
 NEAREST = 1e-30  # scene units from the eye; smallest distance
-EDGE, OF_EDGES = 0.2, 3  # difference in linear light that makes an edge, and rays per side there
+EDGE, OF_EDGES = 0.3, 2  # second difference in linear light of an edge, and rays per side there
+OF_MIDDLE = 0.25  # weight of the ray through the center of such a pixel
 MESH_RAYS = 4  # the same at edges of meshes
+BEND = np.array([1, -2, 1])  # weights of a second difference
 MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
 MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
@@ -62,18 +69,20 @@ MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
 class _Effort(NamedTuple):
     """Number of rays for a quality."""
 
+    step: float  # along a ray that composites, of the step that is asked for
+    opaque: float  # transmittance at which rays end
     per_sample: float  # between neighbouring samples
     most: int  # per side of a pixel
     spared: float  # largest distance in samples between rays, if sub-pixels are closer
     bend: float  # tolerance in colors; larger bends are edges
     share: float  # relative tolerance, added to `bend`
-    bent: float  # fraction of the range of values by which a field may bend within a step, close up
+    bent: float  # fraction of the range of values by which a field may bend within a step
 
 
 EFFORTS = {
-    "best": _Effort(1.25, 16, 1 / 3, 0.01, 0.06, 0.01),
-    "usual": _Effort(0.7, 16, 2 / 3, 0.03, 0.1, 0.03),
-    "fast": _Effort(0.0, 1, 2 / 3, 0.03, 0.1, 0.06),
+    "best": _Effort(1 / 3, 1e-3, 1.25, 16, 1 / 3, 0.01, 0.06, 0.01),
+    "usual": _Effort(1.0, 1e-2, 0.7, 4, 2 / 3, 0.05, 0.15, 0.012),
+    "fast": _Effort(1.0, 1e-2, 0.0, 1, 2 / 3, 0.05, 0.15, 0.06),
 }
 
 
@@ -120,6 +129,7 @@ class RayPainter:
                 effort.share,
                 BENDS * (field.classifier.high - field.classifier.low),
             ),
+            _is_spread(field, view, self),
             apart,
             tile,
             right - left,
@@ -132,10 +142,14 @@ class RayPainter:
             paint_rays(count, fineness, way, medium, output)
         rays = count * (tile * fineness) ** 2
         if fineness == 1 and self.quality != "best" and self.tables.pixel_margin == 0:
-            edges = _edges_of(painted.film) if self.quality == "usual" else np.zeros(0, np.int64)
+            edges, middles = _edges_of(painted.film), painted.film.rgba.reshape(-1, 4)
+            if self.quality == "fast":
+                edges = edges[:0]
+            before = middles[edges]
             _mean_from_middles(painted.film)
             again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
             paint_rays(edges.size, OF_EDGES, way, medium, again)
+            middles[edges] += np.float32(OF_MIDDLE) * (before - middles[edges])
             rays += edges.size * OF_EDGES**2
         clock.lap("paint")
         counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
@@ -143,15 +157,13 @@ class RayPainter:
 
 
 def _edges_of(film: Film) -> NDArray[np.int64]:
-    """Edge pixels (N,), row by row: those that differ much from a neighbour."""
-    light = film.rgba
-    found = np.zeros(light.shape[:2], bool)
+    """Edge pixels (N,), row by row: those at which light bends much along rows or columns."""
+    from scipy.ndimage import correlate1d
+
+    found = np.zeros(film.depth.shape, bool)
     for axis in (0, 1):
-        apart = (np.abs(np.diff(light, axis=axis)) > EDGE).any(axis=-1)
-        for shift in ((0, 1), (1, 0)):
-            pads = [(0, 0), (0, 0)]
-            pads[axis] = shift
-            found |= np.pad(apart, pads)
+        bend = correlate1d(film.rgba, BEND, axis, mode="nearest")
+        found |= (np.abs(bend) > EDGE).any(axis=-1)
     return np.flatnonzero(found)
 
 
@@ -244,10 +256,22 @@ def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int
     if len(field.mesh.face):
         fewest = MESH_RAYS
     n = min(effort.most, max(fewest, math.ceil(effort.per_sample / spacing)))
-    apart = 1 if n == 1 and spacing * effort.spared < LEAST_APART else LEAST_APART
-    while 2 * apart <= min(MOST_APART, effort.spared * n * spacing):
+    is_dense = _is_spread(field, view, how) or (n == 1 and spacing < SPARSE)
+    apart = 1 if is_dense else LEAST_APART
+    while not is_dense and 2 * apart <= min(MOST_APART, effort.spared * n * spacing):
         apart *= 2
     return n, apart
+
+
+def _is_spread(field: LatticeField, view: View, how: RayPainter) -> bool:
+    """Whether sub-pixels are not on a grid, which would miss what is thin and along an axis.
+
+    On a grid smooth pictures have smaller errors, so it is left where values become opaque at once.
+    """
+    if how.style.subpixels or how.quality == "best" or _mean_spacing(field, view) >= SPREAD:
+        return False
+    extinction = thickest(field.classifier.table, field.classifiers)
+    return bool(np.abs(np.diff(extinction)).max(initial=0.0) > STEEP * extinction.max())
 
 
 def _corners(field: LatticeField) -> Doubles:
@@ -273,14 +297,14 @@ def _way(field: LatticeField, how: RayPainter) -> "Way":
         classifier.lamp.diffuse > 0 or classifier.lamp.specular > 0 or field.reached.share.size
     )
     has_regions = classifier.table.shape[0] > 1
-    return Composite(OPAQUE, is_lit, has_regions)
+    return Composite(EFFORTS[how.quality].opaque, is_lit, has_regions)
 
 
 def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
     """Field with its classifier, in the classifier's columns."""
     from resample.engine.rays.marching import SampleSpace
     from resample.engine.rays.media import Medium
-    from resample.engine.rays.splines import PAD
+    from resample.engine.rays.splines import PAD, bundled
 
     classifier, spline, lattice = field.classifier, field.spline, field.lattice
     columns = classifier.table.shape[1] // field.classifiers - 1
@@ -292,10 +316,12 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
         to_nodes @ (eye - origin),
         np.ascontiguousarray(to_nodes @ view.rotation.T),
         np.array(spline.shape[::-1], np.float64) + 1.0,
-        how.step,
+        how.step * (EFFORTS[how.quality].step if how.style.projection == COMPOSITE else 1.0),
         planes_of(how.clip, view, ellipsoid_of(lattice, view, 1.0)),
     )
+    coefficient: Any = bundled(spline.coefficient)  # kernels take both types
     scaled = spline._replace(
+        coefficient=coefficient,
         scale=spline.scale * per_value,
         zero=(spline.zero - classifier.low) * per_value,
         floor=(spline.floor - classifier.low) * per_value,
@@ -316,20 +342,11 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
         _cuts(how.clip, lattice),
         field.known,
         field.tint,
-        _bent(field, view, how) * columns,
+        EFFORTS[how.quality].bent * columns,
         _is_from_eye(classifier, eye, view),
         field.reached,
         field.mesh,
     )
-
-
-def _bent(field: LatticeField, view: View, how: RayPainter) -> float:
-    """Fraction of the range of values by which a field may bend: pixels average small voxels."""
-    bent = EFFORTS[how.quality].bent
-    if how.quality == "best":
-        return bent
-    spacing = _mean_spacing(field, view)
-    return bent * min(MOST_BENT, max(1.0, CLOSE / spacing))
 
 
 def _is_from_eye(classifier: Classifier, eye: Doubles, view: View) -> bool:
@@ -366,7 +383,7 @@ def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier"
     return SummedClassifier(
         np.ascontiguousarray(np.hstack([total, product, bend])),
         len(most) // count,
-        np.concatenate([[0], np.cumsum(_thickest(most[:, 3], count) > 0)]),
+        np.concatenate([[0], np.cumsum(thickest(table, count) > 0)]),
         classifier.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** classifier.lamp.shininess,
         table,
         classifier.low,
@@ -379,9 +396,9 @@ def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier"
     )
 
 
-def _thickest(extinction: Floats, count: int) -> Floats:
-    """Largest extinction (..., K) of each value over all looks side by side."""
-    return np.asarray(extinction.reshape(*extinction.shape[:-1], count, -1).max(axis=-2))
+def thickest(table: Floats, count: int) -> Floats:
+    """Largest extinction (K,) of each value over all gradients, and looks side by side."""
+    return np.asarray(table[..., 3].max(axis=0).reshape(count, -1).max(axis=0))
 
 
 def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -391,20 +408,48 @@ def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
     return most
 
 
+def visible_cells(
+    spline: SplineField, bounds: Bounds, extinction: Floats, ends: tuple[float, float]
+) -> NDArray[np.uint64]:
+    """Cells of a field that may be visible, as bits in bricks (z, y, x), x fastest.
+
+    `bounds`: as of `spline_of`. `extinction`: (K,) of values between two `ends`.
+    """
+    from resample.engine.rays.coefficients import VisibleValues, find_visible_cells
+    from resample.engine.rays.splines import bundled
+
+    per_value = (extinction.size - 1) / (ends[1] - ends[0])
+    # A cell or brick is visible if a column within its bounds is.
+    count = np.concatenate([[0], np.cumsum(extinction > 0)])
+    columnwise = Bounds(*(_columnwise(bound, ends[0], per_value) for bound in bounds))
+    seen = _visible(columnwise, count)
+    cells = array_like(spline.coefficient, seen.shape, np.uint64, FIELD)
+    cells[...] = 0
+    zero = (spline.zero - ends[0]) * per_value
+    values = VisibleValues(zero, spline.scale * per_value, count)
+    flat = bundled(spline.coefficient)
+    find_visible_cells(flat, spline.shape, values, seen.view(np.uint8), cells)
+    return cells
+
+
 def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
     """Bricks for ray casting; bounds are in columns."""
     from scipy.ndimage import distance_transform_cdt
 
     from resample.engine.rays.marching import BrickBounds
 
-    table = field.classifier.table
-    columns = table.shape[1] // field.classifiers
+    classifier, cells = field.classifier, UNKNOWN
+    columns = classifier.table.shape[1] // field.classifiers
+    seen: NDArray[np.bool_] = np.ones(bounds.least.shape, bool)
     if style.projection == COMPOSITE:
-        seen = _visible(bounds, _thickest(table[..., 3], field.classifiers).max(axis=0))
+        cells = field.cells
+        if cells.size == 0:
+            most = thickest(classifier.table, field.classifiers)
+            ends = (classifier.low, classifier.high)
+            cells = visible_cells(field.spline, field.bounds, most, ends)
+        seen = cells > 0
     elif style.projection == FIRST_HIT:
         seen = bounds.greatest >= style.iso * (columns - 1)
-    else:
-        seen = np.ones(bounds.least.shape, bool)
     deep, down, across = seen.shape
     apart = np.zeros(seen.shape, np.uint8)
     if not seen.all():
@@ -418,18 +463,16 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
         apart.reshape(-1),
         np.asarray(bounds.least.reshape(-1), np.float32),
         np.asarray(bounds.greatest.reshape(-1), np.float32),
+        cells.reshape(-1),
         across,
         down,
         deep,
     )
 
 
-def _visible(bounds: Bounds, extinction: Floats) -> NDArray[np.bool_]:
-    """Visible bricks: the largest extinction (K,) of their values is above 0."""
-    thick = extinction > 0
-    # A visible column in the range makes the brick visible.
-    count = np.concatenate([[0], np.cumsum(thick)])
-    last = thick.size - 1
+def _visible(bounds: Bounds, count: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Visible bricks, by prefix counts (K + 1,) of visible columns."""
+    last = count.size - 2
     seen = np.empty(bounds.least.shape, bool)
     for n, (least, greatest) in enumerate(zip(*bounds, strict=True)):
         first = np.clip(np.floor(least), 0, last).astype(np.int64)

@@ -30,8 +30,8 @@ def spline_of(
     in a file too.
     """
     from resample.engine.jit import threads
-    from resample.engine.rays.coefficients import BRICK, bundled, find_bounds
-    from resample.engine.rays.splines import PAD
+    from resample.engine.rays.coefficients import BRICK, find_bounds
+    from resample.engine.rays.splines import PAD, bundled
 
     given, base = _native(values)
     low, high = _range(given)

@@ -136,23 +136,30 @@ def test_parts_are_open_whose_bounds_meet_an_open_pixel(rng, margin):
 
 @pytest.mark.parametrize("looks", [1, 2])
 @pytest.mark.parametrize("slopes", [1, 5])
-def test_bricks_are_empty_that_no_look_shows_at_any_slope(rng, looks, slopes):
-    """A brick's number is 0 if something of it may be seen, and else how far that is."""
+def test_bricks_are_visible_that_a_look_shows_at_a_slope(rng, looks, slopes):
     columns, shape = 16, (3, 2, 4)
     extinction = rng.uniform(size=(slopes, looks, columns)) * (rng.uniform(size=columns) < 0.2)
     table = np.zeros((slopes, looks * columns, 4), np.float32)
     table[..., 3] = extinction.reshape(slopes, -1)
     least = rng.uniform(0.0, columns - 1.0, shape)
     bounds = Bounds(least, np.minimum(least + rng.uniform(0.0, 3.0, shape), columns - 1.0))
-    field = SimpleNamespace(classifier=SimpleNamespace(table=table), classifiers=looks)
-    found = rays._bricks(bounds, field, SimpleNamespace(projection=COMPOSITE))
-    assert (found.across, found.down, found.deep) == shape[::-1]
-    seen = np.zeros(shape, bool)
+    visible = rays.thickest(table, looks) > 0
+    found = rays._visible(bounds, np.concatenate([[0], np.cumsum(visible)]))
     for at in np.ndindex(shape):
         first, last = int(np.floor(bounds.least[at])), int(np.ceil(bounds.greatest[at]))
-        seen[at] = extinction[..., first : last + 1].any()
-    assert 0 < seen.sum() < seen.size
-    places = np.argwhere(seen)
+        assert found[at] == extinction[..., first : last + 1].any()
+    assert 0 < found.sum() < found.size
+
+
+def test_the_number_of_a_brick_is_how_far_the_next_visible_one_is(rng):
+    shape = (3, 2, 4)
+    cells = np.where(rng.uniform(size=shape) < 0.2, np.uint64(1) << np.uint64(63), np.uint64(0))
+    looks = SimpleNamespace(table=np.zeros((1, 4, 4)))
+    field = SimpleNamespace(classifier=looks, classifiers=1, cells=cells)
+    bounds = Bounds(np.zeros(shape), np.ones(shape))
+    found = rays._bricks(bounds, field, SimpleNamespace(projection=COMPOSITE))
+    assert (found.across, found.down, found.deep) == shape[::-1]
+    places = np.argwhere(cells > 0)
     away = [np.abs(places - at).max(axis=1).min() for at in np.ndindex(shape)]
     np.testing.assert_array_equal(found.empty, away)
 

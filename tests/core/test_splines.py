@@ -5,10 +5,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter
 
+from resample.engine.jit import kernel
+from resample.engine.rays import splines
 from resample.engine.rays.coefficients import BRICK, SLAB
 from resample.engine.rays.splines import PAD
+from resample.painting.rays import visible_cells
 from resample.painting.splines import spline_of
 from resample.types import SplineField
+from tests.kernels import run_in_python
 from tests.record import Record
 
 BEYOND = 24  # samples of mirror images that the truth goes on for
@@ -138,6 +142,69 @@ def test_bounds_of_bricks_hold_and_are_tight(dtype: str) -> None:
     seen = np.isfinite(least)
     slack = (least - bounds.least)[seen]
     assert np.median(slack) < 0.25 * np.ptp(value)
+
+
+def test_cells_are_visible_where_a_value_in_them_is() -> None:
+    rng = np.random.default_rng(12)
+    values = (rng.random((11, 6, 9)) * 200).astype(np.float32)
+    spline, bounds = spline_of(values)
+    extinction = np.zeros(201, np.float32)
+    extinction[30:33] = 1.0
+    cells = visible_cells(spline, bounds, extinction, (0.0, 200.0))
+    assert cells.shape == bounds.least.shape
+    # Look at many places of each cell.
+    place = rng.random((3, 400_000)) * np.array(values.shape)[:, None] - 0.5
+    value = truth_at(values, place)
+    cell = np.floor(place + 1).astype(int)
+    shape = tuple(count + 1 for count in values.shape)
+    shows = np.zeros(shape, bool)
+    np.logical_or.at(shows, tuple(cell), (value >= 29.0) & (value <= 33.0))
+    bit = [np.arange(count) for count in shape]
+    k, j, i = np.meshgrid(*bit, indexing="ij")
+    number = ((k % BRICK * BRICK + j % BRICK) * BRICK + i % BRICK).astype(np.uint64)
+    found = (cells[k // BRICK, j // BRICK, i // BRICK] >> number) & np.uint64(1) > 0
+    assert found[shows].all()
+    assert 0.3 < shows.mean() < found.mean() < 1.4 * shows.mean()
+
+
+@kernel
+def sample(spline: SplineField, place: NDArray[np.float64], found: NDArray[np.float64]) -> None:
+    """Values, gradients, least and greatest samples around (N, 6) at places (N, 3)."""
+    for n in range(len(place)):
+        value, slope = splines.value_and_slope_at(spline, (place[n, 0], place[n, 1], place[n, 2]))
+        found[n, 0], found[n, 1], found[n, 2], found[n, 3] = value, slope[0], slope[1], slope[2]
+        found[n, 4], found[n, 5] = splines.samples_around(
+            spline, (place[n, 0], place[n, 1], place[n, 2])
+        )
+
+
+@pytest.mark.parametrize("dtype", ["u1", "f4"])
+def test_values_and_slopes_are_those_of_the_spline(
+    dtype: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(13)
+    values = (rng.random((6, 7, 9)) * 200).astype(dtype)
+    spline, _ = spline_of(values)
+    place = rng.random((40, 3)) * np.array(values.shape[::-1]) + 0.5
+    spline = spline._replace(coefficient=splines.bundled(spline.coefficient))
+    found = np.empty((len(place), 6))
+    sample(spline, place, found)
+    # Places count from the first coefficient on; those of the truth from the first sample on.
+    np.testing.assert_allclose(found[:, 0], truth_at(values, (place - 1)[:, ::-1].T), atol=0.05)
+    for n, step in enumerate(1e-3 * np.eye(3), start=1):
+        here, there = (truth_at(values, (at - 1)[:, ::-1].T) for at in (place + step, place - step))
+        np.testing.assert_allclose(found[:, n], (here - there) / 2e-3, atol=0.2)
+    wide = np.pad(values, 1, mode="edge")
+    for at, ends in zip(place, found[:, 4:], strict=True):
+        i, j, k = at.astype(int)
+        around = wide[k : k + 2, j : j + 2, i : i + 2]
+        np.testing.assert_allclose(ends, (around.min(), around.max()), atol=0.05)
+    # Plain Python computes them without vectors.
+    run_in_python(monkeypatch, splines)
+    for at, expected in zip(place, found, strict=True):
+        value, slope = splines.value_and_slope_at(spline, tuple(at))
+        ends = splines.samples_around(spline, tuple(at))
+        np.testing.assert_allclose((value, *slope, *ends), expected, atol=2e-3)
 
 
 def test_even_values_stay_even() -> None:

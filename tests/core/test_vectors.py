@@ -12,7 +12,7 @@ from resample.engine.ellipsoids import footprints, lanes, outlines, steps
 from resample.engine.ellipsoids import rows as rows_of_tiles
 from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.mixtures import models
-from resample.engine.rays import meshes, splines
+from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
 from resample.engine.slabs import steps as slab_steps
 from resample.engine.vectors import (
@@ -284,11 +284,3 @@ def test_a_step_takes_the_samples_whose_keys_it_paints(monkeypatch):
     for pair, is_again in ((line[2], True), (first - np.uint64(1), True), (first, False)):
         assert slab_steps.is_added_again(pair, carried_tiles(1)) is is_again
         assert not slab_steps.is_added_again(pair, steps.AT_ONCE)
-
-
-def test_samples_on_a_plane_lie_between_the_ends_of_four(rng):
-    """A sample is one, four and one sixths of its coefficient and of those beside it."""
-    for _ in range(20):
-        a, b = (tuple(map(np.float32, row)) for row in rng.normal(size=(2, 4)))
-        four = [(row[n] + 4 * row[n + 1] + row[n + 2]) / 6 for row in (a, b) for n in (0, 1)]
-        assert splines._ends_of.__wrapped__(a, b) == pytest.approx((min(four), max(four)), rel=1e-5)

@@ -140,7 +140,7 @@ def test_statistics_say_what_was_painted(words, classified, tmp_path, monkeypatc
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "spacing", [3.0, 0.7 / 2, 0.7 / 3]
+    "spacing", [0.9, 0.7 / 2, 0.7 / 3]
 )  # px per voxel, where a ray more is cast
 def test_the_number_of_rays_changes_without_a_seam(spacing, record):
     look = Appearance("vessels")

@@ -79,7 +79,7 @@ SHAPED = {
     "cut out": (lambda: np.where(away() < 15, 180 + ball() % 40, 0).astype(np.uint8), 0.5),
     "missing half": (lambda: changed(ball(np.float32), np.s_[:20], np.nan), 0.2),
     "two slices": (lambda: ball()[20:22], 0.05),
-    "one voxel": (lambda: changed(np.zeros((9, 9, 9), np.float32), (4, 4, 4), 1.0), 0.1),
+    "one voxel": (lambda: changed(np.zeros((9, 9, 9), np.float32), (4, 4, 4), 1.0), 0.04),
 }
 
 

@@ -107,13 +107,16 @@ def test_bricks_that_are_passed_over_hold_nothing(
         known = own(*given)  # type: ignore[arg-type]
         return known._replace(
             empty=np.zeros_like(known.empty),
+            cells=np.zeros(0, np.uint64),
             least=np.full_like(known.least, -1e9),
             greatest=np.full_like(known.greatest, 1e9),
         )
 
     monkeypatch.setattr(painting, "_bricks", nothing_known)
     slow = seen(values, resampler)
-    np.testing.assert_allclose(quick.rgba, slow.rgba, atol=2e-6)
+    # Of light, a step is left out if its middle is in a cell that shows nothing.
+    is_composite = projection is Projection.COMPOSITE
+    np.testing.assert_allclose(quick.rgba, slow.rgba, atol=1e-4 if is_composite else 2e-6)
     assert quick.rgba.max() > 0.1
 
 
@@ -176,7 +179,7 @@ def test_sub_pixels_that_are_spared_are_as_rays_would_see_them(
 @pytest.mark.parametrize(
     ("quality", "side", "rays"),  # px, per side of a pixel
     [
-        ("usual", 6, 5),
+        ("usual", 6, 4),
         ("usual", 12, 3),
         ("usual", 24, 2),
         ("usual", 120, 1),
@@ -377,15 +380,26 @@ def test_peaks_lie_between_samples_only_where_that_is_asked_for() -> None:
         assert (most > 101) == (interpolation == "spline")
 
 
-@pytest.mark.parametrize(
-    ("spacing", "factor"), [(20.0, 1.0), (4.0, 1.0), (2.0, 2.0), (0.8, 5.0), (0.5, 6.0), (0.1, 6.0)]
-)
-def test_a_field_may_bend_more_where_voxels_are_small_but_never_for_the_best(
-    monkeypatch, spacing, factor
-):
-    """Pixels average voxels that are smaller than a quarter of them: six times the usual."""
-    monkeypatch.setattr(painting, "_mean_spacing", lambda *_: spacing)
-    for quality, effort in painting.EFFORTS.items():
-        how = painting.RayPainter(None, None, 1.0, quality, "linear", None)
-        expected = effort.bent * (1.0 if quality == "best" else factor)
-        assert painting._bent(None, None, how) == pytest.approx(expected)
+@pytest.mark.parametrize("per_voxel", [0.5, 0.25, 0.125])
+@pytest.mark.parametrize("kind", ["u1", "f4"])
+def test_walls_of_a_voxel_from_afar_have_one_area_wherever_they_meet_pixels(
+    per_voxel: float, kind: str
+) -> None:
+    values = np.zeros((40, 40, 244), kind)
+    walls = 20 + 29 * np.arange(8)
+    values[10:30, 10:30, walls] = 100
+    camera, size = ahead(values, per_voxel)
+    look = Appearance(from_points([(50, (1, 1, 1), 0.0), (51, (1, 1, 1), 1.0)]), light=None)
+    usual = Resampler(order=Rays(quality="usual"))
+    subject = Subject.of(as_volume(values), look, usual)
+    eye = subject.camera(camera, *size)
+    frame = usual(subject.samples_for(eye), eye, height=size[0], width=size[1])
+    picture = frame.rgba[..., 3].astype(np.float64)
+    columns, left = picture.sum(axis=0), np.arange(size[1])
+    middles = size[1] / 2 + per_voxel * (walls + 0.5 - 122)
+    areas = []
+    for x in middles:
+        first, last = np.maximum(left, x - 14 * per_voxel), np.minimum(left + 1, x + 14 * per_voxel)
+        areas.append((columns * np.maximum(last - first, 0)).sum())
+    assert np.ptp(areas) < 0.2 * np.mean(areas)
+    assert 18 < np.mean(areas) / per_voxel**2 < 28  # the spline of a voxel is 1.2 voxels wide

@@ -1,6 +1,6 @@
 """Pick the voxel that a pixel shows."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,11 +172,13 @@ def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -
 
 
 def _picked_field(field: Gathered, resampler: Resampler) -> "PickedField":
+    from resample.engine.rays.splines import bundled
     from resample_volume.voxels.kernels.picking import PickedField
 
     looks = field.table
+    coefficient: Any = bundled(field.spline.coefficient)
     return PickedField(
-        field.spline,
+        field.spline._replace(coefficient=coefficient),
         field.known,
         field.each,
         looks.table,

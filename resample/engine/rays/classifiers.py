@@ -12,7 +12,7 @@ import numpy as np
 from resample.engine.jit import inner_step
 from resample.types import Doubles, Floats, Indices, Lamp
 
-EVEN = 1e-3  # columns; values that are closer are classified by their mean
+EVEN = 1e-3  # columns; values are at least as far apart where their difference divides
 
 Light = tuple[float, float, float, float]  # red, green, blue, and extinction
 
@@ -71,26 +71,35 @@ def _sums_at(classifier: SummedClassifier, place: float) -> Light:
 
 
 @inner_step
-def light_between(classifier: SummedClassifier, a: float, b: float) -> Light:
-    """Mean color × extinction and mean extinction between two values."""
-    # Close values: the derivative in their middle, as the difference quotient would cancel.
-    if abs(b - a) < EVEN:
-        place = 0.5 * (a + b)
-        k = np.uint64(min(int(place), classifier.column.shape[0] - 2))
-        f, c = 2.0 * (place - k), classifier.column
-        return (
-            c[k, 4] + f * c[k, 8],
-            c[k, 5] + f * c[k, 9],
-            c[k, 6] + f * c[k, 10],
-            c[k, 7] + f * c[k, 11],
-        )
-    # Others: the difference of the integrals over the distance.
-    per, before, behind = 1.0 / (b - a), _sums_at(classifier, a), _sums_at(classifier, b)
+def _apart(end: float, middle: float) -> float:
+    """A value, moved where it is too close to another for their difference to be divided by."""
+    if abs(end - middle) >= EVEN:
+        return end
+    return middle - EVEN if middle >= EVEN else middle + EVEN
+
+
+@inner_step
+def lights_between(
+    classifier: SummedClassifier, number: int, values: tuple[float, float, float]
+) -> Light:
+    """Mean color × extinction and mean extinction over two intervals that share a value.
+
+    `number`: of the look. `values`: of columns, clamped. Result: the mean of both.
+    """
+    # Differences of the integrals, over the distances.
+    first, middle = float(number * classifier.columns), values[1]
+    front, back = _apart(values[0], middle), _apart(values[2], middle)
+    one, two, three = (
+        _sums_at(classifier, first + front),
+        _sums_at(classifier, first + middle),
+        _sums_at(classifier, first + back),
+    )
+    before, behind = 0.5 / (middle - front), 0.5 / (back - middle)
     return (
-        per * (behind[0] - before[0]),
-        per * (behind[1] - before[1]),
-        per * (behind[2] - before[2]),
-        per * (behind[3] - before[3]),
+        before * (two[0] - one[0]) + behind * (three[0] - two[0]),
+        before * (two[1] - one[1]) + behind * (three[1] - two[1]),
+        before * (two[2] - one[2]) + behind * (three[2] - two[2]),
+        before * (two[3] - one[3]) + behind * (three[3] - two[3]),
     )
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, lane_kernel, parallel_kernel, tasks
-from resample.engine.rays.splines import PAD
-from resample.types import Bounds, Coefficients, Floats, Indices, Single
+from resample.engine.rays.splines import PAD, StoredCoefficients
+from resample.types import Bounds, Coefficients, Flags, Floats, Indices, Single
 
 SLAB = 48  # samples of the slowest axis that are filtered together
 HALO = 14  # samples on both sides of a slab; 0.268¹⁴ is 1e-8
@@ -241,7 +241,7 @@ def _bernstein_plane(
 
 @lane_kernel
 def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
-    """Widen the bounds of a row of cells by the four Bernstein coefficients of each along x."""
+    """Bounds of a row of cells by the four Bernstein coefficients of each along x."""
     third, two_thirds = np.float32(1 / 3), np.float32(2 / 3)
     sixth, most = np.float32(1 / 6), np.float32(2 / 3)
     # Convert four B-spline coefficients to the cell's four Bernstein coefficients.
@@ -251,68 +251,80 @@ def _spread(line: Floats, count: int, least: Floats, greatest: Floats) -> None:
         c2, c3 = line[k + np.uint64(2)], line[k + np.uint64(3)]
         b0, b3 = sixth * (c0 + c2) + most * c1, sixth * (c1 + c3) + most * c2
         b1, b2 = two_thirds * c1 + third * c2, third * c1 + two_thirds * c2
-        # Fold least and greatest of the four into the bounds.
+        # Take least and greatest of the four.
         below, above = b0 if b0 < b1 else b1, b1 if b0 < b1 else b0
         under, over = b2 if b2 < b3 else b3, b3 if b2 < b3 else b2
-        below, above = below if below < under else under, above if above > over else over
-        least[k] = below if below < least[k] else least[k]
-        greatest[k] = above if above > greatest[k] else greatest[k]
+        least[k] = below if below < under else under
+        greatest[k] = above if above > over else over
 
 
-class StoredCoefficients(NamedTuple):
-    """Coefficients of one of two types; the other array is empty."""
+@lane_kernel
+def _widen(least: Floats, greatest: Floats, by_least: Floats, by_greatest: Floats) -> None:
+    """Widen bounds of a row of cells by others."""
+    for i in range(by_least.size):
+        k = np.uint64(i)
+        least[k] = by_least[k] if by_least[k] < least[k] else least[k]
+        greatest[k] = by_greatest[k] if by_greatest[k] > greatest[k] else greatest[k]
 
-    short: NDArray[np.uint16]  # (N,) or (0,)
-    long: Floats  # (0,) or (N,)
 
+class BrickRow(NamedTuple):
+    """Bricks beside each other along x, and scratch."""
 
-def bundled(flat: NDArray[Any]) -> StoredCoefficients:
-    """Put coefficients of either type into one bundle, which one kernel takes."""
-    if flat.dtype == np.uint16:
-        return StoredCoefficients(flat, np.empty(0, np.float32))
-    return StoredCoefficients(np.empty(0, np.uint16), flat)
+    k: int  # bricks before them along z
+    j: int  # bricks before them along y
+    first: int  # bricks before them along x
+    cells: int  # of a row of them; the last brick may have fewer
+    planes: int  # of cells
+    rows: int  # of cells
+    mixed: Floats  # (BRICK + 3, X + 2 PAD)
+    line: Floats  # (3, X + 2 PAD)
+    least: Floats  # (BRICK², X + 2 PAD) of cells
+    greatest: Floats
 
 
 @kernel
-def _bound_bricks(
-    k: int,
-    j: int,
-    flat: StoredCoefficients,
-    shape: tuple[int, int, int],
-    room: Floats,
-    bounds: Bounds,
-) -> None:
-    """Bound the spline in one row of bricks; `room` is scratch."""
-    # Lay out the scratch: a line, the bounds of its cells, and the rows of one plane.
+def _brick_row(
+    k: int, j: int, first: int, end: int, shape: tuple[int, int, int], room: Floats
+) -> BrickRow:
+    """Lay out a row of bricks in scratch of (2 BRICK² + BRICK + 6, X + 2 PAD)."""
     depth, height, width = shape
-    across, cells = width + 2 * PAD, width + 1
-    plane = (height + 2 * PAD) * across
-    rows = min(BRICK, height + 1 - j * BRICK)
-    planes = min(BRICK, depth + 1 - k * BRICK)
-    line, least, greatest = room[0], room[1], room[2]
-    least[:] = np.inf
-    greatest[:] = -np.inf
-    mixed = room[3:]
+    square, begin = BRICK * BRICK, BRICK + 6
+    return BrickRow(
+        k, j, first,
+        min(width + 1, end * BRICK) - first * BRICK,
+        min(BRICK, depth + 1 - k * BRICK), min(BRICK, height + 1 - j * BRICK),
+        room[: BRICK + 3], room[BRICK + 3 : begin],
+        room[begin : begin + square], room[begin + square :],
+    )  # fmt: skip
+
+
+@kernel
+def _bound_cells(bricks: BrickRow, flat: StoredCoefficients, shape: tuple[int, int, int]) -> None:
+    """Bound the spline in each cell of a row of bricks."""
+    # Count coefficients along x, cells, and coefficients of a plane.
+    across = shape[2] + 2 * PAD
+    count, plane = bricks.cells + 3, (shape[1] + 2 * PAD) * across
+    bricks.least[:] = np.inf
+    bricks.greatest[:] = -np.inf
+    line, one, two = bricks.line[0], bricks.line[1, : bricks.cells], bricks.line[2, : bricks.cells]
     # Convert to Bernstein form along z, for each row that the bricks need.
-    for along in range(3 * planes + 1):
-        at = (k * BRICK + along // 3) * plane + j * BRICK * across
-        for row in range(rows + 3):
-            begin, kind = at + row * across, along % 3
+    start = bricks.k * BRICK * plane + bricks.j * BRICK * across + bricks.first * BRICK
+    for along in range(3 * bricks.planes + 1):
+        for row in range(bricks.rows + 3):
+            begin, kind = start + along // 3 * plane + row * across, along % 3
             if flat.short.size > 0:
-                _bernstein_plane(flat.short, begin, plane, kind, across, mixed[row])
+                _bernstein_plane(flat.short, begin, plane, kind, count, bricks.mixed[row])
             else:
-                _bernstein_plane(flat.long, begin, plane, kind, across, mixed[row])
-        # Convert along y, then along x, and widen the bounds of the row's cells.
-        level = mixed.reshape(-1)
-        for down in range(3 * rows + 1):
-            start = (down // 3) * mixed.shape[1]
-            _bernstein_plane(level, start, mixed.shape[1], down % 3, across, line)
-            _spread(line, cells, least, greatest)
-    # Reduce the bounds of cells to those of bricks.
-    for i in range(bounds.least.shape[2]):
-        part = slice(i * BRICK, min(cells, (i + 1) * BRICK))
-        bounds.least[k, j, i] = least[part].min()
-        bounds.greatest[k, j, i] = greatest[part].max()
+                _bernstein_plane(flat.long, begin, plane, kind, count, bricks.mixed[row])
+        # Convert along y, then along x, and widen the bounds of all cells that share the line.
+        level = bricks.mixed.reshape(-1)
+        for down in range(3 * bricks.rows + 1):
+            _bernstein_plane(level, (down // 3) * across, across, down % 3, count, line)
+            _spread(line, bricks.cells, one, two)
+            for n in range(max(0, (along - 1) // 3), min(along // 3 + 1, bricks.planes)):
+                for m in range(max(0, (down - 1) // 3), min(down // 3 + 1, bricks.rows)):
+                    cells = n * BRICK + m
+                    _widen(bricks.least[cells], bricks.greatest[cells], one, two)
 
 
 @parallel_kernel
@@ -324,7 +336,68 @@ def find_bounds(
     `flat`: as of `find_coefficients`, by `bundled`. `shape`: samples along z, y and x. `bounds`:
     (⌈(Z + 1) / BRICK⌉, ...) filled.
     """
-    planes, rows, _ = bounds.least.shape
-    room = np.empty((BRICK + 6, shape[2] + 2 * PAD), np.float32)
+    planes, rows, across = bounds.least.shape
+    room = np.empty((2 * BRICK * BRICK + BRICK + 6, shape[2] + 2 * PAD), np.float32)
     for task in tasks(counter, planes * rows):
-        _bound_bricks(task // rows, task % rows, flat, shape, room, bounds)
+        k, j = task // rows, task % rows
+        bricks = _brick_row(k, j, 0, across, shape, room)
+        _bound_cells(bricks, flat, shape)
+        for i in range(across):
+            part = slice(i * BRICK, min(bricks.cells, (i + 1) * BRICK))
+            bounds.least[k, j, i] = bricks.least[:, part].min()
+            bounds.greatest[k, j, i] = bricks.greatest[:, part].max()
+
+
+class VisibleValues(NamedTuple):
+    """Which values of a spline are visible, by its coefficients."""
+
+    zero: float  # column of the coefficient 0
+    scale: float  # columns
+    visible: Indices  # (K + 1,) prefix count of columns that are visible
+
+
+@kernel
+def _bits_of(bricks: BrickRow, i: int, values: VisibleValues) -> np.uint64:
+    """Bits of the cells of a brick: whether any value within their bounds is visible."""
+    bits, last = np.uint64(0), values.visible.size - 2
+    for k in range(bricks.planes):
+        for j in range(bricks.rows):
+            for n in range(i * BRICK, min(bricks.cells, (i + 1) * BRICK)):
+                least = values.zero + values.scale * bricks.least[k * BRICK + j, n]
+                greatest = values.zero + values.scale * bricks.greatest[k * BRICK + j, n]
+                first = int(min(max(0.0, least), float(last)))
+                end = math.ceil(min(max(0.0, greatest), float(last)))
+                if values.visible[end + 1] > values.visible[first]:
+                    bits |= np.uint64(1) << np.uint64((k * BRICK + j) * BRICK + n - i * BRICK)
+    return bits
+
+
+@parallel_kernel
+def find_visible_cells(
+    counter: Counter,
+    flat: StoredCoefficients,
+    shape: tuple[int, int, int],
+    values: VisibleValues,
+    seen: Flags,
+    cells: NDArray[np.uint64],
+) -> None:
+    """Find the cells in which a spline may be visible, as bits: x fastest, BRICK³ per brick.
+
+    `flat`, `shape`: as of `find_bounds`. `seen`: (z, y, x) bricks that may be visible. `cells`:
+    (z, y, x) zeros, filled.
+    """
+    planes, rows, across = seen.shape
+    room = np.empty((2 * BRICK * BRICK + BRICK + 6, shape[2] + 2 * PAD), np.float32)
+    for task in tasks(counter, planes * rows):
+        k, j = task // rows, task % rows
+        first, end = 0, across
+        while first < end and not seen[k, j, first]:
+            first += 1
+        while first < end and not seen[k, j, end - 1]:
+            end -= 1
+        if first < end:
+            bricks = _brick_row(k, j, first, end, shape, room)
+            _bound_cells(bricks, flat, shape)
+            for i in range(first, end):
+                if seen[k, j, i]:
+                    cells[k, j, i] = _bits_of(bricks, i - first, values)

@@ -1,9 +1,8 @@
 """Integrals along a ray through a field: compositing, extreme, mean, and first surface.
 
-A ray is marched front to back, past bricks in which nothing is visible. Neighbouring steps share
-the sample between them; a visible step is sampled in its middle as well, and one in which the field
-bends is split in half. Between samples, values follow cubics and gradients follow parabolas.
-Optically thick pieces are composited in several parts.
+A ray is marched front to back, past cells in which nothing is visible. A step is sampled in its
+middle, for its value and its gradient; its ends are on Hermite cubics between middles. Steps that
+are optically thick, or in which the field bends, are composited in several pieces.
 """
 
 import math
@@ -19,7 +18,7 @@ from resample.engine.rays.classifiers import (
     SummedClassifier,
     clamped,
     classified,
-    light_between,
+    lights_between,
     value_of,
 )
 from resample.engine.rays.marching import (
@@ -46,12 +45,12 @@ from resample.engine.rays.media import (
 from resample.engine.rays.splines import samples_around, value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
-from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
+from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import SplineField
 
-THIRD = 1 / 3
-THICK = 0.5  # optical depth of a piece, about
-MOST_PIECES = 8  # of half a step
+THICK = 0.17  # optical depth of a piece that nothing hides, about
+FAINT = 0.02  # optical depth of steps that are not split
+MOST_PIECES = 8  # of a step
 CLOSER = 24  # iterations of the search for a surface, at most
 NEAR = 1e-4  # columns, tolerance of that search
 EVEN_BRICK = 1e-6  # columns between least and greatest value of a brick that counts as uniform
@@ -90,22 +89,12 @@ class IsoSurfaceHit(NamedTuple):
     iso: float  # column of the value
 
 
-class StepEnd(NamedTuple):
-    """The field at an end of a step: a sample of a Hermite cubic."""
+class RaySample(NamedTuple):
+    """The field in the middle of a step or of a piece."""
 
     value: float
     rise: float  # derivative of the value, per step
-    slope: Vector  # gradient, per sample
-
-
-class RaySegment(NamedTuple):
-    """Visible part of a ray: a step, or half of one."""
-
-    begin: float  # steps
-    share: float  # length, steps
-    front: StepEnd
-    middle: StepEnd
-    back: StepEnd
+    slope: Vector  # gradient, columns per sample
 
 
 class RayContext(NamedTuple):
@@ -148,63 +137,25 @@ def _put(
 
 
 @inner_step
-def _end_at(ray: Ray, step: float, medium: Medium) -> StepEnd:
-    """Sample the field at an end of a step."""
+def _sample_at(ray: Ray, step: float, medium: Medium) -> RaySample:
+    """Sample the field at a position given in steps."""
     value, slope = value_and_slope_at(medium.spline, place_at(ray, step))
     # Project the gradient onto the ray.
-    return StepEnd(value, dot(slope, ray.way) * ray.thickness, slope)
+    return RaySample(value, dot(slope, ray.way) * ray.thickness, slope)
 
 
 @inner_step
-def _value_between(front: StepEnd, back: StepEnd, t: float) -> float:
-    """Value 0..1 of the way through a step, by Hermite's cubic."""
-    u, away = 1.0 - t, back.value - front.value
-    bent = u * (front.rise - away) - t * (back.rise - away)
-    return front.value + t * away + t * u * bent
+def _between(one: RaySample, two: RaySample, apart: float) -> float:
+    """Value halfway between two samples that are `apart` steps, by Hermite's cubic."""
+    return 0.5 * (one.value + two.value) + 0.125 * apart * (one.rise - two.rise)
 
 
 @inner_step
 def _shows(classifier: SummedClassifier, least: float, most: float) -> bool:
     """Whether any value between two is visible."""
     # Prefix counts of visible columns: compare those at both ends.
-    first, last = int(clamped(classifier, least)), math.ceil(clamped(classifier, most))
+    first, last = int(least), math.ceil(most)
     return bool(classifier.visible[np.uint64(last + 1)] > classifier.visible[np.uint64(first)])
-
-
-@inner_step
-def _may_be_visible(classifier: SummedClassifier, front: StepEnd, back: StepEnd) -> bool:
-    """Whether a step's cubic may be visible, by its Bézier control values, which enclose it."""
-    a, b = front.value, back.value
-    one, two = a + THIRD * front.rise, b - THIRD * back.rise
-    return _shows(classifier, min(a, b, one, two), max(a, b, one, two))
-
-
-@inner_step
-def _is_bent(front: StepEnd, back: StepEnd, medium: Medium) -> bool:
-    """Whether the field bends so much within a step that the step is split in half."""
-    away = back.value - front.value
-    return abs(front.rise - away) + abs(back.rise - away) > medium.coarse
-
-
-@inner_step
-def _halved(end: StepEnd) -> StepEnd:
-    """The same end, of a step half as long."""
-    return StepEnd(end.value, 0.5 * end.rise, end.slope)
-
-
-@inner_step
-def _slope_in(part: RaySegment, t: float, medium: Medium) -> Vector:
-    """Gradient 0..1 of the way through a part, data units per scene unit.
-
-    It is on the parabolas through the gradients at both ends and in the middle.
-    """
-    # Quadratic Lagrange weights of front, back and middle.
-    u = 2.0 * t - 1.0
-    ends = combine(
-        scaled(0.5 * u * (u - 1.0), part.front.slope), 0.5 * u * (u + 1.0), part.back.slope
-    )
-    slope = combine(ends, 1.0 - u * u, part.middle.slope)
-    return multiply(matrix_of(medium.to_slope), slope)
 
 
 @inner_step
@@ -225,86 +176,25 @@ def _shine_at(
 
 
 @inner_step
-def _light_of(
-    way: Composite, medium: Medium, number: int, place: Vector, values: Vector, slope: Vector
-) -> Light:
-    """Mean color × extinction and mean extinction of a piece, from its values at three places.
+def _light_of(way: Composite, medium: Medium, number: int, values: Vector, slope: Vector) -> Light:
+    """Mean color × extinction and mean extinction of a piece.
 
-    `number` picks the look; samples around the position may have colors of their own.
+    `number` picks the look. `values`: at the front, in the middle and at the back.
     """
     classifier = medium.classifier
-    # Without regions, take the pre-integrated mean between the two ends.
-    column = float(number * classifier.columns)
-    if not way.has_regions:
-        first, last = (
-            column + clamped(classifier, values[0]),
-            column + clamped(classifier, values[2]),
-        )
-        return tinted(medium, place, light_between(classifier, first, last))
     # With regions, classify the middle by its value and gradient magnitude.
-    middle = column + clamped(classifier, values[1])
-    red, green, blue, thick = classified(classifier, middle, length_of(slope))
-    return tinted(medium, place, (thick * red, thick * green, thick * blue, thick))
+    if way.has_regions:
+        place = number * classifier.columns + values[1]
+        red, green, blue, thick = classified(classifier, place, length_of(slope))
+        return thick * red, thick * green, thick * blue, thick
+    # Without, take the pre-integrated means of both halves.
+    return lights_between(classifier, number, values)
 
 
 @inner_step
-def _put_half(
-    result: Result, way: Composite, ray: Ray, half: int, part: RaySegment, context: RayContext
-) -> Result:
-    """Composite one half of a part, in several pieces if it is optically thick."""
-    medium, begin, at = context.medium, 0.5 * half, 0.25
-    # Pick the half's ends, and the look in its middle; skip missing samples.
-    front, back = _halved(part.front), _halved(part.middle)
-    if half == 1:
-        front, back = back, _halved(part.back)
-    place = place_at(ray, part.begin + part.share * (begin + at))
-    number = number_at(medium, place)
-    if number < 0:
-        return result
-    # Sample and classify the half as one piece.
-    slope = _slope_in(part, begin + at, medium)
-    values = (front.value, _value_between(front, back, 0.5), back.value)
-    light = _light_of(way, medium, number, place, values, slope)
-    # Split it into pieces of about `THICK` optical depth.
-    length, share = 0.5 * part.share * ray.thickness * ray.length, 1.0
-    pieces = 1 + min(MOST_PIECES - 1, int(light[3] * length / THICK))
-    if pieces > 1:
-        share = 1.0 / pieces
-    # Composite piece by piece, sampling anew unless there is only one.
-    for n in range(pieces):
-        if pieces > 1:
-            end, middle = (n + 1) * share, (n + 0.5) * share
-            at, before = 0.5 * middle, values[2] if n > 0 else front.value
-            after = _value_between(front, back, end)
-            values = (before, _value_between(front, back, middle), after)
-            slope = _slope_in(part, begin + at, medium)
-            light = _light_of(way, medium, number, place, values, slope)
-        if light[3] > 0.0:
-            step = part.begin + part.share * (begin + at)
-            shine = _shine_at(way, ray, step, slope, context)
-            result = _put(result, light, shine, share * length, depth_at(ray, step))
-            # Early ray termination.
-            if 1.0 - result[3] <= way.opaque:
-                break
-    return result
-
-
-@inner_step
-def _put_part(
-    result: Result, way: Composite, ray: Ray, part: RaySegment, context: RayContext
-) -> Result:
-    """Composite a step or half of one, if it is visible."""
-    # Cull by the three samples, which are known.
-    medium, a, m, b = context.medium, part.front.value, part.middle.value, part.back.value
-    if not _shows(medium.classifier, min(a, m, b), max(a, m, b)):
-        return result
-    # Composite the front half, then the back half.
-    for half in range(2):
-        result = _put_half(result, way, ray, half, part, context)
-    # Add the visible length.
-    red, green, blue, alpha, deep, first, cover, value, presence = result
-    cover += part.share * ray.thickness * ray.length * medium.per_voxel
-    return red, green, blue, alpha, deep, first, cover, value, presence
+def _slope_of(sample: RaySample, medium: Medium) -> Vector:
+    """Gradient of a sample, data units per scene unit."""
+    return multiply(matrix_of(medium.to_slope), sample.slope)
 
 
 @inner_step
@@ -313,29 +203,54 @@ def _put_step(
     way: Composite,
     ray: Ray,
     step: int,
-    ends: tuple[StepEnd, StepEnd],
+    ends: tuple[float, RaySample, float],
     context: RayContext,
 ) -> Result:
-    """Composite a step; if the field bends in it, each half with its own middle sample."""
-    # Cull by the ends before the middle is sampled.
-    medium, (front, back) = context.medium, ends
-    if not _may_be_visible(medium.classifier, front, back):
+    """Composite a step if it is visible, given its front, the sample in its middle and its back."""
+    # Cull by the three values.
+    medium, here = context.medium, ends[1]
+    classifier, length = medium.classifier, ray.thickness * ray.length
+    front, back = clamped(classifier, ends[0]), clamped(classifier, ends[2])
+    middle = clamped(classifier, here.value)
+    if not _shows(classifier, min(front, middle, back), max(front, middle, back)):
         return result
-    # A step that is nearly straight is one part.
-    middle = _end_at(ray, step + 0.5, medium)
-    if not _is_bent(front, back, medium):
-        return _put_part(result, way, ray, RaySegment(step, 1.0, front, middle, back), context)
-    # Split the others in half, and sample the middle of each visible half.
-    middle, last = _halved(middle), _halved(back)
-    front, back = _halved(front), middle
-    for half in range(2):
-        if _may_be_visible(medium.classifier, front, back):
-            begin = step + 0.5 * half
-            quarter = _halved(_end_at(ray, begin + 0.25, medium))
-            part = RaySegment(begin, 0.5, front, quarter, back)
-            result = _put_part(result, way, ray, part, context)
-        front, back = middle, last
-    return result
+    # Classify the step as one piece. Split it by what it adds to the ray, or if the field bends.
+    at, slope = step + 0.5, _slope_of(here, medium)
+    number = number_at(medium, place_at(ray, at))
+    light = _light_of(way, medium, max(0, number), (front, middle, back), slope)
+    left = (1.0 - result[3]) * light[3] * length
+    pieces = 1 + min(MOST_PIECES - 1, int(left / THICK))
+    is_uneven = way.has_regions or medium.known.size > 0
+    if is_uneven or (left > FAINT and abs(front + back - 2.0 * middle) > medium.coarse):
+        pieces = max(pieces, 2)
+    share = 1.0 / pieces
+    if pieces > 1:
+        at = step + 0.5 * share
+        here = _sample_at(ray, at, medium)
+    for n in range(pieces):
+        # Sample and classify the piece anew unless it is the only one.
+        if pieces > 1:
+            ahead, end = here, back
+            if n + 1 < pieces:
+                ahead = _sample_at(ray, at + share, medium)
+                end = clamped(classifier, _between(here, ahead, share))
+            number, slope = number_at(medium, place_at(ray, at)), _slope_of(here, medium)
+            values = (front, clamped(classifier, here.value), end)
+            light = _light_of(way, medium, max(0, number), values, slope)
+            front, here = end, ahead
+        # Composite it unless its sample is missing.
+        if number >= 0 and light[3] > 0.0:
+            shine = _shine_at(way, ray, at, slope, context)
+            light = tinted(medium, place_at(ray, at), light)
+            result = _put(result, light, shine, share * length, depth_at(ray, at))
+            # Early ray termination.
+            if 1.0 - result[3] <= way.opaque:
+                break
+        at += share
+    # Add the visible length.
+    red, green, blue, alpha, deep, first, cover, value, presence = result
+    cover += length * medium.per_voxel
+    return red, green, blue, alpha, deep, first, cover, value, presence
 
 
 @plays(integrate, of=Composite)
@@ -348,22 +263,31 @@ def _(way: Composite, ray: Ray, medium: Medium) -> Result:
     # One direction of light serves the whole ray where the light comes from the eye.
     far = position(medium, place_at(ray, ray.steps))
     context = RayContext(medium, aims_at(far, medium.classifier))
-    # March front to back; each step hands its back end on as the next one's front.
-    front = _end_at(ray, step, medium)
+    # March front to back; where the next step is visible, too, both share the value in between.
+    here = _sample_at(ray, step + 0.5, medium)
+    front = here.value - 0.5 * here.rise
     while step < ray.steps:
-        back = _end_at(ray, step + 1, medium)
-        result = _put_step(result, way, ray, step, (front, back), context)
+        ahead, back = here, here.value + 0.5 * here.rise
+        following, begin = next_step(ray, step + 1, bricks), back
+        if following < ray.steps:
+            ahead = _sample_at(ray, following + 0.5, medium)
+            begin = ahead.value - 0.5 * ahead.rise
+        if following == step + 1 < ray.steps:
+            back = begin = _between(here, ahead, 1.0)
+        result = _put_step(result, way, ray, step, (front, here, back), context)
         # Early ray termination.
         if 1.0 - result[3] <= way.opaque:
             break
-        # Skip invisible bricks, behind which the front end is sampled anew.
-        step, front = step + 1, back
-        ahead = next_step(ray, step, bricks)
-        if step < ahead < ray.steps:
-            front = _end_at(ray, ahead, medium)
-        step = ahead
-    # Coverage is at least the opacity.
+        step, here, front = following, ahead, begin
+    # What is behind the end of an opaque ray is taken to look like what is in front of it.
     red, green, blue, alpha, deep, first, cover, _, _ = result
+    whole = 1.0
+    if 1.0 - alpha <= way.opaque:
+        whole = 1.0 / alpha
+    red, green, blue, alpha, deep = (
+        whole * red, whole * green, whole * blue, whole * alpha, whole * deep,
+    )  # fmt: skip
+    # Coverage is at least the opacity.
     return red, green, blue, alpha, deep, first, max(alpha, min(1.0, cover)), 0.0, 0.0
 
 
@@ -522,11 +446,10 @@ def _crossing(
 def _(way: IsoSurfaceHit, ray: Ray, medium: Medium) -> Result:
     # Start at the first visible brick; the ray may enter above the value already.
     spline, bricks, classifier = medium.spline, medium.bricks, medium.classifier
-    step, hit = next_step(ray, 0, bricks), -1.0
-    if step < ray.steps:
-        first = place_at(ray, step)
-        front = value_at(spline, first)
-        hit = float(step) if front >= way.iso and is_known(medium, first) else -1.0
+    step, hit = max(0, next_step(ray, 0, bricks) - 1), -1.0
+    first = place_at(ray, step)
+    front = value_at(spline, first)
+    hit = float(step) if front >= way.iso and is_known(medium, first) else -1.0
     # March until the field rises to the value, and refine the crossing.
     while step < ray.steps and hit < 0.0:
         behind = place_at(ray, step + 1)
@@ -535,12 +458,12 @@ def _(way: IsoSurfaceHit, ray: Ray, medium: Medium) -> Result:
             hit = step + 1.0
             if front < way.iso:
                 hit = _crossing(ray, spline, step, (front, back), way.iso)
-        # Skip bricks that do not reach the value.
-        step, front = step + 1, back
-        ahead = next_step(ray, step, bricks)
-        if step < ahead < ray.steps:
-            front = value_at(spline, place_at(ray, ahead))
-        step = ahead
+        # Skip bricks that do not reach the value, but for a step that ends in one that does.
+        following = max(step + 1, next_step(ray, step + 1, bricks) - 1)
+        front = back
+        if step + 1 < following < ray.steps:
+            front = value_at(spline, place_at(ray, following))
+        step = following
     if hit < 0.0:
         return NOTHING
     # Compute the normal at the hit.

@@ -15,11 +15,12 @@ from resample.engine.rays.coefficients import BRICK
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply
 from resample.types import Doubles, Floats, View
 
-SHIFT = int(math.log2(BRICK))
+SHIFT, LAST = int(math.log2(BRICK)), BRICK - 1
 
 LEAST = 1e-30  # positions per depth, of a ray that is parallel to a wall
 
 Emptiness = NDArray[np.uint8]
+Bits = NDArray[np.uint64]
 
 
 class SampleSpace(NamedTuple):
@@ -38,6 +39,7 @@ class BrickBounds(NamedTuple):
     empty: Emptiness  # (N,) bricks to the next visible one along any axis, at least; 0: visible
     least: Floats  # (N,) data units
     greatest: Floats  # (N,) data units
+    cells: Bits  # (N,) whether cells are visible, a bit each, x fastest; or (0,): all are
     across: int  # bricks along x
     down: int  # bricks along y
     deep: int  # bricks along z
@@ -159,22 +161,27 @@ def steps_out(ray: Ray, place: Vector, apart: int) -> float:
 
 
 @inner_step
+def _is_seen(bricks: BrickBounds, brick: int, place: Vector) -> bool:
+    """Whether the cell of a position is visible, in a brick that is."""
+    if bricks.cells.size == 0:
+        return True
+    i, j, k = int(place[0]) & LAST, int(place[1]) & LAST, int(place[2]) & LAST
+    bit = np.uint64((((k << SHIFT) | j) << SHIFT) | i)
+    return bool((bricks.cells[np.uint64(brick)] >> bit) & np.uint64(1))
+
+
+@inner_step
 def next_step(ray: Ray, step: int, bricks: BrickBounds) -> int:
-    """First step, from this one on, that begins or ends in a visible brick."""
-    # Look up how far the brick at the step's beginning is from a visible one.
-    if step >= ray.steps:
-        return step
-    place = place_at(ray, step)
-    apart = int(bricks.empty[brick_at(bricks, place)])
-    # Leap over empty bricks.
-    while apart > 0:
-        step = max(step, int(steps_out(ray, place, apart)))
-        if step >= ray.steps:
-            return step
-        # A step counts if its end is in a visible brick; test the end where the leap lands.
-        place = place_at(ray, step + 1)
-        apart = int(bricks.empty[brick_at(bricks, place)])
-        step += int(apart > 0)
-        if step >= ray.steps:
-            return step
+    """First step, from this one on, whose middle is in a visible cell."""
+    while step < ray.steps:
+        place = place_at(ray, step + 0.5)
+        brick = brick_at(bricks, place)
+        # Leap over empty bricks, by how far the next visible one is at least.
+        apart = int(bricks.empty[np.uint64(brick)])
+        if apart > 0:
+            step = max(step + 1, int(steps_out(ray, place, apart) + 0.5))
+        elif _is_seen(bricks, brick, place):
+            break
+        else:
+            step += 1
     return step

@@ -1,5 +1,6 @@
 """Tiles of the screen whose sub-pixels gather a field along rays."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ from resample.engine.rays.meshes import integrate_with_mesh, is_on_mesh
 from resample.engine.subpixels import Home, pixel_weights
 from resample.types import Film, Floats, Indices, Tables, View
 
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
 
 class Output(NamedTuple):
     """The picture that is painted, tile by tile."""
@@ -34,6 +37,7 @@ class Output(NamedTuple):
     value: Floats  # (H, W) values of projections; or (0, 0)
     is_sum: bool  # values are integrals, not to be weighed by presence
     even: Evenness  # tolerance for sub-pixels that are interpolated
+    is_spread: bool  # each row and column of sub-pixels has places of its own
     apart: int  # sub-pixels between rays of the coarsest grid, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
@@ -43,10 +47,29 @@ class Output(NamedTuple):
 
 
 @inner_kernel
+def _place_in(line: int, n: int) -> float:
+    """Place across a row or column of sub-pixels, 0..1, at which its rays pass.
+
+    Those of a pixel are all different, and ½ on average; from pixel to pixel they change by the
+    golden ratio. So what is thin and along an axis is met by as many rays wherever it is.
+    """
+    pixel, first = line // n, line % n
+    other = n - 1 - first
+    if first == other:
+        return 0.5
+    place = (min(first, other) + (0.5 + GOLDEN * pixel) % 1.0) / n
+    return place if first < other else 1.0 - place
+
+
+@inner_kernel
 def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[float, float]:
     """Screen point that the ray of a sub-pixel passes through, px."""
+    # Count sub-pixels from the frame's corner.
     margin = output.tables.pixel_margin
-    return home.left - margin + (column + 0.5) / n, home.top - margin + (row + 0.5) / n
+    down, right = (home.top - margin) * n + row, (home.left - margin) * n + column
+    if output.is_spread:
+        return (right + _place_in(down, n)) / n, (down + _place_in(right, n)) / n
+    return (right + 0.5) / n, (down + 0.5) / n
 
 
 @inner_kernel

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from resample.memory.mapped import array_like
 from resample.outofcore.caching import memo_of
 from resample.painting.choices import MEASURING, Projection
+from resample.painting.rays import thickest, visible_cells
 from resample.painting.splines import FIELD, spline_of
 from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
 from resample.types import (
     UNBLOCKED,
+    UNKNOWN,
     UNTINTED,
     Bounds,
     Classifier,
@@ -81,6 +83,7 @@ class Gathered(NamedTuple):
     tint: Tint = UNTINTED
     reached: Reached = UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
+    cells: NDArray[np.uint64] = UNKNOWN  # as of `LatticeField`
 
 
 def gathered(
@@ -120,10 +123,12 @@ def gathered(
         from resample_volume.classification.labels import Ruled
 
         each += [Ruled(transfer, rule) for rule in labels.rules.values()]
+    two = np.zeros(0)
+    if resampler.projection is Projection.COMPOSITE:
+        two = _only_two(volume, data_range)
     tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(each)
-    two = counted(volume.values).value if are_few(volume.values.dtype) else np.zeros(0)
     if labels is not None:
         known = numbered(known, labels.numbers, volume.values.shape)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
@@ -133,6 +138,10 @@ def gathered(
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
+    cells = UNKNOWN
+    if resampler.projection is Projection.COMPOSITE and resampler.iso is None:
+        most = thickest(looks.table, beside)
+        cells = visible_cells(spline, bounds, most, (looks.low, looks.high))
     return Gathered(
         spline,
         bounds,
@@ -145,7 +154,19 @@ def gathered(
         beside,
         tint,
         thin=thin,
+        cells=cells,
     )
+
+
+def _only_two(volume: Volume, ends: tuple[float, float]) -> Doubles:
+    """Return the finite values of a volume if there are two, else others."""
+    if are_few(volume.values.dtype):
+        return counted(volume.values).value
+    two = np.unique(ends)
+    for part in slabs(volume.values):
+        if not (np.isin(part, two) | ~np.isfinite(part)).all():
+            return two[:0]
+    return two
 
 
 def _cut_between(looks: TransferTable, two: Doubles, count: int) -> TransferTable:
@@ -193,6 +214,7 @@ def lit_lattice(
         field.reached,
         classifiers=field.each,
         tint=field.tint,
+        cells=field.cells,
     )
 
 
