@@ -58,7 +58,7 @@ class Scene(AnyScene):
     >>> import numpy as np
     >>> scene = Scene(np.full((8, 8, 8), 200, np.uint8))
     >>> scene.render("100..300", size=(32, 24))
-    Frame(32 × 24 px, 34.5 % covered, depth from 22.62)
+    Frame(32 × 24 px, 36.7 % covered, depth from 22.65)
     """
 
     given: Any

@@ -22,7 +22,6 @@ LEAN = 0.1  # samples², 12 times a part's mixed moment, from which on two boxes
 LEANEST = 0.5  # samples², mixed moment of one side of a part, at most
 MOST_PARTS = 64.0  # of a pixel along an axis
 LIMITED = 2.0  # samples along u and v up to which the limits at one position hold for a pixel
-LONGEST_STRAIGHT = 1.15  # samples, of sides of pixels beside which straight edges may not ring
 NEARLY = 1e-6  # samples, or share of a pixel, that count as nothing
 OWN = 1.001  # samples², a sample's own extent along an axis, and what maps in float32 round
 
@@ -139,13 +138,6 @@ def fold(view: GridView, footprint: PixelFootprint) -> PixelFootprint:
     v, turn_v = folded(footprint.v, float(view.size[0]), view.edge, view.margin)
     (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
     return PixelFootprint(u, v, (turn_u * ux, turn_v * vx), (turn_u * uy, turn_v * vy))
-
-
-@inner_step
-def is_grown(footprint: PixelFootprint) -> bool:
-    """Whether samples grow on screen, or hardly shrink, so that ringing would be visible."""
-    (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-    return bool(max(ux * ux + uy * uy, vx * vx + vy * vy) <= LONGEST_STRAIGHT * LONGEST_STRAIGHT)
 
 
 @inner_step

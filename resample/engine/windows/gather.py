@@ -26,7 +26,6 @@ from resample.engine.windows.footprints import (
     fold,
     footprint_at,
     is_box,
-    is_grown,
     is_small,
     nth_part,
     parts_of,
@@ -236,12 +235,10 @@ def _straighten(
     marks: int,
     scratch: PixelScratch,
 ) -> None:
-    """Keep a pixel that has not shrunk near the means across straight edges beside it alone.
+    """Keep a pixel beside straight edges near the means across them alone.
 
     Along an edge the samples themselves are interpolated: the grid's means over each of them.
     """
-    if not is_grown(footprint):
-        return
     # The box of the pixel's mean, on the plate, and the samples before its center.
     placed, own = averaged(view, fold(view, footprint)), view.limits.own
     (ux, vx), (uy, vy) = placed.along_x, placed.along_y

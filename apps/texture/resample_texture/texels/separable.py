@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.windows.footprints import LIMITED, LONGEST_STRAIGHT, NEARLY, OWN
+from resample.engine.windows.footprints import LIMITED, NEARLY, OWN
 from resample.engine.windows.gather import LONGEST_LIMITED
 from resample.engine.windows.limits import MARGIN, Limits
 from resample.engine.windows.separable import (
@@ -210,7 +210,7 @@ def _whole_plan(
         for middle, side, texels in zip(middles, sides, size, strict=True)
     ]
     beside: list[Weights | None] = [None, None]
-    if corners[0] is not None and sides.max() <= LONGEST_STRAIGHT:
+    if corners[0] is not None and sides.max() <= LIMITED:
         beside = [
             _beside(middle, axis.prefilter, cells)
             for middle, axis in zip(middles, axes, strict=True)

@@ -116,7 +116,7 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     Examples
     --------
     >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
-    Frame(32 × 24 px, 25.5 % covered, depth from 54.87)
+    Frame(32 × 24 px, 25.5 % covered, depth from 54.9)
     """
     source_keys = ReadOptions.model_fields
     of_source = {key: value for key, value in settings.items() if key in source_keys}
