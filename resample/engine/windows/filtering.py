@@ -118,13 +118,13 @@ def _filter_rows(
 
 @inner_kernel
 def _spread(flat: Floats, at: int, count: int, channels: int, result: Floats, first: int) -> None:
-    """Copy samples of up to four numbers to places four numbers apart, filled up with zeros."""
+    """Copy samples of two or three numbers to places four numbers apart, filled up with zeros."""
     k, to, step = np.uint64(at), np.uint64(first), np.uint64(channels)
     one, zero = np.uint64(1), np.float32(0)
     for _ in range(count):
         result[to], result[to + one] = flat[k], flat[k + one]
         result[to + one + one] = flat[k + one + one] if channels > 2 else zero
-        result[to + one + one + one] = flat[k + one + one + one] if channels > 3 else zero
+        result[to + one + one + one] = zero
         k += step
         to += np.uint64(4)
 
