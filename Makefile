@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 # Python is started many times, by tests above all, and keeps byte code for the next one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases test-faults fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel lock clean
+.PHONY: demo demo-volume demo-texture demo-warp3d demo-scale figures media test test-all test-lowest test-prereleases test-faults fuzz mutants bench scores guard kernels first-pictures lint audit docs docs-check docs-links sdist wheel plugins lock clean
 # Side by side, as most of a first run is the compiler's, on one core each; -O keeps what they print apart.
 demo: $(VENV)/.run
 	@$(MAKE) --no-print-directory -j3 -O demo-volume demo-texture demo-warp3d
@@ -94,23 +94,28 @@ sdist: $(VENV)/.dev
 wheel: kernels
 	$(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist
 
+# Wheels of the packages in plugins/.
+plugins: $(VENV)/.dev
+	for plugin in $(PLUGINS); do $(BIN)/uv build -q --wheel --no-build-isolation --python $(BIN)/python --out-dir dist/plugins $$plugin; done
+
 # --without-pip: works where Debian's python3-venv is missing; the machine's pip then installs uv into it, and what builds wheels.
 $(BIN)/uv: requirements/build.txt
 	$(PYTHON) -m venv --without-pip $(VENV)
 	$(PYTHON) -m pip --python $(VENV) install -q --disable-pip-version-check --require-hashes -r requirements/build.txt
 	touch $@
 # The locks hold versions and hashes only, no addresses: whatever index the machine is set up for serves.
+PLUGINS := $(patsubst %/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml))
 define install
 	$(BIN)/uv pip install -q --python $(BIN)/python --require-hashes -r requirements/$(1).txt
-	$(BIN)/uv pip install -q --python $(BIN)/python --no-deps --no-build-isolation -e .
-	$(BIN)/python -m compileall -q resample apps
+	$(BIN)/uv pip install -q --python $(BIN)/python --no-deps --no-build-isolation -e . $(PLUGINS:%=-e %)
+	$(BIN)/python -m compileall -q resample apps plugins
 endef
-$(VENV)/.run: requirements/run.txt pyproject.toml | $(BIN)/uv
+$(VENV)/.run: requirements/run.txt pyproject.toml $(PLUGINS:%=%/pyproject.toml) | $(BIN)/uv
 	$(call install,run)
 	touch $@
 # What tests start time and again is byte-compiled at once; a first run leaves that to Python, which imports a fifth of it.
 $(VENV)/.dev $(VENV)/.docs: export UV_COMPILE_BYTECODE := 1
-$(VENV)/.dev: requirements/dev.txt pyproject.toml | $(BIN)/uv
+$(VENV)/.dev: requirements/dev.txt pyproject.toml $(PLUGINS:%=%/pyproject.toml) | $(BIN)/uv
 	$(call install,dev)
 	touch $@ $(VENV)/.run
 # On top of the environment of tests, which `make .venv/.dev` alone leaves light.

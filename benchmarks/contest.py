@@ -31,7 +31,7 @@ class Options:
     @property
     def volumes(self) -> Path:
         """Folder of real volumes."""
-        from tests.conftest import DATA
+        from conftest import DATA
 
         folder = Path(self.data) if self.data else DATA
         return folder / "volumes" if (folder / "volumes").is_dir() else folder

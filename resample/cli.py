@@ -160,7 +160,7 @@ def main() -> NoReturn:
 def _plugin(group: str, name: str) -> str:
     """Describe a plugin: its package, summary and parameters, or why it cannot be used."""
     try:
-        notes = _notes(registry.load(group, name))
+        notes = _notes(registry.load(group, name))[: 1 if group == "commands" else None]
     except LookupError as error:
         notes = [f"broken: {error}"]
     return "\n      ".join([f"  {name}  ({registry.distribution(group, name)})", *notes])

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 GROUPS = (
     "apps",
+    "commands",
     "filters",
     "interpolations",
     "methods",
@@ -35,6 +36,11 @@ GROUPS = (
     "views",
     "warps",
 )
+
+# Parts in further packages of this project: package, group, names.
+ELSEWHERE = {
+    "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
+}
 
 REQUIRED = inspect.Parameter.empty  # marks a parameter without a default
 
@@ -219,6 +225,12 @@ def _entry(group: str, name: str) -> "EntryPoint":
     if len(rivals) > 1:
         owners = " and ".join(rival.rpartition("/")[0] for rival in rivals)
         raise LookupError(f"{kind} {name!r} comes from {owners}; say {' or '.join(rivals)}")
+    for package, parts in ELSEWHERE.items():
+        if name in parts.get(group, "").split():
+            raise LookupError(
+                f"{kind} {name!r} is in the package {package}, which is not installed; "
+                f"pip install {package}"
+            )
     close = difflib.get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ";"
     listed = ", ".join(sorted(known)) or "none"

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-SOURCES = ("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d")
+APPLICATIONS = ("apps/points", "apps/texture", "apps/volume", "apps/warp3d")
+SOURCES = ("resample", *APPLICATIONS, "plugins/figures/resample_figures")
 MOST_LINES = 60  # of a function, without its docstring
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
 
@@ -33,7 +34,7 @@ def modules() -> Iterator[Module]:
         for file in sorted((ROOT / top).rglob("*.py")):
             path = file.relative_to(ROOT)
             parts = path.with_suffix("").parts
-            parts = parts[2:] if parts[0] == "apps" else parts
+            parts = parts[2:] if parts[0] in ("apps", "plugins") else parts
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
             yield Module(path, name, ast.parse(file.read_text(encoding="utf-8")))
 

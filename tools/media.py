@@ -140,7 +140,7 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
 
 def picture(folder: Path) -> str:
     """Write a picture of a brick wall."""
-    from resample_texture.figures.paper import generated
+    from resample_figures.figure_5 import generated
 
     levels = np.rint(255 * np.clip(generated("bricks").picture, 0, 1)).astype(np.uint8)
     Image.fromarray(np.squeeze(levels)[:480, :640]).save(folder / "bricks.png")

@@ -1,13 +1,21 @@
 """Commands that pass their arguments on to another application, which is a plugin."""
 
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
 from resample import registry
-from resample.command.flags import OptionTopic, Target, about, marks_of
+from resample.command.flags import DemoOutput, OptionTopic, Target, about, marks_of
+from resample.console import say
 
+RETURNING: Mapping[str, Any] = {
+    "exit_on_error": False,
+    "print_error": False,
+    "result_action": "return_value",
+}
 Words = Annotated[str, Parameter(show=False, allow_leading_hyphen=True)]
 FETCH = """Download and verify a public data set and print its folder; without a name, list all.
 
@@ -24,6 +32,15 @@ FETCH = """Download and verify a public data set and print its folder; without a
     folder
         Folder to keep it in. [default: the user's cache]
     """
+DEMO_FOLDER = Path("demo")
+DEMO = """{1}
+
+    For example:
+
+        {0} demo
+        {0} demo -o pictures
+        {0} demo --output pictures/demo
+    """
 
 
 def launcher(name: str) -> Callable[..., Any]:
@@ -31,12 +48,7 @@ def launcher(name: str) -> Callable[..., Any]:
 
     def launch(*words: Words) -> Any:
         application = registry.load("apps", name)
-        return application(
-            words,
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        return application(words, **RETURNING)
 
     vars(launch)["now"] = name
     return launch
@@ -52,6 +64,26 @@ def fetcher(package: str, example: str) -> Callable[..., None]:
 
     fetch.__doc__ = FETCH.format(package.replace("_", "-"), example)
     return fetch
+
+
+def demonstrator(app: App, purpose: str, commands: Mapping[str, str]) -> Callable[..., None]:
+    """Command that runs other commands of an application, which write files to a folder.
+
+    `commands`: by the name of the file that each writes.
+    """
+
+    def demo(*, output: DemoOutput = DEMO_FOLDER) -> None:
+        from resample.samples.finding import expanded
+
+        output.mkdir(parents=True, exist_ok=True)
+        for name, line in commands.items():
+            words = [*line.split(), "-o", str(output / name)]
+            say(f"{app.name[0]} {' '.join(words)}")
+            app(expanded(words), **RETURNING)
+        sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+
+    demo.__doc__ = DEMO.format(app.name[0], purpose)
+    return demo
 
 
 def command_now(application: str, command: str) -> tuple[str, App]:

@@ -104,7 +104,7 @@ def with_settings(app: App) -> None:
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
         if command is not None and _has_options(command):
-            app[name].default_command = _keeping(f"{app.name[0]} {name}", command)
+            app[name].default_command = keeping_settings(f"{app.name[0]} {name}", command)
 
 
 def _has_options(command: Command) -> bool:
@@ -270,7 +270,7 @@ def _refuse_time(value: object) -> NoReturn:
     raise ValueError(f"no option takes a date or time (got {value})")
 
 
-def _keeping(name: str, command: Command) -> Command:
+def keeping_settings(name: str, command: Command) -> Command:
     """Wrap a command so that it reads and saves settings, within limits."""
     signature = inspect.signature(command)
 

@@ -26,9 +26,9 @@ from resample.files.writing import check_end, load_arrays, refused, store_arrays
 from resample.measuring.compare import contact_sheet, write_screen
 from resample.outofcore.windows import keep_tile
 from resample.types import Film, Frame
+from resample_figures.volumes import write_numbers
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction
-from resample_volume.figures.paper import write_numbers
 from resample_volume.files.source import write_volume
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.types import Recording, Volume

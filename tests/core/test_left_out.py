@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.conftest import _spread, _with_each_value
+from conftest import _spread, _with_each_value
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,16 @@
 import inspect
+import tomllib
 from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from resample import registry
 from resample.profiles.filters import Gaussian
+
+
+ROOT = Path(__file__).parents[2]
 
 
 class Options:
@@ -46,7 +51,7 @@ def test_names_are_sorted():
 
 
 def test_an_unknown_group_lists_the_groups():
-    with pytest.raises(LookupError, match="no 'filter'; plugins come as apps, filters"):
+    with pytest.raises(LookupError, match="no 'filter'; plugins come as apps, commands, filters"):
         registry.names("filter")
 
 
@@ -55,6 +60,29 @@ def test_an_unknown_name_lists_the_known_ones_and_the_closest():
         LookupError, match=r"did you mean 'gaussian'\? known filters: area, box, cat"
     ):
         registry.load("filters", "gausian")
+
+
+def test_a_part_that_another_package_of_this_project_has_names_it(installed):
+    installed()
+    with pytest.raises(LookupError) as caught:
+        registry.load("commands", "volume.figures")
+    assert str(caught.value) == (
+        "command 'volume.figures' is in the package hybrid-resample-figures, which is not "
+        "installed; pip install hybrid-resample-figures"
+    )
+
+
+def test_parts_of_the_packages_of_this_project_are_those_that_they_register():
+    declared = {}
+    for file in sorted(ROOT.glob("plugins/*/pyproject.toml")):
+        project = tomllib.loads(file.read_text(encoding="utf-8"))["project"]
+        declared[project["name"]] = {
+            group.removeprefix("resample."): " ".join(sorted(parts))
+            for group, parts in project["entry-points"].items()
+        }
+    assert declared == registry.ELSEWHERE
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert extras["optional-dependencies"]["all"] == list(declared)
 
 
 def test_an_unknown_name_far_from_all_has_no_suggestion():

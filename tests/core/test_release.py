@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SOURCES = [
     path
-    for top in ("resample", "apps", "tools", "benchmarks")
+    for top in ("resample", "apps", "plugins", "tools", "benchmarks")
     for path in (ROOT / top).rglob("*.py")
 ]
 WORDS = re.compile("allow_pickle|shell|load|eval|exec|pickle|shelve|marshal|dill")

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from conftest import real
 from resample.colors import from_srgb
 from resample_points import read_gaussians, read_particles
 from resample_points.files.readers import Cloud, is_cloud, read_cloud
-from tests.conftest import real
 
 RNG = np.random.default_rng(7)
 POSITION = RNG.normal(size=(40, 3)).astype(np.float32)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from conftest import real
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
@@ -20,7 +21,6 @@ from resample_points.painting.kernels.painting import AMPLE
 from resample_points.painting.rendering import TOLERANCE, CloudStyle, Shading, render_cloud
 from resample_points.scenes import cameras_of
 from tests.bits import assert_threads_change_nothing
-from tests.conftest import real
 
 SIZE = (48, 64)
 SMALL = (24, 32)

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from conftest import real
 from resample_points.data.gaussians import Gaussians
 from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
 from resample_points.files.gaussians.trained import write_gaussians
 from resample_points.files.readers import read_cloud
 from tests import splats as made
-from tests.conftest import real
 from tests.fuzz.files import put
 
 WIDTHS = (0, 3, 8, 15)

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from conftest import real
 from resample.colors import from_srgb, to_srgb
 from resample_texture import Plan, project, resize, rotate, warp, warp_chunks
 from resample_texture.cli import app
 from resample_texture.methods.forward import Hybrid
 from tests.commands import ended
-from tests.conftest import real
 
 TURN = np.array([[0.99, -0.12, 6.0], [0.12, 0.99, -5.0], [0.0, 0.0, 1.0]])
 SMALLER = np.diag([0.8, 0.7, 1.0])

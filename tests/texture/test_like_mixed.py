@@ -7,11 +7,11 @@ import scipy.ndimage
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from conftest import real
 from resample_texture import Homography
 from resample_texture.like import ndimage, opencv, shrinking
 from resample_texture.texels.gather import places_of
 from resample_texture.texels.kernels.gather import put_shares
-from tests.conftest import real
 
 SHAPE = (150, 170)
 TILE = shrinking.TILE

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from conftest import real
 from resample.cameras.files import read_poses
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers
@@ -13,7 +14,6 @@ from resample_warp3d.depth.encodings import PlanarDepth
 from resample_warp3d.depth.equation import between, places, pose_warning, warp_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
-from tests.conftest import real
 
 SHAPE = (60, 80)
 

@@ -13,12 +13,12 @@ import pytest
 import trimesh
 from PIL import Image
 
+from conftest import real
 from resample.files.images import read_channels, read_image
 from resample_warp3d import cli
 from resample_warp3d.types import Hole
 from tests import commands
 from tests.commands import store
-from tests.conftest import real
 from tests.intrinsics import write_intrinsics
 from tests.processes import PATIENCE
 
@@ -734,11 +734,10 @@ def test_figures_refine_depth_as_they_are_told():
 @pytest.mark.sweep
 @pytest.mark.slow
 def test_the_demo_says_where_its_pictures_are(folder, monkeypatch, capsys):
-    monkeypatch.setattr("resample_warp3d.command.compare.DEMO_SIZE", 48)
-    monkeypatch.setattr("resample_warp3d.command.compare.DEMO_FRAMES", 2)
+    monkeypatch.setitem(cli.DEMO, "sway.gif", cli.DEMO["sway.gif"].replace("24", "2"))
     assert ended("demo", "-o", "demo") == 0
     assert capsys.readouterr().out == f"The pictures are in {folder / 'demo'}\n"
-    assert {"figure-6.png", "sway.gif"} <= {path.name for path in Path("demo").iterdir()}
+    assert set(cli.DEMO) == {path.name for path in Path("demo").iterdir()}
 
 
 # Pixel filters

@@ -9,7 +9,6 @@ from resample.colors import from_srgb, to_srgb
 from resample.files.images import read_image
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.figures import paper
 from resample_warp3d.figures.compare import (
     WarpCase,
     busiest,
@@ -199,37 +198,3 @@ def test_the_sheet_has_two_lines_for_each_view(scene_comparison, tmp_path):
 def test_sheets_are_png(scene_comparison, tmp_path):
     with pytest.raises(ValueError, match=r"\.png"):
         sheet(scene_comparison, tmp_path / "sheet.jpg")
-
-
-@pytest.fixture
-def figure(source):
-    return paper.figure_of(source, of_rectified(0.0), SHAPE, ["copy", "nothing"])
-
-
-@pytest.mark.sweep
-def test_a_figure_is_written_with_all_its_parts(figure, tmp_path):
-    numbers = paper.write_figures(tmp_path, figure)
-    names = {f"{name}{part}.png" for name in ("copy", "nothing") for part in ("", "-zoom")}
-    assert {path.name for path in tmp_path.iterdir()} == {
-        *names,
-        *("reference.png", "figure-6.png", "figure-6.json"),
-    }
-    assert [row["hole %"] for row in numbers["methods"]] == [0.0, 100.0]
-
-
-@pytest.mark.sweep
-def test_pictures_of_a_figure_are_1_to_1(figure, tmp_path):
-    paper.write_figures(tmp_path, figure)
-    assert read_image(tmp_path / "copy.png").shape == (*SHAPE, 3)
-
-
-def test_the_figure_of_the_generated_scene_has_a_truth(record):
-    figure = paper.generated_figure(SIZE, "roll", ["copy", "nothing"])
-    assert list(figure.pictures) == ["truth", "copy", "nothing"]
-    record.quality("copy", figure.rows[0]["psnr"])
-    assert list(figure.notes) == ["copy", "nothing"]
-
-
-def test_a_figure_of_nothing_is_refused(source):
-    with pytest.raises(ValueError, match="shows nothing of the depth image"):
-        paper.figure_of(source, of_rectified(1000.0), SHAPE, ["copy"])

@@ -3,6 +3,7 @@ import struct
 import numpy as np
 import pytest
 
+from conftest import real
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers, undistorted_places
 from resample_warp3d.depth.encodings import (
@@ -16,7 +17,6 @@ from resample_warp3d.depth.encodings import (
 from resample_warp3d.depth.equation import of_rectified, places, warp_places
 from resample_warp3d.depth.files import read_depth
 from resample_warp3d.types import DepthImage
-from tests.conftest import real
 
 SHAPE = (48, 64)
 CAMERA = Camera.from_fov(60, *SHAPE)

@@ -239,7 +239,8 @@ class Worker:
         for taken, stream in ((nothing, 0), (output, 1), (output, 2)):
             os.dup2(taken, stream)
         os.chdir(self.root)
-        tops = [str(self.root), *map(str, sorted(self.root.glob("apps/*")))]
+        packages = [*self.root.glob("apps/*"), *self.root.glob("plugins/*")]
+        tops = [str(self.root), *map(str, sorted(packages))]
         sys.path[:0] = tops
         os.environ["PYTHONPATH"] = os.pathsep.join(tops)
         os.environ["HYBRID_RESAMPLE_CACHE"] = str(scratch / "cache")

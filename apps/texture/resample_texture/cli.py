@@ -7,7 +7,8 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.applications import fetcher
+from resample.command.additions import add_command
+from resample.command.applications import demonstrator, fetcher
 from resample.command.flags import OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
@@ -53,7 +54,12 @@ PAGE = Filling.usual()  # a page must not fade at the photo's edges
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
 SHEETS = (".png", ".html")
 SCENES = ("floor", "floor-yaw", "floor-close", "zoom", "shrink")
-FIGURES, DEMO = Path("figures"), Path("demo")
+FLOOR = "warp sample:bricks --corners 170,0,214,0,700,384,-316,384 --size 384"
+DEMO = {
+    "floor-points.png": f"{FLOOR} --method points",
+    "floor.png": FLOOR,
+    "flight.gif": "animate sample:bricks --frames 24 --fps 12 --size 320x180",
+}
 
 
 @app.command
@@ -401,79 +407,19 @@ def animate(
 app.command(fetcher("resample_texture", "astronaut"))
 
 
-@app.command
-def figures(
-    *, output: flags.Output = FIGURES, image: Annotated[Picture | None, OptionTopic.SOURCE] = None
-) -> None:
-    """Reproduce the paper's Figure 5: a floor by points, by the hybrid, and backward.
-
-    For example:
-
-        resample-texture figures
-        resample-texture figures -o figure-5
-        resample-texture figures --image sample:test-card
-
-    Parameters
-    ----------
-    output
-        Written to: folder for figure5.png, the single pictures and table.txt; created if missing.
-    image
-        Picture to show beside the checkerboard. [default: a generated brick wall]
-    """
-    from resample.files.formats import flattened
-    from resample.files.pictures import read_picture
-    from resample_texture.figures.paper import (
-        FIGURE,
-        SHEET,
-        FloorPicture,
-        compare_floors,
-        generated,
-        write_figures,
+app.command(
+    demonstrator(
+        app, "Warp a brick wall to a floor, by points and by the hybrid, and fly over it.", DEMO
     )
-
-    subjects = {"checker": generated("checker")}
-    if image is None:
-        subjects["bricks"] = generated("bricks")
-    else:
-        subjects["picture"] = FloorPicture(flattened(read_picture(image), (0.0, 0.0, 0.0)).data)
-    output.mkdir(parents=True, exist_ok=True)
-    comparisons = compare_floors(subjects, list(FIGURE))
-    sys.stdout.write(write_figures(output, comparisons, FIGURE, SHEET))
-
-
-@app.command
-def demo(*, output: flags.DemoOutput = DEMO) -> None:
-    """Show floors of generated pictures beside the usual way to draw them, and a flight over one.
-
-    For example:
-
-        resample-texture demo
-        resample-texture demo -o floors
-        resample-texture demo --output pictures/floors
-    """
-    from resample import registry
-    from resample.command.films import write_shared
-    from resample_texture.command import animation
-    from resample_texture.figures.paper import (
-        FIGURE,
-        compare_floors,
-        generated,
-        write_figures,
-    )
-
-    output.mkdir(parents=True, exist_ok=True)
-    subjects = {name: generated(name) for name in ("checker", "bricks")}
-    wall = subjects["bricks"].picture
-    comparisons = compare_floors(subjects, ["hybrid", "bilinear"], (384, 384))
-    write_figures(output, comparisons, FIGURE, "floors.png")
-    paint = animation.FlightOptions(registry.build("methods", "hybrid"), background=(0.3, 0.5, 0.7))
-    flight = animation.Flyover(frames=24, size=(180, 320))
-    shots = animation.shots(animation.with_alpha(wall), flight, paint)
-    write_shared(output / "flight.gif", shots, fps=12)
-    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+)
 
 
 with_settings(app)
+add_command(
+    app,
+    "texture.figures",
+    "Reproduce the paper's Figure 5: a floor by points, by the hybrid, and backward.",
+)
 
 
 def main() -> NoReturn:

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
+from resample.command.additions import add_command
+from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
@@ -65,8 +67,10 @@ MOST_RAYS = 32
 BAR = 40  # characters of the longest histogram bar
 OF_LISTS = ("histogram", "thresholds", "findings", "levels", "looks")
 UNLISTED = (*OF_LISTS, "length_unit")  # which are shown in another way
-DEMO_FOLDER, FIGURES = Path("demo"), Path("figures")
-DEMO = {"checker-box": "30,25,0.9", "vessel-tree": "30,15,1"}  # cameras; all of one dtype
+DEMO = {  # volumes of one dtype
+    "checker-box.png": "render checker-box --camera 30,25,0.9 --background black",
+    "vessel-tree.png": "render vessel-tree --camera 30,15,1 --background black",
+}
 
 
 @app.command
@@ -492,63 +496,11 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
         sys.stdout.write(f"{store.fetch(name, folder=folder)}\n")
 
 
-@app.command
-def figures(
-    *,
-    output: flags.Output = FIGURES,
-    figure: Annotated[
-        tuple[str, ...], OptionTopic.APPEARANCE, Parameter(negative="", show_default=False)
-    ] = (),
-    data: flags.Source = None,
-) -> None:
-    """Reproduce the paper's Figures 1 to 4 and 7 to 9, as pictures and tables.
-
-    For example:
-
-        resample-volume figures
-        resample-volume figures --figure 7 --figure 8
-        resample-volume figures --figure 1-2 -o figure-1
-
-    Parameters
-    ----------
-    output
-        Written to: folder for .png, .csv and .json files; created if missing.
-    figure
-        Figures of the paper: 1-2, 3-4, 7, 8 or 9. [default: all]
-    data
-        Folder of the paper's volumes (engine.nhdr, ...). [default: where fetch stores them]
-    """
-    from resample_volume.figures.paper import make
-
-    sys.stdout.write(make(output, figure or None, data))
-
-
-@app.command
-def demo(*, output: flags.DemoOutput = DEMO_FOLDER) -> None:
-    """Render the generated volumes.
-
-    For example:
-
-        resample-volume demo
-        resample-volume demo -o volumes
-        resample-volume demo --output pictures/volumes
-    """
-    from resample.console import say
-    from resample.files.saving import write_frame
-    from resample_volume.files.source import generate as generated
-    from resample_volume.rendering import render as rendered
-
-    output.mkdir(parents=True, exist_ok=True)
-    for name, camera in DEMO.items():
-        volume, look = generated(name), AppearanceChoices(camera=camera)
-        frame = rendered(volume, look.appearance(volume), look.viewpoint())
-        path = output / f"{name.partition(':')[0]}.png"
-        write_frame(path, frame, background=(0.0, 0.0, 0.0))
-        say(f"{path}: a volume of {' x '.join(map(str, volume.values.shape[::-1]))} voxels")
-    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+app.command(demonstrator(app, "Render the generated volumes.", DEMO))
 
 
 with_settings(app)
+add_command(app, "volume.figures", "Reproduce the paper's Figures 1 to 4 and 7 to 9.")
 
 
 def main() -> NoReturn:

@@ -2,13 +2,13 @@
 
 import sys
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Literal, NoReturn
 
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.applications import fetcher
+from resample.command.additions import add_command
+from resample.command.applications import demonstrator, fetcher
 from resample.command.flags import OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
@@ -61,7 +61,11 @@ PAIR_DEPTH, PARALLAX, FILMING = PairDepth.usual(), Parallax.usual(), FilmInput.u
 VIEWS = "side,back4,in3,oblique"  # of the generated scene
 SIDE = 512  # px per side of the generated scene's views
 COMPARED = "mcmillan,mesh,paper,hybrid"
-DEMO, FIGURES = Path("demo"), Path("figures")
+DEMO = {
+    "moved.png": "render sample:room --fill",
+    "anaglyph.png": "stereo sample:room --layout anaglyph --fill",
+    "sway.gif": "animate sample:room:size=180 --frames 24 --fps 12",
+}
 
 
 @app.command
@@ -461,89 +465,15 @@ def compare(
 app.command(fetcher("resample_warp3d", "living-room"))
 
 
-@app.command
-def figures(
-    color: str | None = None,
-    depth: str | None = None,
-    /,
-    *,
-    output: flags.Output = FIGURES,
-    eye: Annotated[SourceCamera, flags.Flat] = EYE,
-    meaning: Annotated[Depth, flags.Flat] = DEPTH,
-    aim: Annotated[Aim, flags.Flat] = AIM,
-    views: flags.AppearanceFlag[str] = "oblique",
-    methods: flags.AppearanceFlag[str] = "hybrid,mcmillan",
-    refine: flags.AppearanceFlag[Refine] = "auto",
-) -> None:
-    """Reproduce the paper's Figure 6: a picture, and a view by the hybrid and by McMillan.
-
-    For example:
-
-        resample-warp3d figures
-        resample-warp3d figures --views side -o figure-6
-        resample-warp3d figures sample:room --move 0.3,0,0
-
-    Parameters
-    ----------
-    color
-        Any picture. [default: the generated scene]
-    depth
-        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
-        array.
-    output
-        Written to: folder for figure-6.png, the single pictures and figure-6.json; created if
-        missing.
-    views
-        Views of the generated scene: one of side, back4, in3, oblique or roll.
-    methods
-        Methods separated by commas.
-    refine
-        Repair of depth that does not fit the picture: none, or snap, sharpen, shift, complete or
-        densify; auto chooses. Needs COLOR and DEPTH.
-    """
-    from resample import registry
-    from resample.measuring.compare import plain
-    from resample_warp3d.command.compare import figure_of_files
-    from resample_warp3d.command.inputs import DepthReader
-    from resample_warp3d.figures.compare import check_views
-    from resample_warp3d.figures.paper import generated_figure, write_figures
-
-    names = method_names(methods)
-    registry.check("warps", names)
-    check_views([views])
-    if (color is None) != (depth is None):
-        raise ValueError("give COLOR and DEPTH, or neither for the generated scene")
-    if color is None or depth is None:
-        side = SIDE if aim.size is None else height_and_width(aim.size)[0]
-        output.mkdir(parents=True, exist_ok=True)
-        figure = generated_figure(side, views, names)
-    else:
-        aim.check()
-        reader = DepthReader.checked(eye, meaning)
-        output.mkdir(parents=True, exist_ok=True)
-        figure = figure_of_files((color, depth), reader, aim, names, refine)
-    write_figures(output, figure)
-    sys.stdout.write(plain(figure.rows))
-
-
-@app.command
-def demo(*, output: flags.DemoOutput = DEMO) -> None:
-    """Render a new view of a generated room beside the true one, and a swaying camera.
-
-    For example:
-
-        resample-warp3d demo
-        resample-warp3d demo -o room
-        resample-warp3d demo --output pictures/room
-    """
-    from resample_warp3d.command.compare import write_demo
-
-    output.mkdir(parents=True, exist_ok=True)
-    write_demo(output)
-    sys.stdout.write(f"The pictures are in {output.resolve()}\n")
+app.command(demonstrator(app, "Render new views of a generated room, and a swaying camera.", DEMO))
 
 
 with_settings(app)
+add_command(
+    app,
+    "warp3d.figures",
+    "Reproduce the paper's Figure 6: a picture, and a view by the hybrid and by McMillan.",
+)
 
 
 def main() -> NoReturn:

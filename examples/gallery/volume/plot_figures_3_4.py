@@ -16,7 +16,7 @@ The same from the command line:
 import tempfile
 from pathlib import Path
 
-from resample_volume.figures.paper import make
+from resample_figures.volumes import make
 
 with tempfile.TemporaryDirectory() as folder:
     make(Path(folder), ["3-4"])

@@ -160,7 +160,7 @@ def annotated_picture(
         marks = beside.annotations(background)
         frame = annotated(frame, scene.camera, scene.subject.placed(shown[0]), marks)
     if beside.color_bar:
-        from resample_volume.figures.color_bar import with_bar
+        from resample_volume.space.color_bar import with_bar
 
         frame = with_bar(frame, *shown, resampler, background, scene.subject.tone)
     return frame

@@ -18,11 +18,7 @@ from resample.painting.choices import Primitive
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
-from resample_volume.baselines.painting import AxisSheets
-from resample_volume.baselines.peers import Peer, VtkRenderer
-from resample_volume.classification.presets import load_transfer
-from resample_volume.classification.transfer import TransferFunction, from_points
-from resample_volume.figures.paper import (
+from resample_figures.volumes import (
     FigureVolume,
     Row,
     VolumeFolder,
@@ -31,6 +27,10 @@ from resample_volume.figures.paper import (
     save,
     write_numbers,
 )
+from resample_volume.baselines.painting import AxisSheets
+from resample_volume.baselines.peers import Peer, VtkRenderer
+from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels

@@ -131,7 +131,7 @@ def _made_figures(
     shelf = VolumeFolder(data)
     folder.mkdir(parents=True, exist_ok=True)
     for figure in chosen:
-        module = import_module(f"resample_volume.figures.{FIGURES[figure]}")
+        module = import_module(f"resample_figures.{FIGURES[figure]}")
         yield module.make(folder, shelf, quick=quick)
 
 

@@ -27,7 +27,7 @@ pytest.register_assert_rewrite("tests.bits", "tests.commands")  # they say what 
 
 pytest_plugins = ("tests.record",)  # figures that may not get worse
 
-DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parents[1] / "../shared/data"))
+DATA = Path(os.environ.get("RESAMPLE_TEST_DATA", Path(__file__).parent / "../shared/data"))
 
 with suppress(ImportError):  # tests of the wheel have pytest alone
     from hypothesis import settings

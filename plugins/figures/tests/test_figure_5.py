@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample_texture.figures import scenes
-from resample_texture.figures.paper import (
+from resample_figures.figure_5 import (
     FIGURE,
     FloorPicture,
     compare_floors,
     generated,
     write_figures,
 )
+from resample_texture.figures import scenes
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from resample.painting.choices import PAPER_FILTER, Primitive
 from resample.profiles.orders import EverySample, layers_of, sheets_of
 from resample.resampler import Resampler
 from resample.types import Doubles, Records, Samples, Sheets
-from resample_volume.figures.paper import Row, VolumeFolder, drawing, save, write_numbers
+from resample_figures.volumes import Row, VolumeFolder, drawing, save, write_numbers
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import visible_voxels

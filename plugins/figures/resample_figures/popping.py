@@ -17,7 +17,7 @@ from resample.measuring.compare import contact_sheet, shown
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
-from resample_volume.figures.paper import Row, VolumeFolder, drawing, save, write_numbers
+from resample_figures.volumes import Row, VolumeFolder, drawing, save, write_numbers
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import lit_samples, visible_voxels

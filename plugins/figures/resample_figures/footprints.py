@@ -14,7 +14,7 @@ from resample.painting.choices import Footprint, Primitive, footprints_of
 from resample.profiles.reconstruction import GaussianKernel, footprint_table
 from resample.resampler import Resampler
 from resample.types import Doubles, Record, Samples
-from resample_volume.figures.paper import Row, VolumeFolder, drawing, save, write_numbers
+from resample_figures.volumes import Row, VolumeFolder, drawing, save, write_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,1 @@
+"""The command `figures` of each application."""
