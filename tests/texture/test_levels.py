@@ -6,7 +6,16 @@ import pytest
 from PIL import Image
 
 from resample.colors import from_srgb, to_srgb
-from resample_texture import ForwardMap, PictureScene, Plan, project, resize, rotate, warp, warp_chunks
+from resample_texture import (
+    ForwardMap,
+    PictureScene,
+    Plan,
+    project,
+    resize,
+    rotate,
+    warp,
+    warp_chunks,
+)
 from resample_texture.cli import app
 from resample_texture.methods.forward import Hybrid
 from tests.commands import ended

@@ -17,7 +17,13 @@ from resample.engine.jit import kernel, making_kernel
 from resample.engine.vectors import Matrix
 from resample.engine.windows.polygons import area, box, crossing, reach
 from resample.types import Doubles, Floats, Single
-from resample_texture.mesh.kernels.sampling import Skin, fill_line, level_for
+from resample_texture.mesh.kernels.sampling import (
+    Skin,
+    fill_line,
+    level_for,
+    light_of,
+    share_of_levels,
+)
 from resample_texture.mesh.kernels.surfaces import (
     Place,
     ProjectedTriangles,
@@ -34,6 +40,7 @@ from resample_texture.texels.kernels.texels import phase
 Color = tuple[Single, Single, Single]
 
 SLACK = 1e-3  # cells; tolerance for the rounded edges of a part
+TINY = 1e-30  # px², area of a texel
 SMALLEST = 1e-6  # sub-pixels; keeps divisions finite
 MOST_CELLS = 64.0  # per sub-pixel; a texture more anisotropic than that is looked up instead
 MOST_LINES = 256.0  # of cells, per sub-pixel along the clipped part
@@ -138,6 +145,18 @@ def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
 
 
 @kernel
+def _share_at(forward: Matrix, place: Place, size: tuple[int, int], is_encoded: bool) -> float:
+    """Share of levels of sRGB, or of light, at a place of a texture of `size` texels."""
+    (ux, uy), (tx, ty) = stretch(forward, place)
+    # A pixel's longer axis is the inverse of a texel's shorter one.
+    ux, uy, tx, ty = ux / size[0], uy / size[0], tx / size[1], ty / size[1]
+    squares, area = ux * ux + uy * uy + tx * tx + ty * ty, abs(ux * ty - uy * tx)
+    longer = math.sqrt(0.5 * (squares + math.sqrt(max(0.0, squares * squares - 4.0 * area * area))))
+    share = share_of_levels(longer / max(area, TINY))
+    return share if is_encoded else 1.0 - share
+
+
+@kernel
 def paint_cells(
     block: TileBuffer,
     n: int,
@@ -149,11 +168,13 @@ def paint_cells(
 ) -> tuple[int, int]:
     """Add the cells whose centers lie in a triangle; count all, and the visible ones.
 
+    Levels of sRGB and the largest level of light share the weight by how long pixels are.
     `block.corner` and `block.rim` hold the corners of the triangle n and the `count` corners of its
     visible part, in cells.
     """
     # Set up the homography, the size of a cell in the texture, and its area on screen times w³.
     samples, texture, taps = block.samples, skin.texture[n], skin.taps
+    is_encoded, is_mixed = cut.level < skin.first[texture], cut.level <= skin.first[texture] == 1
     forward = matrix_at(triangles.forward, n)
     (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
     step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
@@ -182,6 +203,16 @@ def paint_cells(
         # Skip lines near the horizon whose cells are larger than the tile.
         if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
             continue
+        # The share of this level changes evenly between the ends of the line.
+        share, change = 1.0, 0.0
+        if is_mixed:
+            size = skin.level[texture, 0, 2], skin.level[texture, 0, 1]
+            share = _share_at(forward, (first * step_u, t), size, is_encoded)
+            change = (_share_at(forward, (last * step_u, t), size, is_encoded) - share) / (
+                last - first
+            )
+            if share == change == 0.0:
+                continue
         # Interpolate the texture along t, once per line.
         row, column = line // cut.along_t, first // cut.along_u
         vertical, part = phase(line - row * cut.along_t, cut.along_t), first - column * cut.along_u
@@ -204,10 +235,14 @@ def paint_cells(
             else:
                 color = _between(texels, at, taps, phase(part, cut.along_u), taps.shape[0])
             points += 1
+            # Turn levels into light.
+            if is_encoded:
+                color = light_of(color[0]), light_of(color[1]), light_of(color[2])
             # Drop cells behind the camera; the others add their area on screen.
             if 0.0 < inverse < np.inf:
-                weight = mass * inverse * inverse * inverse
+                weight = share * mass * inverse * inverse * inverse
                 seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)
+            share += change
             part += 1
             if part == cut.along_u:
                 part = 0
@@ -329,7 +364,9 @@ def dice(
         if not reach(block.rim, count) < MOST_LINES * along:
             continue
         # Project the cells and add them to the sub-pixels.
-        done = paint_cells(block, n, count, cut, triangles, skin, lens)
-        points += done[0]
-        seen += done[1]
+        for level in range(0 if cut.level == skin.first[texture] else cut.level, cut.level + 1):
+            one = TextureDicing(level, cut.along_u, cut.along_t)
+            done = paint_cells(block, n, count, one, triangles, skin, lens)
+            points += done[0]
+            seen += done[1]
     return points, seen
