@@ -62,12 +62,12 @@ def halvings(texture: Floats, cover: Cover) -> Pyramid:
     Its levels are means of light; before the largest comes the same in levels of sRGB if these are
     interpolated. A mask is cut by its alpha between texels, so these two are not multiplied.
     """
-    color, visible = texture[..., :3], np.float32(1)
+    color, visible = texture[..., :3], np.ones(1, np.float32)
     if texture.shape[2] == 4:
         visible = _visibility(texture, cover)
     light = pyramid(np.ascontiguousarray(color * visible))
     if cover.alpha is AlphaMode.MASK:
-        visible = np.float32(1)
+        visible = np.ones(1, np.float32)
         light.texel[: color.size] = color.ravel()
     return _after(to_srgb(color) * visible, light) if cover.is_encoded else light
 
@@ -86,7 +86,8 @@ def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
 
 def _after(first: Floats, rest: Pyramid) -> Pyramid:
     """Return a pyramid with another level in front of it, as large as its largest."""
-    levels = np.concatenate([rest.levels[:1], rest.levels + [first.size, 0, 0]])
+    levels = np.vstack([rest.levels[:1], rest.levels])
+    levels[1:, 0] += first.size
     return Pyramid(np.concatenate([first.ravel(), rest.texel]), levels)
 
 

@@ -102,9 +102,12 @@ def _projected_shares(method: Method, geometry: ForwardMap, shape: tuple[int, in
     if share.min(initial=1.0) == share.max(initial=1.0):
         return np.full((1, 1, 1), share.min(initial=1.0), np.float32)
     texels = np.ascontiguousarray(share[..., None], np.float32)
-    image, coverage = method(texels, geometry, shape, Edge.TRANSPARENT)
-    image = np.divide(image, coverage[..., None], out=image, where=coverage[..., None] > 0.0)
-    return np.clip(image, 0.0, 1.0, out=image)
+    warped, coverage = method(texels, geometry, shape, Edge.TRANSPARENT)
+    image: Floats = np.divide(
+        warped, coverage[..., None], out=warped, where=coverage[..., None] > 0.0
+    )
+    image.clip(0.0, 1.0, out=image)
+    return image
 
 
 def _longest_on(plane: "Plane", form: tuple[int, int]) -> float:

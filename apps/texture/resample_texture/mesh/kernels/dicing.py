@@ -145,15 +145,45 @@ def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
 
 
 @kernel
-def _share_at(forward: Matrix, place: Place, size: tuple[int, int], is_encoded: bool) -> float:
-    """Share of levels of sRGB, or of light, at a place of a texture of `size` texels."""
+def _shares(
+    skin: Skin, texture: int, level: int, forward: Matrix, ends: tuple[float, float], t: float
+) -> Place:
+    """Share of a level of the texture in pixels at the ends of a line, from u to u.
+
+    Levels of sRGB and the largest level of light share pixels by how long these are.
+    """
+    if level > skin.first[texture] or skin.first[texture] == 0:
+        return 1.0, 1.0
+    width, height = skin.level[texture, 0, 2], skin.level[texture, 0, 1]
+    one = share_of_levels(_longer_at(forward, (ends[0], t), width, height))
+    two = share_of_levels(_longer_at(forward, (ends[1], t), width, height))
+    return (one, two) if level == 0 else (1.0 - one, 1.0 - two)
+
+
+@kernel
+def _longer_at(forward: Matrix, place: Place, width: int, height: int) -> float:
+    """Longer axis of a pixel, texels: the inverse of a texel's shorter one."""
     (ux, uy), (tx, ty) = stretch(forward, place)
-    # A pixel's longer axis is the inverse of a texel's shorter one.
-    ux, uy, tx, ty = ux / size[0], uy / size[0], tx / size[1], ty / size[1]
+    ux, uy, tx, ty = ux / width, uy / width, tx / height, ty / height
     squares, area = ux * ux + uy * uy + tx * tx + ty * ty, abs(ux * ty - uy * tx)
-    longer = math.sqrt(0.5 * (squares + math.sqrt(max(0.0, squares * squares - 4.0 * area * area))))
-    share = share_of_levels(longer / max(area, TINY))
-    return share if is_encoded else 1.0 - share
+    rest = math.sqrt(max(0.0, squares * squares - 4.0 * area * area))
+    return math.sqrt(0.5 * (squares + rest)) / max(area, TINY)
+
+
+@kernel
+def _color_at(
+    texels: Floats, at: int, beside: int, taps: Floats, part: int, is_encoded: bool
+) -> Color:
+    """Light of a line of texels, interpolated from its number `at` on, or of one texel."""
+    if beside == 0:
+        color = texels[at], texels[at + 1], texels[at + 2]
+    elif beside == 2:  # a count that is known is unrolled
+        color = _between(texels, at, taps, part, 5)
+    else:
+        color = _between(texels, at, taps, part, taps.shape[0])
+    if is_encoded:
+        return light_of(color[0]), light_of(color[1]), light_of(color[2])
+    return color
 
 
 @kernel
@@ -174,7 +204,7 @@ def paint_cells(
     """
     # Set up the homography, the size of a cell in the texture, and its area on screen times w³.
     samples, texture, taps = block.samples, skin.texture[n], skin.taps
-    is_encoded, is_mixed = cut.level < skin.first[texture], cut.level <= skin.first[texture] == 1
+    is_encoded = cut.level < skin.first[texture]
     forward = matrix_at(triangles.forward, n)
     (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
     step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
@@ -203,22 +233,16 @@ def paint_cells(
         # Skip lines near the horizon whose cells are larger than the tile.
         if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
             continue
-        # The share of this level changes evenly between the ends of the line.
-        share, change = 1.0, 0.0
-        if is_mixed:
-            size = skin.level[texture, 0, 2], skin.level[texture, 0, 1]
-            share = _share_at(forward, (first * step_u, t), size, is_encoded)
-            change = (_share_at(forward, (last * step_u, t), size, is_encoded) - share) / (
-                last - first
-            )
-            if share == change == 0.0:
-                continue
+        # The level's share changes evenly along the line.
+        ends = first * step_u, last * step_u
+        share, end = _shares(skin, texture, cut.level, forward, ends, t)
+        if share == end == 0.0:
+            continue
         # Interpolate the texture along t, once per line.
         row, column = line // cut.along_t, first // cut.along_u
         vertical, part = phase(line - row * cut.along_t, cut.along_t), first - column * cut.along_u
         needed = 3 * ((last - 1) // cut.along_u - column + 1 + 2 * beside)
-        start = (row, column - beside)
-        fill_line(skin, texture, cut.level, start, vertical, texels, needed)
+        fill_line(skin, texture, cut.level, (row, column - beside), vertical, texels, needed)
         # Walk along u: project each cell's center with one division.
         xw, yw, ww = xt * t + x1, yt * t + y1, wt * t + w1
         at = 0
@@ -228,25 +252,15 @@ def paint_cells(
             x = ((xw + xu * u) * inverse - block.left) * samples
             y = ((yw + yu * u) * inverse - block.top) * samples
             # Interpolate the color along u, or take the texel as it is.
-            if beside == 0:
-                color = texels[at], texels[at + 1], texels[at + 2]
-            elif beside == 2:  # a count that is known is unrolled
-                color = _between(texels, at, taps, phase(part, cut.along_u), 5)
-            else:
-                color = _between(texels, at, taps, phase(part, cut.along_u), taps.shape[0])
+            color = _color_at(texels, at, beside, taps, phase(part, cut.along_u), is_encoded)
             points += 1
-            # Turn levels into light.
-            if is_encoded:
-                color = light_of(color[0]), light_of(color[1]), light_of(color[2])
             # Drop cells behind the camera; the others add their area on screen.
             if 0.0 < inverse < np.inf:
                 weight = share * mass * inverse * inverse * inverse
                 seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)
-            share += change
-            part += 1
-            if part == cut.along_u:
-                part = 0
-                at += 3
+            share += (end - share) / (last - cell)
+            part = (part + 1) % cut.along_u
+            at += 3 * (part == 0)
     return points, seen
 
 

@@ -53,8 +53,8 @@ class Skin(NamedTuple):
     edge: Ints  # (P, 2) what lies beyond a texture's edges along u and t, see `texels.mapped`
     mode: Ints  # (P,) OPAQUE, MASK or BLEND
     cutoff: Floats  # (P,) least alpha that shows of a mask
-    # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest levels;
-    # a mask's other levels are reduced from what passes its cutoff. Empty if all is opaque.
+    # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest level,
+    # of levels and of light; its others are reduced from what passes its cutoff. Empty: all opaque.
     alpha: Floats
     first: Ints  # (P,) largest level of light; 1 if the same in levels of sRGB comes before it
 
@@ -65,7 +65,7 @@ def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float
 
     `size` is how long u and t are on screen, px.
     """
-    found = skin.first[texture]
+    found = int(skin.first[texture])
     for k in range(found + 1, skin.levels[texture]):
         height, width = skin.level[texture, k, 1], skin.level[texture, k, 2]
         if max(size[0] / width, size[1] / height) > widest:
