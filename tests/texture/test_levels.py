@@ -7,7 +7,16 @@ from PIL import Image
 
 from conftest import real
 from resample.colors import from_srgb, to_srgb
-from resample_texture import Plan, project, resize, rotate, warp, warp_chunks
+from resample_texture import (
+    ForwardMap,
+    PictureScene,
+    Plan,
+    project,
+    resize,
+    rotate,
+    warp,
+    warp_chunks,
+)
 from resample_texture.cli import app
 from resample_texture.methods.forward import Hybrid
 from tests.commands import ended
@@ -113,6 +122,60 @@ def test_a_projection_follows_the_rule():
         for each in (None, False, True)
     )
     assert np.abs(shown - levels).mean() < 0.4 * np.abs(shown - light).mean()
+
+
+def forward(height, width, scale):
+    """A picture's texels, moved and `scale` times as far apart."""
+    y, x = np.mgrid[:height, :width] + 0.5
+    return ForwardMap(scale * x + 0.3, scale * y + 0.2)
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_forward_maps_follow_the_rule(dtype):
+    image = photo(dtype=dtype)
+    for scale, is_linear in ((1.0, False), (2.5, False), (0.5, True)):
+        place, limit = forward(60, 80, scale), "area-spline:limit=range"
+        shown = warp(image, place, (24, 32), linear_light="pixels")
+        alone = warp(image, place, (24, 32), linear_light=is_linear, interpolation=limit)
+        if is_linear:
+            alone = warp(image, place, (24, 32), linear_light=True)
+        inner = np.s_[3:20, 3:28]  # where pixels are covered
+        np.testing.assert_array_equal(shown.image[inner], alone.image[inner])
+        np.testing.assert_array_equal(shown.coverage, alone.coverage)
+
+
+def test_a_forward_map_that_shrinks_ever_more_has_no_step():
+    """Between both the result lies between both: pixels of 1 to 2 texels, left to right."""
+    image, count = photo(60, 120), np.arange(120) + 0.5
+    x = np.tile(np.cumsum(1.0 / (1.0 + count / 120)), (60, 1))
+    y = np.repeat(count[:60, None], 120, axis=1)
+    x[3:5, 20:24] = np.nan  # texels that are dropped
+    shown, levels, light = (
+        warp(image, ForwardMap(x, y), (60, 80), linear_light=kind).image.astype(int)
+        for kind in ("pixels", False, True)
+    )
+    left, right = np.s_[8:50, 2:12], np.s_[8:50, 71:79]
+    assert np.abs(shown - levels)[left].mean() < 1.0 < np.abs(light - levels)[left].mean()
+    assert np.abs(shown - light)[right].mean() < 1.0 < np.abs(light - levels)[right].mean()
+    lower, upper = np.minimum(light, levels) - 8, np.maximum(light, levels) + 8
+    assert ((shown >= lower) & (shown <= upper)).mean() > 0.99
+
+
+@pytest.mark.parametrize("scale", [3.0, 0.25])
+def test_previews_are_interpolated_in_levels(scale):
+    image, matrix = photo(64, 64), np.diag([scale, scale, 1.0])
+    scene = PictureScene(image)
+    shown, as_light = (
+        one.render(matrix, size=(64, 64), quality="preview").image.astype(int)
+        for one in (scene, PictureScene(image, linear_light=True))
+    )
+    if scale > 1.0:
+        levels = PictureScene(image, linear_light=False)
+        same = levels.render(matrix, size=(64, 64), quality="preview").image.astype(int)
+        assert np.abs(shown - same)[4:, 4:].max() <= 1
+        assert np.abs(shown - as_light)[4:, 4:].max() > 10
+    else:
+        assert np.abs(shown - as_light)[:15, :15].mean() < 3
 
 
 def test_the_edge_of_a_picture_covers_pixels_with_light():

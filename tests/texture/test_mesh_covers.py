@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from resample import registry
+from resample.colors import from_srgb
 from resample.engine.jit import threads
-from resample_texture.mesh.rendering import Mesh
+from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
 from resample_texture.mesh.shapes import Cover
 from tests.texture.mesh_shapes import (
     CUBE,
@@ -185,3 +186,21 @@ def test_a_bad_cover_is_refused(given, message):
 def test_every_texture_has_a_cover_or_none_has():
     with pytest.raises(ValueError, match="2 covers for 1 textures"):
         Mesh(SQUARE, FALLING, SQUARE[:, :2], (even(1, 1, 1),), covers=(Cover(), Cover()))
+
+
+@pytest.mark.parametrize("alpha", ["opaque", "mask", "blend"])
+def test_levels_are_interpolated_and_light_is_averaged(alpha):
+    """Black beside white, 16 times as large and half as large."""
+    texture = np.ones((8, 8, 4), np.float32)
+    texture[:, ::2, :3] = 0.0
+    cover = Cover(alpha=alpha, is_encoded=True)
+    mesh = Mesh(SQUARE, FALLING, uv=SQUARE[:, :2], textures=(texture,), covers=(cover,))
+    style = MeshStyle(samples=1, interpolation="bilinear")
+    # A pixel's middle, a quarter of a texel beside the border of two texels.
+    large = render_mesh(mesh, from_above(128.0, 32), size=(32, 32), style=style).rgba[16]
+    place = (np.arange(32) + 0.5 - 16) / 16 + 4 - 0.5
+    part = place % 1.0
+    level = np.where(np.floor(place) % 2 == 0, part, 1.0 - part)
+    np.testing.assert_allclose(large[:, 1], from_srgb(level), atol=8e-3)
+    small = render_mesh(mesh, from_above(4.0, 4), size=(4, 4)).rgba
+    np.testing.assert_allclose(small[1:3, 1:3], [[[0.5, 0.5, 0.5, 1.0]] * 2] * 2, atol=0.02)

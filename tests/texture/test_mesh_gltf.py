@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,12 +125,12 @@ def test_a_texture_is_multiplied_by_its_material_s_color(tmp_path):
 )
 def test_samplers_say_what_lies_beyond_a_texture_s_edges(tmp_path, kind, sampler, edges):
     file = written(tmp_path, header(textured(), samplers=[sampler]), kind)
-    assert load_mesh(file).covers == (Cover(*edges),)
+    assert load_mesh(file).covers == (Cover(*edges, is_encoded=True),)
 
 
 def test_a_texture_without_a_sampler_repeats(tmp_path):
     mesh = load_mesh(written(tmp_path, header(textured(), textures=[{"source": 0}])))
-    assert mesh.covers == (Cover(),)
+    assert mesh.covers == (Cover(is_encoded=True),)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +144,7 @@ def test_a_texture_without_a_sampler_repeats(tmp_path):
 )
 def test_a_material_says_what_alpha_does(tmp_path, said, cover):
     mesh = load_mesh(written(tmp_path, header(textured(**said))))
-    assert mesh.covers == (cover,)
+    assert mesh.covers == (replace(cover, is_encoded=True),)
     seen = {"opaque": 1.0, "mask": float(cover.cutoff <= 0.4), "blend": 0.4}[cover.alpha]
     found = picture(mesh, from_above(16.0, 16), 16).rgba[8, 8]
     np.testing.assert_allclose(found, seen * np.array([1, 0.2158605, 0, 1]), rtol=1e-5)

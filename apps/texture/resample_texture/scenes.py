@@ -32,7 +32,7 @@ from resample_texture.geometry.mappings import (
 )
 from resample_texture.stacks import given_pictures
 from resample_texture.texels.encoding import Encoding, decoded
-from resample_texture.texels.levels import light_for
+from resample_texture.texels.levels import curved, light_for, mixed_light, texels_in_levels
 from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import (
     AnyAlpha,
@@ -180,6 +180,10 @@ class PictureScene(AnyScene):
         ids[found.coverage == 0] = -1
         return ids
 
+    @property
+    def _is_in_levels(self) -> bool:
+        return bool(self._light["linear_light"] == "pixels")
+
     def _shape(self, size: tuple[int, int] | None) -> tuple[int, int]:
         return (self.image.shape[0], self.image.shape[1]) if size is None else shape_of(size)
 
@@ -191,19 +195,31 @@ class PictureScene(AnyScene):
         texels, encoding = self._texels(level)
         method = method_named("hybrid" if isinstance(geometry, ForwardMap) else "bilinear")
         drawing = Drawing(method, _shrunk(geometry, self._merged(level), small), small, border)
-        made = finished(run(drawing, texels), encoding)
+        warped = run(drawing, texels)
+        if self._is_in_levels:
+            warped = mixed_light(warped, None, np.ones((1, 1, 1), np.float32), encoding)
+        made = finished(warped, encoding)
         image, coverage = (enlarged(np.ma.getdata(part), PER, shape, smooth=True) for part in made)
         return Previewed(image, coverage)
 
     def _texels(self, level: int) -> tuple[Floats, Encoding]:
         """Return a level of the texels' pyramid, and their encoding."""
         if self._encoding is None:
-            texels, self._encoding = decoded(self.image, **self._light)
+            if self._is_in_levels:
+                texels, self._encoding = texels_in_levels(self.image, self._light["alpha"])
+            else:
+                texels, self._encoding = decoded(self.image, **self._light)
             self._levels = [texels]
         while len(self._levels) <= level:
-            last = self._levels[-1]
-            height, width = last.shape[:2]
-            self._levels.append(shrunk(last, max(1, height // 2), max(1, width // 2)))
+            # Light is averaged, and interpolated as levels.
+            texels, encoding = self._levels[-1], self._encoding
+            height, width = max(1, texels.shape[0] // 2), max(1, texels.shape[1] // 2)
+            if self._is_in_levels:
+                light = curved(texels, None, encoding, is_back=True)
+                texels = curved(shrunk(light, height, width), None, encoding)
+            else:
+                texels = shrunk(texels, height, width)
+            self._levels.append(texels)
         return self._levels[level], self._encoding
 
     def _merged(self, level: int) -> tuple[float, float]:

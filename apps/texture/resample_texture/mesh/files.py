@@ -11,6 +11,7 @@ import json
 import math
 import struct
 import warnings
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -143,11 +144,19 @@ def load_mesh(path: str | Path, texture: str | Path | Floats | None = None) -> M
     try:
         if given is not None and all(_uv(one) is None for one in geometries):
             raise ValueError("has no texture coordinates; a texture cannot be laid on it")
-        return _joined([_piece(one, opened) for one in geometries])
+        mesh = _joined([_piece(one, opened) for one in geometries])
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
     except (TypeError, LookupError, AttributeError) as error:  # of what trimesh read incompletely
         raise unreadable(source.name, error) from None
+    if not (texture is None or isinstance(texture, str | Path)):
+        return mesh
+    # Files hold levels, but for the floats of bright light.
+    covers = [
+        replace(cover, is_encoded=bool(one.max() <= 1.0))
+        for one, cover in zip(mesh.textures, mesh.covers, strict=True)
+    ]
+    return replace(mesh, covers=tuple(covers))
 
 
 def _scene(source: _MeshFile) -> Any:

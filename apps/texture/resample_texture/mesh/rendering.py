@@ -79,6 +79,7 @@ def skin(mesh: Mesh, interpolation: Interpolation, view: View, *, shading: bool)
         np.array([_mode(*one) for one in zip(mesh.textures, mesh.covers, strict=True)], np.int64),
         np.array([cover.cutoff for cover in mesh.covers], np.float32),
         alpha,
+        np.array([cover.is_encoded for cover in mesh.covers], np.int64),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.colors import to_srgb
 from resample.types import Doubles, Floats
 from resample_texture.texels.pyramid import Pyramid, pyramid
 from resample_texture.types import Edge
@@ -40,6 +41,7 @@ class Cover:
     along_v: Edge = Edge.WRAP
     alpha: AlphaMode = AlphaMode.OPAQUE  # alpha mode; a texture without a fourth channel is opaque
     cutoff: float = 0.5  # least visible alpha of a mask
+    is_encoded: bool = False  # interpolated as levels of sRGB, as files have them
 
     def __post_init__(self) -> None:
         for name in ("along_u", "along_v"):
@@ -57,25 +59,36 @@ class Cover:
 def halvings(texture: Floats, cover: Cover) -> Pyramid:
     """Return the pyramid of a texture (H, W, 3 or 4), multiplied by its visibility.
 
-    A mask is cut by its alpha between texels, so its largest level is not multiplied.
+    Its levels are means of light; before the largest comes the same in levels of sRGB if these are
+    interpolated. A mask is cut by its alpha between texels, so these two are not multiplied.
     """
-    color = texture[..., :3]
-    if texture.shape[2] == 3:
-        return pyramid(color)
-    levels = pyramid(np.ascontiguousarray(color * _visibility(texture, cover)))
+    color, visible = texture[..., :3], np.ones(1, np.float32)
+    if texture.shape[2] == 4:
+        visible = _visibility(texture, cover)
+    light = pyramid(np.ascontiguousarray(color * visible))
     if cover.alpha is AlphaMode.MASK:
-        levels.texel[: color.size] = color.ravel()
-    return levels
+        visible = np.ones(1, np.float32)
+        light.texel[: color.size] = color.ravel()
+    return _after(to_srgb(color) * visible, light) if cover.is_encoded else light
 
 
 def alpha_halvings(texture: Floats, cover: Cover) -> Pyramid:
     """Return the pyramid of a texture's alpha; of a mask its visibility from level 1 on."""
-    if texture.shape[2] == 3:
-        return pyramid(np.ones((*texture.shape[:2], 1), np.float32))
-    levels = pyramid(_visibility(texture, cover))
-    if cover.alpha is AlphaMode.MASK:
-        levels.texel[: texture[..., 3].size] = texture[..., 3].ravel()
-    return levels
+    alpha = np.ones((*texture.shape[:2], 1), np.float32)
+    if texture.shape[2] == 4:
+        alpha = _visibility(texture, cover)
+    levels = pyramid(alpha)
+    if texture.shape[2] == 4 and cover.alpha is AlphaMode.MASK:
+        alpha = texture[..., 3:]
+        levels.texel[: alpha.size] = alpha.ravel()
+    return _after(alpha, levels) if cover.is_encoded else levels
+
+
+def _after(first: Floats, rest: Pyramid) -> Pyramid:
+    """Return a pyramid with another level in front of it, as large as its largest."""
+    levels = np.vstack([rest.levels[:1], rest.levels])
+    levels[1:, 0] += first.size
+    return Pyramid(np.concatenate([first.ravel(), rest.texel]), levels)
 
 
 def _visibility(texture: Floats, cover: Cover) -> Floats:

@@ -17,7 +17,7 @@ from resample.colors import from_srgb, to_srgb
 from resample.types import Floats
 from resample_texture.geometry.mappings import ForwardMap, Geometry
 from resample_texture.texels.encoding import LEVELS, Encoding, decoded
-from resample_texture.types import AnyAlpha, AnyLight, Method, Warped
+from resample_texture.types import AnyAlpha, AnyLight, Edge, Method, Warped
 
 if TYPE_CHECKING:
     from resample_texture.texels.kernels.gather import Plane
@@ -62,8 +62,10 @@ def share_of_levels(
     (h, w, 1), or (1, 1, 1) if all are as long. `size`: height and width of the source, texels.
     """
     is_mixing = getattr(method, "interpolation", None) is not None or hasattr(method, "in_levels")
-    if not is_mixing or isinstance(geometry, ForwardMap):
+    if not is_mixing:
         return np.zeros((1, 1, 1), np.float32)
+    if isinstance(geometry, ForwardMap):
+        return _projected_shares(method, geometry, shape)
     from resample_texture.texels.gather import places_of
     from resample_texture.texels.kernels.gather import Plane, put_shares
 
@@ -80,6 +82,32 @@ def share_of_levels(
     shares = np.empty((*form, 1), np.float32)
     put_shares(places, (SHORT, LONG), form, shares.reshape(-1))
     return shares
+
+
+def _projected_shares(method: Method, geometry: ForwardMap, shape: tuple[int, int]) -> Floats:
+    """Share of levels in pixels (height, width) along a forward map: texels bring their own.
+
+    A pixel's longer axis in texels is the inverse of a texel's shorter one in pixels.
+    """
+    along_x, along_y = (
+        np.gradient(part) if min(part.shape) > 1 else np.zeros((2, *part.shape))
+        for part in (geometry.x, geometry.y)
+    )
+    squares = sum(part * part for part in (*along_x, *along_y))
+    area = np.abs(along_x[1] * along_y[0] - along_x[0] * along_y[1])
+    longer = np.sqrt(0.5 * (squares + np.sqrt(np.maximum(squares**2 - 4.0 * area**2, 0.0))))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((LONG - longer / area) / (LONG - SHORT), 0.0, 1.0)
+    share[np.isnan(share)] = 1.0  # beside texels that are dropped, and of single rows
+    if share.min(initial=1.0) == share.max(initial=1.0):
+        return np.full((1, 1, 1), share.min(initial=1.0), np.float32)
+    texels = np.ascontiguousarray(share[..., None], np.float32)
+    warped, coverage = method(texels, geometry, shape, Edge.TRANSPARENT)
+    image: Floats = np.divide(
+        warped, coverage[..., None], out=warped, where=coverage[..., None] > 0.0
+    )
+    image.clip(0.0, 1.0, out=image)
+    return image
 
 
 def _longest_on(plane: "Plane", form: tuple[int, int]) -> float:
@@ -105,7 +133,7 @@ def texels_in_levels(
         texels, encoding = decoded(image, linear_light=False, alpha=alpha, gaps=gaps)
         return texels, encoding._replace(is_encoded=True)
     light, encoding = decoded(image, alpha=alpha, gaps=gaps)
-    return _curved(light, None, encoding, _table(is_back=False)), encoding
+    return curved(light, None, encoding), encoding
 
 
 def mixed_light(
@@ -115,7 +143,7 @@ def mixed_light(
 
     Either may have left out pixels, with a coverage of 0, that are the other's alone.
     """
-    made = _curved(levels.image, levels.coverage[..., None], encoding, _table(is_back=True))
+    made = curved(levels.image, levels.coverage[..., None], encoding, is_back=True)
     if averaged is None:
         return Warped(made, levels.coverage)
     made -= averaged.image
@@ -124,8 +152,13 @@ def mixed_light(
     return Warped(made, np.maximum(levels.coverage, averaged.coverage))
 
 
-def _curved(values: Floats, weight: Floats | None, encoding: Encoding, table: Floats) -> Floats:
-    """Colors along a curve; what has multiplied them is divided out and multiplied again."""
+def curved(
+    values: Floats, weight: Floats | None, encoding: Encoding, *, is_back: bool = False
+) -> Floats:
+    """Levels of light, or light of levels (`is_back`).
+
+    What has multiplied the colors is divided out and multiplied again: `weight`, or opacity.
+    """
     from resample.engine.levels import bend
 
     # Opacity and marks of values that exist are multiplied by the coverage themselves.
@@ -141,7 +174,7 @@ def _curved(values: Floats, weight: Floats | None, encoding: Encoding, table: Fl
     if weight is not None:
         color = np.divide(color, weight, out=np.zeros_like(color), where=weight > 0.0)
     bent = np.empty_like(color)
-    bend(table, color.reshape(-1), bent.reshape(-1))
+    bend(_table(is_back=is_back), color.reshape(-1), bent.reshape(-1))
     if weight is not None:
         bent *= weight
     if colors == values.shape[2]:

@@ -17,7 +17,13 @@ from resample.engine.jit import kernel, making_kernel
 from resample.engine.vectors import Matrix
 from resample.engine.windows.polygons import area, box, crossing, reach
 from resample.types import Doubles, Floats, Single
-from resample_texture.mesh.kernels.sampling import Skin, fill_line, level_for
+from resample_texture.mesh.kernels.sampling import (
+    Skin,
+    fill_line,
+    level_for,
+    light_of,
+    share_of_levels,
+)
 from resample_texture.mesh.kernels.surfaces import (
     Place,
     ProjectedTriangles,
@@ -34,6 +40,7 @@ from resample_texture.texels.kernels.texels import phase
 Color = tuple[Single, Single, Single]
 
 SLACK = 1e-3  # cells; tolerance for the rounded edges of a part
+TINY = 1e-30  # px², area of a texel
 SMALLEST = 1e-6  # sub-pixels; keeps divisions finite
 MOST_CELLS = 64.0  # per sub-pixel; a texture more anisotropic than that is looked up instead
 MOST_LINES = 256.0  # of cells, per sub-pixel along the clipped part
@@ -138,6 +145,48 @@ def _extent(forward: Matrix, place: Place, step: Place, samples: int) -> Place:
 
 
 @kernel
+def _shares(
+    skin: Skin, texture: int, level: int, forward: Matrix, ends: tuple[float, float], t: float
+) -> Place:
+    """Share of a level of the texture in pixels at the ends of a line, from u to u.
+
+    Levels of sRGB and the largest level of light share pixels by how long these are.
+    """
+    if level > skin.first[texture] or skin.first[texture] == 0:
+        return 1.0, 1.0
+    width, height = skin.level[texture, 0, 2], skin.level[texture, 0, 1]
+    one = share_of_levels(_longer_at(forward, (ends[0], t), width, height))
+    two = share_of_levels(_longer_at(forward, (ends[1], t), width, height))
+    return (one, two) if level == 0 else (1.0 - one, 1.0 - two)
+
+
+@kernel
+def _longer_at(forward: Matrix, place: Place, width: int, height: int) -> float:
+    """Longer axis of a pixel, texels: the inverse of a texel's shorter one."""
+    (ux, uy), (tx, ty) = stretch(forward, place)
+    ux, uy, tx, ty = ux / width, uy / width, tx / height, ty / height
+    squares, area = ux * ux + uy * uy + tx * tx + ty * ty, abs(ux * ty - uy * tx)
+    rest = math.sqrt(max(0.0, squares * squares - 4.0 * area * area))
+    return math.sqrt(0.5 * (squares + rest)) / max(area, TINY)
+
+
+@kernel
+def _color_at(
+    texels: Floats, at: int, beside: int, taps: Floats, part: int, is_encoded: bool
+) -> Color:
+    """Light of a line of texels, interpolated from its number `at` on, or of one texel."""
+    if beside == 0:
+        color = texels[at], texels[at + 1], texels[at + 2]
+    elif beside == 2:  # a count that is known is unrolled
+        color = _between(texels, at, taps, part, 5)
+    else:
+        color = _between(texels, at, taps, part, taps.shape[0])
+    if is_encoded:
+        return light_of(color[0]), light_of(color[1]), light_of(color[2])
+    return color
+
+
+@kernel
 def paint_cells(
     block: TileBuffer,
     n: int,
@@ -149,11 +198,13 @@ def paint_cells(
 ) -> tuple[int, int]:
     """Add the cells whose centers lie in a triangle; count all, and the visible ones.
 
+    Levels of sRGB and the largest level of light share the weight by how long pixels are.
     `block.corner` and `block.rim` hold the corners of the triangle n and the `count` corners of its
     visible part, in cells.
     """
     # Set up the homography, the size of a cell in the texture, and its area on screen times w³.
     samples, texture, taps = block.samples, skin.texture[n], skin.taps
+    is_encoded = cut.level < skin.first[texture]
     forward = matrix_at(triangles.forward, n)
     (xu, xt, x1), (yu, yt, y1), (wu, wt, w1) = forward
     step_u = 1.0 / (skin.level[texture, cut.level, 2] * cut.along_u)
@@ -182,12 +233,16 @@ def paint_cells(
         # Skip lines near the horizon whose cells are larger than the tile.
         if not (extent[0] <= len(block.owner) and extent[1] <= len(block.owner)):
             continue
+        # The level's share changes evenly along the line.
+        ends = first * step_u, last * step_u
+        share, end = _shares(skin, texture, cut.level, forward, ends, t)
+        if share == end == 0.0:
+            continue
         # Interpolate the texture along t, once per line.
         row, column = line // cut.along_t, first // cut.along_u
         vertical, part = phase(line - row * cut.along_t, cut.along_t), first - column * cut.along_u
         needed = 3 * ((last - 1) // cut.along_u - column + 1 + 2 * beside)
-        start = (row, column - beside)
-        fill_line(skin, texture, cut.level, start, vertical, texels, needed)
+        fill_line(skin, texture, cut.level, (row, column - beside), vertical, texels, needed)
         # Walk along u: project each cell's center with one division.
         xw, yw, ww = xt * t + x1, yt * t + y1, wt * t + w1
         at = 0
@@ -197,21 +252,15 @@ def paint_cells(
             x = ((xw + xu * u) * inverse - block.left) * samples
             y = ((yw + yu * u) * inverse - block.top) * samples
             # Interpolate the color along u, or take the texel as it is.
-            if beside == 0:
-                color = texels[at], texels[at + 1], texels[at + 2]
-            elif beside == 2:  # a count that is known is unrolled
-                color = _between(texels, at, taps, phase(part, cut.along_u), 5)
-            else:
-                color = _between(texels, at, taps, phase(part, cut.along_u), taps.shape[0])
+            color = _color_at(texels, at, beside, taps, phase(part, cut.along_u), is_encoded)
             points += 1
             # Drop cells behind the camera; the others add their area on screen.
             if 0.0 < inverse < np.inf:
-                weight = mass * inverse * inverse * inverse
+                weight = share * mass * inverse * inverse * inverse
                 seen += _add(block, (x, y), extent, weight, color, n, triangles, lens)
-            part += 1
-            if part == cut.along_u:
-                part = 0
-                at += 3
+            share += (end - share) / (last - cell)
+            part = (part + 1) % cut.along_u
+            at += 3 * (part == 0)
     return points, seen
 
 
@@ -329,7 +378,9 @@ def dice(
         if not reach(block.rim, count) < MOST_LINES * along:
             continue
         # Project the cells and add them to the sub-pixels.
-        done = paint_cells(block, n, count, cut, triangles, skin, lens)
-        points += done[0]
-        seen += done[1]
+        for level in range(0 if cut.level == skin.first[texture] else cut.level, cut.level + 1):
+            one = TextureDicing(level, cut.along_u, cut.along_t)
+            done = paint_cells(block, n, count, one, triangles, skin, lens)
+            points += done[0]
+            seen += done[1]
     return points, seen

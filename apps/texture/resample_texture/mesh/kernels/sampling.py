@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from resample.colors import from_srgb
 from resample.engine.jit import inner_kernel
 from resample.engine.vectors import Matrix, column, dot, multiply
 from resample.engine.windows.edges import WRAP, mapped
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Single
 from resample_texture.mesh.kernels.surfaces import (
     Ints,
     Place,
@@ -23,6 +24,7 @@ from resample_texture.mesh.kernels.surfaces import (
     texture_place,
 )
 from resample_texture.texels.kernels.texels import DENSE, phase
+from resample_texture.texels.levels import LONG, SHORT
 
 OPAQUE, MASK, BLEND = range(3)
 Layer = tuple[float, float, float, float]  # red, green, blue, premultiplied by alpha, and alpha
@@ -32,6 +34,8 @@ MASKED_TAPS = 4.0  # per sub-pixel, at least, where a mask cuts
 ROUNDING = 1e-5  # of a constant alpha, interpolated
 TOO_MANY_TEXELS = 1e15  # per sub-pixel; beyond, a texture is its mean
 DENSITY = 2.0  # looks per texel
+STEPS = 4096  # of the curve from levels to light, between which it is linear
+CURVE = np.asarray(from_srgb(np.minimum(np.arange(STEPS + 2) / STEPS, 1.0)), np.float32)
 GOLDEN = 0.6180339887498949  # multiples of it, modulo 1, fill an interval evenly
 
 
@@ -49,19 +53,20 @@ class Skin(NamedTuple):
     edge: Ints  # (P, 2) what lies beyond a texture's edges along u and t, see `texels.mapped`
     mode: Ints  # (P,) OPAQUE, MASK or BLEND
     cutoff: Floats  # (P,) least alpha that shows of a mask
-    # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest level;
-    # a mask's other levels are reduced from what passes its cutoff. Empty if all is opaque.
+    # (N / 3,) alpha beside `texel`, premultiplied into the colors except in a mask's largest level,
+    # of levels and of light; its others are reduced from what passes its cutoff. Empty: all opaque.
     alpha: Floats
+    first: Ints  # (P,) largest level of light; 1 if the same in levels of sRGB comes before it
 
 
 @inner_kernel
 def level_for(skin: Skin, texture: int, size: tuple[float, float], widest: float) -> int:
-    """Smallest level with texels of at most `widest` px.
+    """Smallest level of light with texels of at most `widest` px.
 
     `size` is how long u and t are on screen, px.
     """
-    found = 0
-    for k in range(1, skin.levels[texture]):
+    found = int(skin.first[texture])
+    for k in range(found + 1, skin.levels[texture]):
         height, width = skin.level[texture, k, 1], skin.level[texture, k, 2]
         if max(size[0] / width, size[1] / height) > widest:
             break
@@ -143,8 +148,23 @@ def lit(triangles: ProjectedTriangles, skin: Skin, n: int, place: Place) -> floa
 
 
 @inner_kernel
+def share_of_levels(longest: float) -> float:
+    """Share of levels in what a pixel shows that is this long, texels."""
+    return max(0.0, min(1.0, (LONG - longest) / (LONG - SHORT)))
+
+
+@inner_kernel
+def light_of(level: float) -> Single:
+    """Light 0..1 of an interpolated level of sRGB."""
+    place = np.float32(min(max(0.0, level), 1.0)) * np.float32(STEPS)
+    step = np.uint64(np.int32(place))
+    part = place - np.float32(step)
+    return CURVE[step] + part * (CURVE[step + np.uint64(1)] - CURVE[step])
+
+
+@inner_kernel
 def _sample_level(skin: Skin, texture: int, level: int, place: Place) -> Layer:
-    """Interpolate a texture's level at (u, t): premultiplied color, and alpha."""
+    """Interpolate a level of the pyramid at (u, t): premultiplied light, and alpha."""
     base, mode = skin.level[texture, level, 0], skin.mode[texture]
     height, width = skin.level[texture, level, 1], skin.level[texture, level, 2]
     edge_u, edge_t = skin.edge[texture, 0], skin.edge[texture, 1]
@@ -164,13 +184,36 @@ def _sample_level(skin: Skin, texture: int, level: int, place: Place) -> Layer:
             blue += weight * skin.texel[at + 2]
             if mode != OPAQUE:
                 alpha += weight * skin.alpha[at // 3]
-    # Apply the alpha mode: opaque, cut by a mask, or blended.
-    if mode == OPAQUE:
-        return red, green, blue, 1.0
-    if mode == MASK and level == 0:
-        is_seen = alpha + ROUNDING >= skin.cutoff[texture]
-        return (red, green, blue, 1.0) if is_seen else (0.0, 0.0, 0.0, 0.0)
-    return red, green, blue, max(0.0, min(1.0, alpha))
+    # Cut a mask's largest level, whose color is straight; others are premultiplied.
+    alpha = 1.0 if mode == OPAQUE else max(0.0, min(1.0, alpha))
+    if mode == MASK and level <= skin.first[texture]:
+        if alpha + ROUNDING < skin.cutoff[texture]:
+            return 0.0, 0.0, 0.0, 0.0
+        alpha = 1.0
+    # Turn levels into light.
+    if level < skin.first[texture] and alpha > 0.0:
+        red, green, blue = (
+            alpha * light_of(red / alpha),
+            alpha * light_of(green / alpha),
+            alpha * light_of(blue / alpha),
+        )
+    return red, green, blue, alpha
+
+
+@inner_kernel
+def _mixed(skin: Skin, texture: int, level: int, share: float, place: Place) -> Layer:
+    """Interpolate a level at (u, t), and a share of it in levels of sRGB."""
+    if share == 0.0:
+        return _sample_level(skin, texture, level, place)
+    red, green, blue, alpha = _sample_level(skin, texture, 0, place)
+    if share == 1.0:
+        return red, green, blue, alpha
+    r, g, b, a = _sample_level(skin, texture, level, place)
+    rest = 1.0 - share
+    return (
+        share * red + rest * r, share * green + rest * g, share * blue + rest * b,
+        share * alpha + rest * a,
+    )  # fmt: skip
 
 
 @inner_kernel
@@ -228,7 +271,7 @@ def _level_and_taps(skin: Skin, texture: int, reach: Place) -> tuple[int, int]:
     if not most < TOO_MANY_TEXELS:
         return skin.levels[texture] - 1, 1
     # Choose the level by the shorter axis, or a smaller one if the longer needs too many looks.
-    level, texel = 0, 1.0
+    level, texel = skin.first[texture], 1.0
     while level + 1 < skin.levels[texture]:
         if 2.0 * texel > fewest and most * max(texel, fewest) <= MOST_TAPS * texel * texel:
             break
@@ -260,13 +303,14 @@ def evaluate(
     # Choose a level and the number of look-ups by what the sub-pixel covers.
     reach = _reach(triangles, skin, n, place, fine)
     level, taps = _level_and_taps(skin, texture, reach)
+    levels = share_of_levels(reach[0] / fine) if level == skin.first[texture] == 1 else 0.0
     if taps == 1:
-        return _sample_level(skin, texture, level, texture_place(triangles, skin.uv, n, place))
+        return _mixed(skin, texture, level, levels, texture_place(triangles, skin.uv, n, place))
     # Average look-ups at places of a golden-ratio sequence over the sub-pixel.
     red, green, blue, alpha = 0.0, 0.0, 0.0, 0.0
     for k in range(taps):
         x, y = (k + 0.5) / taps, (k * GOLDEN + 0.5) % 1.0
         at = texture_place(triangles, skin.uv, n, (corner[0] + x * fine, corner[1] + y * fine))
-        r, g, b, a = _sample_level(skin, texture, level, at)
+        r, g, b, a = _mixed(skin, texture, level, levels, at)
         red, green, blue, alpha = red + r, green + g, blue + b, alpha + a
     return red / taps, green / taps, blue / taps, alpha / taps
