@@ -28,6 +28,7 @@ GROUPS = (
     "interpolations",
     "methods",
     "orders",
+    "peers",
     "primitives",
     "projections",
     "readers",
@@ -39,6 +40,14 @@ GROUPS = (
 
 # Parts in further packages of this project: package, group, names.
 ELSEWHERE = {
+    "hybrid-resample-comparisons": {
+        "commands": "points.compare texture.compare volume.compare warp3d.compare",
+        "methods": "area bilinear cubic lanczos4 oiio opencv-supersample",
+        "orders": "axis-sheets",
+        "peers": "VTK",
+        "primitives": "ewa inflate",
+        "warps": "ldi mcmillan mcmillan-zbuffer mesh opencv subsample",
+    },
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
 }
 
@@ -63,6 +72,15 @@ def names(group: str) -> list[str]:
         The group does not exist.
     """
     return sorted(_entries(group))
+
+
+def missing(group: str, name: str) -> str:
+    """Which package of this project has a part that is not installed; empty if none has."""
+    for package, parts in ELSEWHERE.items():
+        if name in parts.get(group, "").split() and name not in _entries(group):
+            kind = _singular(group)
+            return f"{kind} '{name}' is in {package}, which is not installed: pip install {package}"
+    return ""
 
 
 def distribution(group: str, name: str) -> str:
@@ -225,12 +243,8 @@ def _entry(group: str, name: str) -> "EntryPoint":
     if len(rivals) > 1:
         owners = " and ".join(rival.rpartition("/")[0] for rival in rivals)
         raise LookupError(f"{kind} {name!r} comes from {owners}; say {' or '.join(rivals)}")
-    for package, parts in ELSEWHERE.items():
-        if name in parts.get(group, "").split():
-            raise LookupError(
-                f"{kind} {name!r} is in the package {package}, which is not installed; "
-                f"pip install {package}"
-            )
+    if absence := missing(group, name):
+        raise LookupError(absence)
     close = difflib.get_close_matches(name, known, n=1)
     hint = f", did you mean {close[0]!r}?" if close else ";"
     listed = ", ".join(sorted(known)) or "none"

@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-APPLICATIONS = ("apps/points", "apps/texture", "apps/volume", "apps/warp3d")
-SOURCES = ("resample", *APPLICATIONS, "plugins/figures/resample_figures")
+SOURCES = (
+    *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
+    *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
+)
 MOST_LINES = 60  # of a function, without its docstring
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
 

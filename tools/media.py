@@ -150,7 +150,7 @@ def picture(folder: Path) -> str:
 def depth_image(folder: Path) -> tuple[str, str]:
     """Write a generated depth image."""
     from resample.colors import to_srgb
-    from resample_warp3d.figures.scenes import generated
+    from resample_comparisons.warp3d.scenes import generated
 
     image = generated(480).depth_image(4)
     levels = np.rint(255 * to_srgb(image.color)).astype(np.uint8)
@@ -186,8 +186,8 @@ def moving(opened: Any, volume: str) -> None:
 
 def flicker() -> None:
     """Animation of a distant rotating checker box: one ray per pixel, and ours, enlarged."""
+    from resample_comparisons.volume.peers import VtkRenderer
     from resample_volume import Appearance, Scene
-    from resample_volume.baselines.peers import VtkRenderer
     from resample_volume.media.appearance import transfer_of
 
     scene, size = Scene(BLOCKS), (FLICKER, FLICKER)

@@ -24,8 +24,7 @@ COMMANDS = (
     "resample-volume render checker-box:size=16 --size 32 -o name.png",
     "resample compare file.png -R name.png",
     WARP.format("warped.png"),
-    "resample-texture compare file.png --scene floor --methods bilinear,hybrid -o compare.html",
-    "resample-warp3d compare --scene generated --size 64 --methods mcmillan,hybrid -o warps.png",
+    "resample-texture demo -o demo",
     "resample-warp3d animate file.png depth.npy --fov 60 --frames 2 -o sway.webp",
     "resample-points render sample:knot-points --size 64 -o points.png",
 )

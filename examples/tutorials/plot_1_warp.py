@@ -15,7 +15,7 @@ covered fraction of each pixel, and replace OpenCV calls.
 # to linear light before filtering; floats are linear light already. Here is a wall:
 
 from resample_texture import warp
-from resample_texture.figures.scenes import bricks
+from resample_comparisons.texture.scenes import bricks
 
 wall = bricks(512)
 print(wall.shape, wall.dtype)

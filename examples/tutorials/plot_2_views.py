@@ -15,7 +15,7 @@ fill it.
 # axis. Depths that are zero, negative or not finite are unknown.
 
 from resample_warp3d import Camera, warp
-from resample_warp3d.figures.scenes import generated
+from resample_comparisons.warp3d.scenes import generated
 
 room = generated(300)
 color, depth = room.render(room.source, room.shape)

@@ -113,7 +113,9 @@ def test_a_mistyped_command_or_option_is_put_right(application, mistyped, comman
 @pytest.mark.parametrize("command", ["demo", "figures"])
 @pytest.mark.parametrize("application", ["texture", "volume", "warp3d"])
 def test_a_file_is_refused_as_a_folder(application, command, capsys, monkeypatch):
-    monkeypatch.setattr("resample_texture.figures.scenes.FINER", 1)  # what is made first is small
+    monkeypatch.setattr(
+        "resample_comparisons.texture.scenes.FINER", 1
+    )  # what is made first is small
     Path(command).write_text("a file")
     assert command in refused(app_of(application), capsys, command)
     assert command in refused(app_of(application), capsys, command, "-o", command)

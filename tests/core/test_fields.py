@@ -12,7 +12,7 @@ from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Lamp, Samples
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 from tests import naive
 from tests.bits import ARRAYS, assert_same
 from tests.samples import CAMERAS as SEEN

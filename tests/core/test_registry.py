@@ -9,7 +9,6 @@ import pytest
 from resample import registry
 from resample.profiles.filters import Gaussian
 
-
 ROOT = Path(__file__).parents[2]
 
 
@@ -67,8 +66,8 @@ def test_a_part_that_another_package_of_this_project_has_names_it(installed):
     with pytest.raises(LookupError) as caught:
         registry.load("commands", "volume.figures")
     assert str(caught.value) == (
-        "command 'volume.figures' is in the package hybrid-resample-figures, which is not "
-        "installed; pip install hybrid-resample-figures"
+        "command 'volume.figures' is in hybrid-resample-figures, which is not installed: "
+        "pip install hybrid-resample-figures"
     )
 
 

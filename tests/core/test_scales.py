@@ -9,7 +9,7 @@ from resample.painting.choices import Primitive, footprints_of
 from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.types import Samples
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 from tests import naive, sheared
 from tests.bits import assert_same
 from tests.samples import painter, reordered, shuffled

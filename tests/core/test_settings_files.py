@@ -211,7 +211,7 @@ def test_the_schema_tells_types_limits_defaults_and_what_options_are(capsys):
 
 def test_the_schema_of_an_unknown_command_lists_the_known_ones(capsys):
     error = refused(capsys, "schema", "resample-volume", "rendr")
-    assert "no command 'rendr'; it has render, compare, animate" in error
+    assert "no command 'rendr'; it has render, animate, view" in error
     assert "'volum'" in refused(capsys, "schema", "volum", "render")
 
 

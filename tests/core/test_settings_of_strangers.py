@@ -24,9 +24,9 @@ from resample.command.intrinsics import with_intrinsics
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in
+from resample_comparisons.texture import scenes
 from resample_points.command import rendering as cloud_films
 from resample_texture.command.choices import MATRIX
-from resample_texture.figures import scenes
 from resample_texture.geometry.matrices import parse_matrix
 from resample_volume.classification.presets import is_file
 from resample_volume.command import animation as volume_films

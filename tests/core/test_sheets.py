@@ -13,7 +13,7 @@ from resample.painting.choices import Primitive
 from resample.profiles.orders import EverySample, ImageSheets, Summing, layers_of, sheets_of
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import painter, shuffled

@@ -18,7 +18,7 @@ from resample.profiles.reconstruction import (
     partial_table,
 )
 from resample.types import Samples
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import POSE, block, cloud, painter, shuffled

@@ -11,7 +11,7 @@ from resample.painting.scenes.plans import MIXTURE, POINTS, SPLATS
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample, ImageSheets
 from resample.types import Classifier, Field
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 from tests.core.test_steps import AROUND, EVEN, UNEVEN, Parts, planned
 from tests.core.test_windows import HEIGHT, PICTURE, WIDTH, assert_same, camera, cloud, some_of
 from tests.samples import DARK, painter

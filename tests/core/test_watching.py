@@ -15,9 +15,9 @@ from resample.engine import jit
 from resample.painting.choices import Primitive, Projection
 from resample.profiles.orders import ImageSheets, Rays
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import AxisSheets
 from resample_points import Cloud, render_cloud
 from resample_texture import BackwardMap, Homography, warp
-from resample_volume.baselines.painting import AxisSheets
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification

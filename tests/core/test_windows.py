@@ -13,7 +13,7 @@ from resample.outofcore.windows import WindowTask, split_windows
 from resample.painting.scenes.plans import MIXTURE, PAPER, POINTS, SPLATS, together
 from resample.profiles.orders import ImageSheets
 from resample.types import Samples
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 
 HEIGHT, WIDTH = 50, 70
 PICTURE = {"height": HEIGHT, "width": WIDTH}

@@ -273,7 +273,7 @@ def mesh() -> Any:
 
 def depth_room() -> Any:
     """The generated scene from where the depth image goes, NaN where that does not show it."""
-    from resample_warp3d.figures.scenes import generated
+    from resample_comparisons.warp3d.scenes import generated
 
     scene = generated(64)
     shape, target = scene.shape, scenes.target_of(scene.source)

@@ -15,7 +15,7 @@ from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import Resampler
 from resample.types import Samples
-from resample_volume.baselines.painting import EWA_VARIANCE, AxisSheets
+from resample_comparisons.volume.painting import EWA_VARIANCE, AxisSheets
 from tests import naive
 from tests.benchmarks.splat_scenes import CRUST, checker_box, checker_truth, distant, object_psnr
 from tests.samples import cloud, painter

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from resample_comparisons.texture.opencv import InterLinear
 from resample_texture import Edge, Homography
-from resample_texture.baselines.opencv import InterLinear
 from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
 from resample_texture.methods.paper import Paper
 

@@ -16,6 +16,7 @@ from resample.cameras.panoramic import Equirectangular
 from resample.colors import to_srgb
 from resample.files.images import read_channels
 from resample.watching import Cancel
+from resample_comparisons.points import mitsuba
 from resample_points import (
     Gaussians,
     GaussianStyle,
@@ -25,7 +26,6 @@ from resample_points import (
     render_gaussians,
     write_gaussians,
 )
-from resample_points.baselines import mitsuba
 from resample_points.data.gaussians import colors_along
 from resample_points.viewing import suits, view_of
 from tests import commands, splats

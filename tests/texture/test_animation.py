@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_texture.baselines.opencv import InterLinear
+from resample_comparisons.texture.opencv import InterLinear
 from resample_texture.command.animation import FlightOptions, Flyover, frame, shots, with_alpha
 
 SMALL = (24, 40)

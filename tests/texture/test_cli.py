@@ -600,7 +600,7 @@ def test_mesh_refuses_in_one_line(model, words, complaint, capsys):
 
 @pytest.mark.sweep
 def test_compare_prints_a_row_for_each_zone_and_method(monkeypatch, capsys):
-    monkeypatch.setattr("resample_texture.figures.scenes.SMALLEST_SIDE", 96)
+    monkeypatch.setattr("resample_comparisons.texture.scenes.SMALLEST_SIDE", 96)
     assert ended("compare", "photo.png", "--methods", "bilinear, hybrid") == 0
     header, *rows = capsys.readouterr().out.splitlines()
     assert header.split() == ["zone", "method", "psnr", "ssim", "flip", "ms"]
@@ -670,10 +670,12 @@ def test_animate_refuses_in_one_line(words, complaint, capsys):
 
 
 def small(monkeypatch) -> None:
-    monkeypatch.setattr("resample_texture.figures.scenes.SMALLEST_SIDE", 64)
+    monkeypatch.setattr("resample_comparisons.texture.scenes.SMALLEST_SIDE", 64)
     for name in ("checker", "bricks"):
-        fine = getattr(import_module("resample_texture.figures.scenes"), name)(128)
-        monkeypatch.setattr(f"resample_texture.figures.scenes.{name}", lambda *_, fine=fine: fine)
+        fine = getattr(import_module("resample_comparisons.texture.scenes"), name)(128)
+        monkeypatch.setattr(
+            f"resample_comparisons.texture.scenes.{name}", lambda *_, fine=fine: fine
+        )
 
 
 def test_figures_write_a_sheet_the_pictures_and_the_table(monkeypatch, capsys):

@@ -92,7 +92,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
     place: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("vtkmodules", reason="pip install 'hybrid-resample[peers]'")
-    from resample_volume.baselines.peers import Peer, VtkRenderer
+    from resample_comparisons.volume.peers import Peer, VtkRenderer
 
     volume = VolumePainter(prepared(ReadOptions(), BOX)).volume
     with place.page() as page:

@@ -10,8 +10,8 @@ import pytest
 from resample.files.images import read_channels, read_image
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
+from resample_comparisons.volume.compare import thickest, variants
 from resample_volume import cli
-from resample_volume.figures.compare import thickest, variants
 from resample_volume.files.generated import checker_box, vessel_tree
 from tests import commands
 

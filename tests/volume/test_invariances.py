@@ -11,8 +11,8 @@ from resample.painting.choices import Footprint, Projection
 from resample.profiles.orders import EverySample, ImageSheets
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
-from resample_volume.baselines.painting import AxisSheets
-from resample_volume.baselines.raycasting import Casting, cast_rays
+from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.raycasting import Casting, cast_rays
 from resample_volume.classification.presets import load_transfer
 from resample_volume.files.generated import vessel_tree
 from resample_volume.voxels.framing import centered

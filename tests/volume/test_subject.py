@@ -11,7 +11,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import EverySample, ImageSheets
 from resample.resampler import Resampler
 from resample.types import Field, Samples
-from resample_volume.baselines.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.media.appearance import Appearance, Classification

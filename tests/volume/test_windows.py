@@ -18,8 +18,8 @@ from resample.outofcore.boxes import PartBoxes
 from resample.outofcore.bricks import bricks_in_memory, with_neighbours
 from resample.outofcore.passes import PassContext
 from resample.profiles.orders import ImageSheets
+from resample_comparisons.volume.painting import AxisSheets
 from resample_volume import windows
-from resample_volume.baselines.painting import AxisSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Region, RegionTransfer

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera
+from resample_comparisons.warp3d.scenes import SceneViewpoint, pose_of
 from resample_warp3d import Hybrid
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.figures.scenes import SceneViewpoint, pose_of
 from resample_warp3d.types import DepthImage
 
 SIDE = 400

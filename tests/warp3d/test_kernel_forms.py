@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from resample_comparisons.warp3d.scenes import generated
 from resample_warp3d import Camera, prepare, warp
-from resample_warp3d.figures.scenes import generated
 from resample_warp3d.sheet.kernels.limbs import project_ends
 from resample_warp3d.sheet.sheets import sheet_of
 from tests.kernels import compiled_only, specialisations

@@ -5,6 +5,7 @@ import pytest
 from resample.cameras.models import Camera
 from resample.engine.jit import kernel, threads
 from resample.files.pictures import Kind, Picture
+from resample_comparisons.warp3d.scenes import generated
 from resample_warp3d import warp
 from resample_warp3d.command.inputs import DepthInput
 from resample_warp3d.depth.preparation import prepare
@@ -14,7 +15,6 @@ from resample_warp3d.depth.refining.hardening import RECIPES, RefinementTask, wi
 from resample_warp3d.depth.refining.inspecting import OVERSHOOT, WIDEST, Findings
 from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows, weighted_median
 from resample_warp3d.depth.refining.resizing import enlarged, fitted
-from resample_warp3d.figures.scenes import generated
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 from tests.warp3d import naive_refining

@@ -14,7 +14,7 @@ The same from the command line, with a picture of yours:
 
 from resample_texture import warp
 from resample_texture.geometry.matrices import from_corners, page_corners
-from resample_texture.figures.scenes import bricks
+from resample_comparisons.texture.scenes import bricks
 
 wall = bricks(512)
 corners = [[60, 20], [560, 90], [500, 330], [20, 360]]

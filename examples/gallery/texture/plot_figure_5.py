@@ -14,7 +14,7 @@ The same from the command line, with a table of errors:
 """
 
 from resample_texture import warp
-from resample_texture.figures.scenes import checker, scene_of
+from resample_comparisons.texture.scenes import checker, scene_of
 
 floor = scene_of(checker(), "floor-close", size=(280, 280))
 for method in ("points", "bilinear", "hybrid"):

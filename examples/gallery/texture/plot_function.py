@@ -16,7 +16,7 @@ From the command line a map comes as a file with the arrays ``x`` and ``y``:
 import numpy as np
 
 from resample_texture import warp
-from resample_texture.figures.scenes import bricks
+from resample_comparisons.texture.scenes import bricks
 
 
 def whirl(x, y):

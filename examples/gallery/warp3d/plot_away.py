@@ -13,7 +13,7 @@ The same from the command line, in the same generated room:
 """
 
 from resample_warp3d import warp
-from resample_warp3d.figures.scenes import generated
+from resample_comparisons.warp3d.scenes import generated
 
 room = generated(512)
 color, depth = room.render(room.source, room.shape)

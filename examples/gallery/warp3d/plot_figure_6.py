@@ -14,7 +14,7 @@ The same from the command line, with numbers:
 """
 
 from resample_warp3d import warp
-from resample_warp3d.figures.scenes import generated
+from resample_comparisons.warp3d.scenes import generated
 
 room = generated(280)
 color, depth = room.render(room.source, room.shape)

@@ -16,7 +16,7 @@ The same from the command line, with a picture and depth of yours:
 from scipy.ndimage import gaussian_filter
 
 from resample_warp3d import warp
-from resample_warp3d.figures.scenes import generated
+from resample_comparisons.warp3d.scenes import generated
 
 room = generated(400)
 color, depth = room.render(room.source, room.shape)

@@ -8,9 +8,9 @@ from resample.colors import from_srgb
 from resample.files.writing import replacing
 from resample.measuring.compare import contact_sheet, enlarged, plain, plain_name, write_screen
 from resample.types import Floats
-from resample_texture.figures import scenes
-from resample_texture.figures.compare import Judge, PictureComparison, note
-from resample_texture.figures.scenes import scene_of
+from resample_comparisons.texture import scenes
+from resample_comparisons.texture.compare import Judge, PictureComparison, note
+from resample_comparisons.texture.scenes import scene_of
 
 SCENE = "floor-close"
 SHEET = "figure5.png"

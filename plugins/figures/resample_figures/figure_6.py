@@ -9,8 +9,7 @@ import numpy as np
 from resample.colors import from_srgb
 from resample.files.writing import write_json
 from resample.measuring.compare import contact_sheet, enlarged, plain_name, shown, write_screen
-from resample_warp3d.depth.preparation import prepare
-from resample_warp3d.figures.compare import (
+from resample_comparisons.warp3d.compare import (
     TRUTH,
     DepthComparison,
     Row,
@@ -20,9 +19,10 @@ from resample_warp3d.figures.compare import (
     compare_cases,
     scene_case,
 )
-from resample_warp3d.figures.expected import edges_in_view, expected_nearness
-from resample_warp3d.figures.scenes import generated
-from resample_warp3d.figures.scoring import ScoringTarget, Screen
+from resample_comparisons.warp3d.expected import edges_in_view, expected_nearness
+from resample_comparisons.warp3d.scenes import generated
+from resample_comparisons.warp3d.scoring import ScoringTarget, Screen
+from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import Equation, Source
 
 METHODS = ("paper", "mcmillan")

@@ -18,6 +18,8 @@ from resample.painting.choices import Primitive
 from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
+from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.peers import Peer, VtkRenderer
 from resample_figures.volumes import (
     FigureVolume,
     Row,
@@ -27,8 +29,6 @@ from resample_figures.volumes import (
     save,
     write_numbers,
 )
-from resample_volume.baselines.painting import AxisSheets
-from resample_volume.baselines.peers import Peer, VtkRenderer
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.source import generate

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
+from resample_comparisons.texture import scenes
 from resample_figures.figure_5 import (
     FIGURE,
     FloorPicture,
@@ -9,7 +10,6 @@ from resample_figures.figure_5 import (
     generated,
     write_figures,
 )
-from resample_texture.figures import scenes
 
 
 @pytest.fixture

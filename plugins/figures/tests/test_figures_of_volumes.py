@@ -11,11 +11,11 @@ from resample.files.images import read_image
 from resample.painting.choices import Footprint, Primitive, footprints_of
 from resample.profiles.orders import EverySample
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import AxisSheets
 from resample_figures import footprints, gallery, popping, schematic, timing
 from resample_figures import volumes as paper
 from resample_figures.footprints import KernelBall
 from resample_figures.volumes import VolumeFolder, write_numbers
-from resample_volume.baselines.painting import AxisSheets
 from resample_volume.files.source import generate, write_volume
 
 SMALL = "vessel-tree:size=24"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resample import registry
 from resample.files.animations import write_film
 from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
@@ -30,7 +31,6 @@ from resample_volume.voxels.framing import centered
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
-    from resample_volume.figures.compare import VtkBeside
 
 
 VTK = "VTK"  # another renderer of the same
@@ -51,7 +51,7 @@ class VolumePainter:
     _scene: Scene = field(init=False)
     _requests: VolumeRequests = field(init=False)
     _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
-    _vtk: "VtkBeside | None" = None
+    _vtk: Any = None  # VTK's renderer, once it was asked for
 
     def __post_init__(self) -> None:
         self._scene, self._requests = Scene(self.volume), VolumeRequests(self.volume)
@@ -113,13 +113,11 @@ class VolumePainter:
 
     def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
         """Render with VTK, see `resample.view.views.Comparing`."""
-        from resample_volume.figures.compare import VtkBeside
-
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
         request = self._requests.parsed(settings)
         camera, volume = self._placed_view(request, size)
-        self._vtk = self._vtk or VtkBeside()
+        self._vtk = self._vtk or registry.load("peers", VTK)()
         light = self._vtk.picture(volume, request.appearance, request.resampler, camera, size)
         return PagePicture(screen_levels(light, background=request.picture.behind(".png")), False)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.registry import names
+from resample.registry import missing, names
 from resample.scene.scenes import LITTLE
 from resample.types import Frame
 from resample.view.exports import ORBITING
@@ -93,8 +93,8 @@ def volume_view(
 
 def _absence() -> str:
     """Return why VTK is not available for comparison; empty if it is."""
-    if find_spec("vtkmodules") is not None:
-        return ""
+    if (absence := missing("peers", VTK)) or find_spec("vtkmodules") is not None:
+        return absence
     return "VTK is not installed: pip install 'hybrid-resample[peers]'"
 
 

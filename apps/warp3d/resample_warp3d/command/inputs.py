@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
 from resample.command.intrinsics import Shape
 from resample.command.session import libraries
 from resample.console import say
-from resample.files.formats import flattened
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, header_of, read_picture
 from resample.memory import require, require_memory
@@ -99,32 +97,6 @@ class Inputs(NamedTuple):
     def is_panorama(self) -> bool:
         """Whether all views are faces of one panorama."""
         return isinstance(self.camera, Equirectangular)
-
-
-class TrueView(NamedTuple):
-    """Files of a depth image and of a true picture of another view."""
-
-    color: str | None
-    depth: str | None
-    truth: Path | None
-    mask: Path | None
-
-    def check(self, *, is_generated: bool) -> None:
-        """Refuse incomplete files, or files together with a generated scene."""
-        if is_generated:
-            if any(name is not None for name in self):
-                raise ValueError("the generated scene takes no files; leave out --scene or them")
-        elif self.depth is None or self.truth is None:
-            raise ValueError("give COLOR, DEPTH and --truth, or --scene generated")
-
-
-def read_truth(truth: Path, mask: Path | None) -> tuple[Floats, NDArray[np.bool_] | None]:
-    """Read the true picture of a view (H, W, C), over black, and its mask (H, W); None: unknown."""
-    picture = flattened(read_picture(truth), (0.0, 0.0, 0.0))
-    if len(picture.kind.channels) not in (1, 3):
-        raise ValueError(f"{truth} is neither gray nor RGB: {', '.join(picture.kind.channels)}")
-    chosen = None if mask is None else read_picture(mask).data[..., 0] > 0.5
-    return picture.data, chosen
 
 
 def view_names(text: str) -> list[str]:

@@ -56,10 +56,10 @@ def figures(
     """
     from resample import registry
     from resample.measuring.compare import plain
+    from resample_comparisons.warp3d.compare import check_views
+    from resample_comparisons.warp3d.files import placed
     from resample_figures.figure_6 import figure_of, generated_figure, write_figures
-    from resample_warp3d.command.compare import placed
     from resample_warp3d.command.inputs import DepthReader, read_view
-    from resample_warp3d.figures.compare import check_views
 
     names = method_names(methods)
     registry.check("warps", names)

@@ -1,1 +1,0 @@
-"""Other renderers of 3D Gaussians, for comparison, where they are installed."""

@@ -1,1 +1,0 @@
-"""Baseline warping methods of other libraries, for comparison."""

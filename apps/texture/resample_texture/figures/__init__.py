@@ -1,1 +1,0 @@
-"""Test scenes, comparisons and figures."""

@@ -1,1 +1,0 @@
-"""Numba kernels of references; they take only arrays and numbers."""

@@ -1,1 +1,0 @@
-"""Baselines: the reference ray caster, and VTK's."""

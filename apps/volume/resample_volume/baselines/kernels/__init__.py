@@ -1,1 +1,0 @@
-"""Numba kernels of the reference; they take only arrays and numbers."""

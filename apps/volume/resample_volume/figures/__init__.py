@@ -1,1 +1,0 @@
-"""Measured and shown: comparisons, color bars, the paper's figures."""

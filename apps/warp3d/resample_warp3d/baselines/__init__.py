@@ -1,1 +1,0 @@
-"""Baseline methods of warping depth images, for comparison."""

@@ -1,1 +1,0 @@
-"""Numba kernels of rivals; they take only arrays and numbers."""

@@ -1,1 +1,0 @@
-"""Test scenes, real pairs, comparisons and figures."""

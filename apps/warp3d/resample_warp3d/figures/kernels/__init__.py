@@ -1,1 +1,0 @@
-"""Numba kernels of generated scenes; they take only arrays and numbers."""

@@ -1,0 +1,1 @@
+"""3D Gaussians: comparisons of ways to render them, and Mitsuba."""

@@ -1,0 +1,1 @@
+"""Pictures: scenes with a truth, comparisons, and warps of OpenCV and OpenImageIO."""

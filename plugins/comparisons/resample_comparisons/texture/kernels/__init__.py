@@ -1,0 +1,1 @@
+"""Numba kernels; they take only arrays and numbers."""

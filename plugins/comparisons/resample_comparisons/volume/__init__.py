@@ -1,0 +1,1 @@
+"""Volumes: references by rays, comparisons, VTK, and older ways to paint voxels."""

@@ -1,0 +1,325 @@
+"""Reference ray caster: integrates the reconstructed field along rays. Accurate and slow.
+
+Splats sum contributions per sample; this evaluates the field per point: extinction τ(p) = Σ τᵢ
+kᵢ(p) and color c(p) = Σ τᵢ cᵢ kᵢ / Σ τᵢ kᵢ, with k the reconstruction around each sample, scaled so
+that a constant field stays constant. A step of the ray has the opacity 1 − exp(−τ Δ) of its
+midpoint (the error falls with the square of the step), steps are composited front to back, and a
+pixel is the mean of N × N rays through its box. A `Field` is interpolated, then classified.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resample.cameras.models import AnyCamera
+from resample.painting.choices import SUMS, Projection, number_of
+from resample.painting.scenes.scene import check_samples
+from resample.profiles.reconstruction import GaussianKernel, Reconstruction
+from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
+from resample.watching import Progress
+from resample_volume.data.memory import require_memory
+
+if TYPE_CHECKING:
+    from resample_comparisons.volume.kernels.raycasting import CastingOptions, FieldClassifier, Grid
+
+NO_LAMP = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)
+NO_CLASSIFIER = Classifier(np.zeros((1, 1, 4), np.float32), 0.0, 1.0, 1.0, NO_LAMP, 0.0, 1.0, 0.0)
+TABLE = 4096  # steps of the kernel's table; linear between them, it errs by under 2e-7 of the peak
+QUADRATURE = np.polynomial.legendre.leggauss(200)
+OFF_LATTICE = 0.02  # voxels; float32 keeps positions to 1/1000 of a voxel up to 10000 voxels away
+ROWS_PER_CHECK = 8  # between two updates of progress, which also handle Ctrl-C
+
+
+@dataclass(frozen=True, eq=False)
+class Casting:
+    """Options of ray casting.
+
+    Raises ValueError: a number is outside its range, or `iso` and the projection do not fit.
+    """
+
+    rays: int = 4  # per side of a pixel: this number squared, evenly spread over the pixel's box
+    step: float = 0.25  # longest step along a ray, voxels (cube roots of the lattice's volume)
+    # Kernel around every sample.
+    reconstruction: Reconstruction = field(default_factory=GaussianKernel)
+    projection: Projection = Projection.COMPOSITE  # projection; all but composite need a `Field`
+    # Value of the isosurface for first-hit, data units; None for all other projections.
+    iso: float | None = None
+    # (M, 4) planes n, d in scene units: what has n · p + d >= 0 for all of them is kept.
+    clip: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.rays <= 64:
+            raise ValueError(f"{self.rays} rays per side of a pixel; 1 to 64 are allowed")
+        if not 0 < self.step < np.inf:
+            raise ValueError(f"a step of {self.step} voxels; it must be above 0")
+        if (self.projection is Projection.FIRST_HIT) != (self.iso is not None):
+            raise ValueError(
+                f"iso is {self.iso} for the projection {self.projection}; a first hit needs a "
+                "value, others take none"
+            )
+        object.__setattr__(self, "clip", _planes(self.clip))
+
+
+def _planes(given: ArrayLike | None) -> Doubles:
+    """Return clip planes (M, 4) from None, one or several."""
+    planes = np.zeros((0, 4)) if given is None else np.atleast_2d(np.asarray(given, np.float64))
+    if planes.ndim != 2 or planes.shape[1] != 4:
+        raise ValueError(f"clipping planes have the shape (M, 4), not {planes.shape}")
+    if not np.isfinite(planes).all():
+        raise ValueError("clipping planes must be finite")
+    return planes
+
+
+class Cast(NamedTuple):
+    """Result of ray casting."""
+
+    rgba: Floats  # (H, W, 4) premultiplied, linear light
+    depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where empty
+    value: Floats | None  # (H, W) values of maximum, average or additive, see `cast_rays`
+
+
+class _RaySource(NamedTuple):
+    """Samples or a field, prepared for rays."""
+
+    position: Floats  # (N, 3) scene units
+    properties: Floats  # (N, 4) see `kernels.raycasting.Grid`
+    visible: NDArray[np.bool_]  # (N,) whether a sample alone may be visible
+    lattice: Doubles  # (3, 3)
+    classifier: Classifier
+    classified: bool
+
+
+DEFAULT = Casting()
+
+
+def cast_rays(
+    samples: Samples | Field,
+    camera: AnyCamera,
+    *,
+    height: int,
+    width: int,
+    look: Casting = DEFAULT,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Cast:
+    """Render samples, or a field that is classified after interpolation.
+
+    `samples`: they must lie on their lattice: at an origin plus integer steps, at most one per
+    node. `height`, `width`: of the picture, px. `progress`: called with the share of the work that
+    is done, 0 to 1, and may raise to stop. Result: of a field, `value` is the largest value
+    (maximum) or ∫ Σ kᵢ vᵢ / ∫ Σ kᵢ (average) in data units, weighted by opacity over a pixel's rays
+    and NaN where no sample is; or ∫ Σ kᵢ vᵢ (additive) in data units × scene units, 0 there.
+    Maximum and average have the color of that value, additive is black; the opacity of all three is
+    the ray's length within samples in voxels, at most 1.
+    """
+    if height < 1 or width < 1:
+        raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")
+    source = _source_of_samples(samples, look)
+    picture = np.zeros((height, width, 7))
+    if len(source.position):
+        with _threads(threads):
+            _cast(source, camera.view(), look, picture, progress)
+    return _developed(picture, look.projection)
+
+
+def _cast(
+    source: _RaySource, view: View, look: Casting, picture: Doubles, progress: Progress | None
+) -> None:
+    """Fill a picture (H, W, 7), some rows at a time."""
+    from resample_comparisons.volume.kernels.raycasting import Content, cast_rows
+
+    grid, plan = _grid(source, view, look.reconstruction), _plan(source, view, look)
+    content = Content(grid, _field_classifier(source.classifier), _lamp(source.classifier.lamp))
+    height = len(picture)
+    for first in range(0, height, ROWS_PER_CHECK):
+        count = min(ROWS_PER_CHECK, height - first)
+        cast_rows(first, count, view, content, plan, picture)
+        if progress is not None:
+            progress((first + count) / height)
+
+
+def _developed(picture: Doubles, projection: Projection) -> Cast:
+    """Convert sums over a pixel's rays to results."""
+    alpha = picture[..., 3]
+    depth = np.divide(picture[..., 4], alpha, out=np.full(alpha.shape, np.inf), where=alpha > 0)
+    value = None
+    if projection in SUMS:
+        value = picture[..., 5].astype(np.float32)
+    elif projection in (Projection.MAXIMUM, Projection.AVERAGE):
+        unknown = np.full(alpha.shape, np.nan)
+        mean = np.divide(picture[..., 5], picture[..., 6], out=unknown, where=picture[..., 6] > 0)
+        value = mean.astype(np.float32)
+    return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32), value)
+
+
+def _source_of_samples(samples: Samples | Field, look: Casting) -> _RaySource:
+    if isinstance(samples, Field):
+        return _source_of_field(samples, look)
+    if look.projection is not Projection.COMPOSITE:
+        raise ValueError(f"the projection {look.projection} needs a Field; samples have no values")
+    checked = check_samples(samples)
+    color = checked.color * checked.extinction[:, None]
+    properties = np.column_stack([checked.extinction, color])
+    visible = checked.extinction > 0
+    return _RaySource(
+        checked.position, properties, visible, checked.lattice, NO_CLASSIFIER, classified=False
+    )
+
+
+def _source_of_field(given: Field, look: Casting) -> _RaySource:
+    classifier = given.classifier
+    _check_field(given, look.iso)
+    raised = np.asarray(given.value, np.float64) - classifier.low
+    # The core's checks: non-negative extinctions replace the values.
+    checked = check_samples(
+        Samples(given.position, given.gradient, np.abs(raised).astype(np.float32), given.lattice)
+    )
+    properties = np.column_stack([raised.astype(np.float32), checked.color])
+    return _RaySource(
+        checked.position,
+        properties,
+        _visible(raised, classifier, look.projection),
+        checked.lattice,
+        classifier,
+        classified=True,
+    )
+
+
+def _check_field(given: Field, iso: float | None) -> None:
+    """Check what the check of samples does not cover."""
+    look = given.classifier
+    shapes = [np.shape(given.position), np.shape(given.value), np.shape(given.gradient)]
+    count = np.size(given.value)
+    if shapes != [(count, 3), (count,), (count, 3)]:
+        raise ValueError(
+            "positions {}, values {} and gradients {} do not fit; they have shapes (N, 3), (N,) "
+            "and (N, 3)".format(*shapes)
+        )
+    if not (look.low < look.high and look.near < look.far and look.steep > 0):
+        raise ValueError(
+            "a classifier's low must be below its high, its near below its far and its steepest "
+            "gradient above 0"
+        )
+    if iso is not None and not iso > look.low:
+        raise ValueError(f"iso is {iso}; it must be above {look.low}, the value outside the field")
+
+
+def _visible(raised: Doubles, classifier: Classifier, projection: Projection) -> NDArray[np.bool_]:
+    """Return the samples (N,) whose kernels rays must traverse; `raised` is (N,) value − low."""
+    is_clear = projection is Projection.COMPOSITE and not np.any(classifier.table[:, 0, 3])
+    if is_clear or projection is Projection.FIRST_HIT:
+        return np.not_equal(raised, 0)
+    return np.ones(raised.shape, np.bool_)
+
+
+def _grid(source: _RaySource, view: View, reconstruction: Reconstruction) -> "Grid":
+    """Arrange samples on their lattice, for traversal by the camera's rays."""
+    from resample_comparisons.volume.kernels.raycasting import Grid
+
+    radius = float(reconstruction.radius)
+    index, origin = _on_lattice(source.position, source.lattice)
+    brick = max(4, int(np.ceil(2 * radius)))
+    to_nodes = np.linalg.inv(source.lattice)
+    eye = -view.rotation.T @ view.translation
+    return Grid(
+        index,
+        np.ascontiguousarray(source.properties, np.float32),
+        _occupied(index, source.visible, radius, brick),
+        _density(reconstruction),
+        radius,
+        brick,
+        np.ascontiguousarray(source.lattice),
+        origin,
+        to_nodes @ (eye - origin),
+        np.ascontiguousarray(to_nodes @ view.rotation.T),
+    )
+
+
+def _on_lattice(position: Floats, lattice: Doubles) -> tuple[NDArray[np.int32], Doubles]:
+    """Return the sample at each node (Z, Y, X), -1 for none, and the first node's position."""
+    place = (position.astype(np.float64) - position[0]) @ np.linalg.inv(lattice).T
+    node = np.rint(place)
+    shift = (place - node).mean(axis=0)  # of all, as the first sample was rounded as well
+    if np.abs(place - node - shift).max() > OFF_LATTICE:
+        raise ValueError(
+            "the samples do not stand on their lattice, at an origin plus whole steps; the "
+            "reference ray caster needs that, the renderers do not"
+        )
+    first = node.min(axis=0)
+    node = (node - first).astype(np.int64)
+    size = node.max(axis=0) + 1
+    require_memory(4 * int(np.prod(size.astype(object))), "the lattice around these samples")
+    index = np.full(size[::-1], -1, np.int32)
+    index[node[:, 2], node[:, 1], node[:, 0]] = np.arange(len(node))
+    if (index >= 0).sum() < len(node):
+        raise ValueError("two samples stand on one node of their lattice; leave one out")
+    return index, position[0] + lattice @ (first + shift)
+
+
+def _occupied(
+    index: NDArray[np.int32], visible: NDArray[np.bool_], radius: float, brick: int
+) -> NDArray[np.bool_]:
+    """Return the bricks of `brick`³ nodes that visible samples' kernels overlap."""
+    node = np.argwhere((index >= 0) & visible[index])
+    size = np.floor((np.array(index.shape) - 1 + 2 * radius) / brick).astype(np.int64) + 1
+    occupied = np.zeros(size, np.bool_)
+    for corner in product((0, 2 * radius), repeat=3):
+        reached = np.floor((node + corner) / brick).astype(np.int64)
+        occupied[tuple(np.clip(reached, 0, size - 1).T)] = True
+    return occupied
+
+
+def _density(reconstruction: Reconstruction) -> Doubles:
+    """Tabulate the kernel (K + 1,) over squared distance in radii; it integrates to one voxel."""
+    radius = reconstruction.radius
+    node, weight = QUADRATURE
+    r = (node + 1) / 2 * radius
+    mass = float((4 * np.pi * r**2 * reconstruction(r) * weight).sum() * radius / 2)
+    if not 0 < mass < np.inf:
+        raise ValueError(f"the integral of {reconstruction} is {mass}; it must be above 0")
+    squared = np.linspace(0, 1, TABLE + 1)
+    return np.asarray(reconstruction(np.sqrt(squared) * radius) / mass, np.float64)
+
+
+def _plan(source: _RaySource, view: View, look: Casting) -> "CastingOptions":
+    from resample_comparisons.volume.kernels.raycasting import CastingOptions
+
+    voxel = float(abs(np.linalg.det(source.lattice)) ** (1 / 3))
+    planes = np.array(look.clip, np.float64)
+    normal = planes[:, :3] @ view.rotation.T
+    offset = planes[:, 3] - normal @ view.translation
+    return CastingOptions(
+        int(look.rays),
+        float(look.step * voxel),
+        voxel,
+        number_of(look.projection),
+        source.classified,
+        float(look.iso or 0.0),
+        np.column_stack([normal, offset]),
+    )
+
+
+def _field_classifier(classifier: Classifier) -> "FieldClassifier":
+    from resample_comparisons.volume.kernels.raycasting import FieldClassifier
+
+    table = np.ascontiguousarray(classifier.table, np.float32)
+    return FieldClassifier(table, *map(float, classifier[1:4]), *map(float, classifier[5:]))
+
+
+def _lamp(lamp: Lamp) -> Lamp:
+    """Convert the lamp to the types that kernels are compiled for."""
+    toward, viewer = (np.ascontiguousarray(vector, np.float64) for vector in lamp[:2])
+    return Lamp(toward, viewer, *map(float, lamp[2:]))
+
+
+@contextmanager
+def _threads(count: int | None) -> Iterator[None]:
+    from resample.engine.jit import threads
+
+    with threads(count):
+        yield

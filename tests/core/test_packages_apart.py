@@ -1,0 +1,87 @@
+"""Without the packages of plugins/ everything else works, and what is missing names its package."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from resample import registry
+from tests.processes import PATIENCE
+
+ROOT = Path(__file__).parents[2]
+# Python that hides the packages of plugins/, and runs a command line.
+ALONE = """
+import sys
+from importlib import metadata
+
+search = metadata.distributions
+metadata.distributions = lambda **choice: (
+    found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
+)
+sys.modules |= dict.fromkeys(("resample_comparisons", "resample_figures"))
+from {module} import main
+main()
+"""
+MISSING = [
+    ("resample-texture compare sample:bricks", "command 'texture.compare'", "comparisons"),
+    (
+        "resample-texture resize sample:bricks a.png --size 9 --method cubic",
+        "'cubic'",
+        "comparisons",
+    ),
+    ("resample-volume compare checker-box", "command 'volume.compare'", "comparisons"),
+    ("resample-volume figures", "command 'volume.figures'", "figures"),
+    ("resample-volume render checker-box --method ewa -o a.png", "primitive 'ewa'", "comparisons"),
+    ("resample-volume render checker-box --order axis-sheets -o a.png", "order", "comparisons"),
+    ("resample-warp3d compare sample:room", "command 'warp3d.compare'", "comparisons"),
+    ("resample-warp3d render sample:room --method mcmillan -o a.png", "warp", "comparisons"),
+    ("resample-points compare sample:knot-gaussians", "command 'points.compare'", "comparisons"),
+]
+WORK = [
+    "resample plugins methods",
+    "resample compare sample:bricks -R sample:test-card",
+    "resample-points render sample:knot-points --size 32 -o a.png",
+    "resample-texture resize sample:bricks a.png --size 20",
+    "resample-texture --help",
+    "resample-volume render checker-box:size=16,block=4 --size 32 -o a.png",
+    "resample-warp3d render sample:room:size=66 --fill -o a.png",
+]
+
+
+def alone(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command line where no package of plugins/ is installed."""
+    program, *words = line.split()
+    module = "resample.cli" if program == "resample" else f"{program.replace('-', '_')}.cli"
+    return subprocess.run(
+        [sys.executable, "-c", ALONE.format(module=module), *words],
+        cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.some(4)
+@pytest.mark.parametrize(("line", "part", "package"), MISSING)
+def test_what_is_missing_names_its_package_in_a_line(line, part, package, tmp_path):
+    refused = alone(line, tmp_path)
+    assert part in refused.stderr
+    assert f"pip install hybrid-resample-{package}\n" in refused.stderr
+    assert refused.stderr.startswith("resample: error: ")
+    assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.some(3)
+@pytest.mark.parametrize("line", WORK)
+def test_all_else_works(line, tmp_path):
+    done = alone(line, tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("application", registry.names("apps"))
+def test_a_list_of_commands_says_of_an_added_one_what_it_says_itself(application):
+    app = registry.load("apps", application)
+    for name in registry.names("commands"):
+        owner, _, command = name.partition(".")
+        if owner == application:
+            listed = app._get_item(command).help
+            assert str(registry.load("commands", name).__doc__).startswith(listed.rstrip("."))
