@@ -12,8 +12,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import minimize
 
 from resample.files.saving import write_png
+from resample_gradients import LinearWarp, MatrixPlaces
 from resample_texture import warp
-from resample_texture.differentiable import LinearWarp, MatrixPlaces
 
 HEIGHT, WIDTH = 90, 120  # px
 FIRST = np.array([[0.58, -0.07, 1.0], [0.05, 0.6, -8.0], [1e-4, -2e-4, 1.0]])  # scene to picture

@@ -47,6 +47,27 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     return get
 
 
+def moved(home: str, package: str) -> Callable[[str], Any]:
+    """`__getattr__` of a module whose names another package of this project has now.
+
+    `home`: the module that has them.
+    """
+
+    def get(name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(f"names are in {home} now")
+        try:
+            return getattr(import_module(home), name)
+        except ModuleNotFoundError as error:
+            if error.name != home.partition(".")[0]:
+                raise
+            raise ModuleNotFoundError(
+                f"{home} is in {package}, which is not installed: pip install {package}"
+            ) from None
+
+    return get
+
+
 def listing(homes: Mapping[str, str]) -> Callable[[], list[str]]:
     """`__dir__` of a package: its public names."""
     return lambda: sorted([*homes, "__version__"])

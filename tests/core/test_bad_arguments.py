@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import resample
+import resample_gradients as differentiable
 import resample_points as points
 import resample_texture as texture
 import resample_volume as volume
 import resample_warp3d as warp3d
 from resample import Camera, Resampler, Scatter
 from resample.view.widgets import write_levels
-from resample_texture import differentiable
 
 RNG = np.random.default_rng(1)
 PICTURE = RNG.random((20, 40, 3)).astype(np.float32)

@@ -6,6 +6,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+import resample_gradients as differentiable
 import resample_points as points
 import resample_texture as texture
 import resample_volume as volume
@@ -25,7 +26,6 @@ from resample.profiles.orders import EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample_points.painting.gaussians import GaussianAppearance
 from resample_points.painting.rendering import Shading
-from resample_texture import differentiable
 from resample_texture.geometry.projections import FisheyePicture
 from resample_texture.mesh.rendering import MeshStyle
 from resample_volume.media.appearance import Classification

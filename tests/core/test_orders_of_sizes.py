@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import resample
+import resample_gradients as differentiable
 import resample_points
 import resample_texture
 import resample_volume
 import resample_warp3d
-from resample_texture import differentiable
 from resample_texture.like import ndimage, opencv, scikit
 from resample_texture.mesh import rendering as meshes
 from tests.core.test_signatures import parameters, public

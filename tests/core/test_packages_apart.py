@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+import resample_gradients
 from resample import registry
 from tests.processes import PATIENCE
 
@@ -19,7 +21,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-sys.modules |= dict.fromkeys(("resample_comparisons", "resample_figures"))
+sys.modules |= dict.fromkeys(("resample_comparisons", "resample_figures", "resample_gradients"))
 from {module} import main
 main()
 """
@@ -68,6 +70,21 @@ def test_what_is_missing_names_its_package_in_a_line(line, part, package, tmp_pa
     assert refused.stderr.startswith("resample: error: ")
     assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("old", "name"), [("differentiable", "LinearWarp"), ("torch", "warp")])
+def test_modules_of_another_package_keep_their_old_names_and_name_it(old, name, monkeypatch):
+    module = import_module(f"resample_texture.{old}")
+    if old == "differentiable":
+        assert module.LinearWarp is resample_gradients.LinearWarp
+
+    def absent(_):
+        raise ModuleNotFoundError("no module", name="resample_gradients")
+
+    monkeypatch.setattr("resample.lazy.import_module", absent)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        getattr(module, name)
+    assert str(caught.value).endswith("not installed: pip install hybrid-resample-gradients")
 
 
 @pytest.mark.some(3)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from resample_texture.differentiable import LinearWarp, MatrixPlaces
+from resample_gradients import LinearWarp, MatrixPlaces
 
 torch = pytest.importorskip("torch")
 
-from resample_texture.torch import warp, warp_by_map  # noqa: E402 - there is no other way
+from resample_gradients.torch import warp, warp_by_map  # noqa: E402 - there is no other way
 
 EDGES = ("transparent", "clamp", "wrap", "mirror", "reflect-101")
 MATRICES = np.array([

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample_texture.differentiable.kernels.points import cut_at_edges, sides, slopes_of_cut
+from resample_gradients.kernels.points import cut_at_edges, sides, slopes_of_cut
 from resample_texture.texels.kernels.splat_blocks import _clip
 
 SIZE = 5.0

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 
 from resample import registry
 from resample.profiles.interpolation import AreaSpline, InterpolatingCatmullRom, Nearest, Spline
+from resample_gradients import LinearWarp, MapPlaces, MatrixPlaces
+from resample_gradients.interpolation import pieces
 from resample_texture import BackwardMap, warp
-from resample_texture.differentiable import LinearWarp, MapPlaces, MatrixPlaces
-from resample_texture.differentiable.interpolation import pieces
 from tests.bits import assert_threads_change_nothing
 
 EDGES = ("transparent", "clamp", "wrap", "mirror", "reflect-101")

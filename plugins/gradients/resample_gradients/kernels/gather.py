@@ -10,7 +10,7 @@ import numpy as np
 
 from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, parallel_kernel, tasks
 from resample.types import Doubles
-from resample_texture.differentiable.kernels.points import (
+from resample_gradients.kernels.points import (
     Integers,
     InterpolatedSource,
     Node,

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
-    from resample_texture.differentiable.warping import LinearWarp
+    from resample_gradients.places import MapPlaces, MatrixPlaces
+    from resample_gradients.warping import LinearWarp
 
 _HOMES = {"LinearWarp": "warping", "MapPlaces": "places", "MatrixPlaces": "places"}
 

@@ -11,8 +11,7 @@ from resample.memory.mapped import contiguous
 from resample.profiles.named import plugin_of
 from resample.types import Doubles
 from resample.words import check_threads
-from resample_texture.arguments import REFLECT_101, edge_named
-from resample_texture.differentiable.interpolation import (
+from resample_gradients.interpolation import (
     coefficients,
     margin_of,
     pieces,
@@ -20,15 +19,16 @@ from resample_texture.differentiable.interpolation import (
     rules,
     transposed,
 )
-from resample_texture.differentiable.kernels.gather import (
+from resample_gradients.kernels.gather import (
     CoefficientPlate,
     change,
     gather,
     scatter_gradients,
 )
-from resample_texture.differentiable.kernels.points import REFLECT_101 as REFLECTED
-from resample_texture.differentiable.kernels.points import InterpolatedSource
-from resample_texture.differentiable.places import MapPlaces, MatrixPlaces
+from resample_gradients.kernels.points import REFLECT_101 as REFLECTED
+from resample_gradients.kernels.points import InterpolatedSource
+from resample_gradients.places import MapPlaces, MatrixPlaces
+from resample_texture.arguments import REFLECT_101, edge_named
 from resample_texture.stacks import axis_of
 from resample_texture.texels.forward import EDGES
 from resample_texture.types import FRAMES, AnyAxis, AnyEdge, Edge
