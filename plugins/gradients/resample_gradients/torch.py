@@ -1,7 +1,8 @@
 """Warps as differentiable functions of PyTorch's tensors.
 
-`pip install hybrid-resample-gradients[torch]` brings PyTorch. Everything is computed on the CPU in float64 by `LinearWarp`, whatever the tensors'
-type and device. Gradients are exact; second derivatives are not available.
+`pip install hybrid-resample-gradients[torch]` brings PyTorch. Everything is computed on the CPU in
+float64 by `LinearWarp`, whatever the tensors' type and device. Gradients are exact; second
+derivatives are not available.
 """
 
 from collections.abc import Callable
