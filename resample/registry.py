@@ -28,6 +28,7 @@ GROUPS = (
     "interpolations",
     "methods",
     "orders",
+    "pages",
     "peers",
     "primitives",
     "projections",
@@ -48,6 +49,7 @@ ELSEWHERE = {
         "primitives": "ewa inflate",
         "warps": "ldi mcmillan mcmillan-zbuffer mesh opencv subsample",
     },
+    "hybrid-resample-meshes": {"commands": "texture.mesh", "pages": "texture.mesh"},
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
 }
 

@@ -16,7 +16,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
-    *(f"plugins/{name}/resample_{name}" for name in ("comparisons", "figures", "gradients")),
+    *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
+    *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
 )
 MOST_LINES = 60  # of a function, without its docstring
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)

@@ -135,8 +135,8 @@ def test_volumes_come_back_from_their_files_as_they_are():
 
 @pytest.mark.sweep
 def test_meshes_and_clouds_of_samples_are_read_as_they_were_made():
+    from resample_meshes.rendering import load_mesh
     from resample_points import read_cloud
-    from resample_texture.mesh.rendering import load_mesh
 
     mesh = resample.sample(spec("knot"))
     assert len(load_mesh(resample.sample_path(spec("knot"))).triangle) == len(mesh.triangle)

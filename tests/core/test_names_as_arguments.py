@@ -24,10 +24,10 @@ from resample.profiles.interpolation import (
 )
 from resample.profiles.orders import EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
+from resample_meshes.rendering import MeshStyle
 from resample_points.painting.gaussians import GaussianAppearance
 from resample_points.painting.rendering import Shading
 from resample_texture.geometry.projections import FisheyePicture
-from resample_texture.mesh.rendering import MeshStyle
 from resample_volume.media.appearance import Classification
 from tests.core.test_bad_arguments import complaint
 

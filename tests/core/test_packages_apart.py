@@ -21,7 +21,8 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-sys.modules |= dict.fromkeys(("resample_comparisons", "resample_figures", "resample_gradients"))
+for name in ("comparisons", "figures", "gradients", "meshes"):
+    sys.modules["resample_" + name] = None
 from {module} import main
 main()
 """
@@ -38,6 +39,8 @@ MISSING = [
     ("resample-volume render checker-box --order axis-sheets -o a.png", "order", "comparisons"),
     ("resample-warp3d compare sample:room", "command 'warp3d.compare'", "comparisons"),
     ("resample-warp3d render sample:room --method mcmillan -o a.png", "warp", "comparisons"),
+    ("resample-texture mesh sample:knot -o a.png", "command 'texture.mesh'", "meshes"),
+    ("resample-texture view sample:knot", "page 'texture.mesh'", "meshes"),
     ("resample-points compare sample:knot-gaussians", "command 'points.compare'", "comparisons"),
 ]
 WORK = [

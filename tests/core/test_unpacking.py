@@ -27,9 +27,9 @@ from resample.reading.limits import bunzipped, deflated, unlzma
 from resample.reading.meshes import check_mesh
 from resample.reading.pictures import size_at_once, size_of
 from resample.words import one_line
+from resample_meshes.files import load_mesh
 from resample_points.files.readers import read_cloud
 from resample_points.geometry import spacing
-from resample_texture.mesh.files import load_mesh
 from resample_volume.files.readers import Dicom, Nrrd, TiffStack
 from resample_volume.files.xml.validity import check_blocks
 from resample_volume.surfaces.meshes import read_mesh

@@ -14,12 +14,12 @@ from resample.command.settings_files import options_of, read_settings
 from resample.engine.compiled import entries
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample_meshes.files import load_mesh
 from resample_points.files.gaussians.reading import read_gaussians
 from resample_points.files.particles import read_particles
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.geometry.matrices import parse_matrix
-from resample_texture.mesh.files import load_mesh
 from resample_volume.classification.files import read_transfer
 from resample_volume.cli import app
 from resample_volume.files.source import open_recording

@@ -8,7 +8,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.profiles.interpolation import InterpolatingCatmullRom
-from resample_texture.mesh.rendering import Mesh, MeshStyle, ball_around, render_mesh
+from resample_meshes.rendering import Mesh, MeshStyle, ball_around, render_mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FALLING = np.array([[0, 1, 2], [0, 2, 3]])  # the two ways to halve it

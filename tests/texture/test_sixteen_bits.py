@@ -13,8 +13,8 @@ import pytest
 from PIL import Image, ImageCms
 
 from resample.files.images import open_file, read_image
+from resample_meshes.rendering import load_mesh
 from resample_texture import cli, warp
-from resample_texture.mesh.rendering import load_mesh
 from tests import commands
 
 ended = partial(commands.ended, cli.app)

@@ -9,8 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from resample_meshes.viewing import model_view
 from resample_texture.cli import app
-from resample_texture.viewing import model_view, picture_view, suits
+from resample_texture.viewing import picture_view, suits
 from resample_texture.viewing.pictures import fitted
 from tests.commands import ended, refused
 from tests.view.conftest import Served, levels, served

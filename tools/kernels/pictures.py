@@ -243,7 +243,7 @@ def _few_texels(plane: Any) -> Any:
 
 def _mesh() -> Any:
     """A cube with one picture on its six squares."""
-    from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
+    from resample_meshes.rendering import Mesh, MeshStyle, render_mesh
 
     corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     face = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

@@ -20,9 +20,6 @@ from resample_texture.command.choices import (
     Besides,
     Edges,
     Filling,
-    MeshDrawing,
-    MeshFormat,
-    MeshView,
     Picture,
     PictureWarping,
     WarpGeometry,
@@ -47,7 +44,6 @@ app.first = (
 app.register_install_completion_command()
 
 PLACE, WARPING, WRITTEN = WarpGeometry.usual(), PictureWarping.usual(), Written.usual()
-VIEW, DRAWING, FORM = MeshView.usual(), MeshDrawing.usual(), MeshFormat.usual()
 BESIDES, SERVING = Besides.usual(), Serving.usual()
 PAGE = Filling.usual()  # a page must not fade at the photo's edges
 FLOOR = "warp sample:bricks --corners 170,0,214,0,700,384,-316,384 --size 384"
@@ -116,13 +112,15 @@ def view(
     image
         Any picture, or a mesh: .obj, .glb or .gltf.
     """
+    from resample import registry
     from resample.view.server import show
     from resample.view.views import settings_of
-    from resample_texture.viewing import MESHES, model_view, picture_view
+    from resample_texture.viewing import MESHES, picture_view
 
     if image.suffix.lower() in MESHES:
         if given := settings_of([place, warping]):
             raise ValueError(f"{', '.join(given)}: of pictures; leave that out with a mesh")
+        model_view = registry.load("pages", "texture.mesh")
         show(lambda: model_view(image), page)
     else:
         warping.check()
@@ -225,48 +223,6 @@ def info(
 
 
 @app.command
-def mesh(
-    model: Path,
-    /,
-    *,
-    output: flags.FrameOutput,
-    view: Annotated[MeshView, flags.Flat] = VIEW,
-    drawing: Annotated[MeshDrawing, flags.Flat] = DRAWING,
-    form: Annotated[MeshFormat, flags.Flat] = FORM,
-) -> None:
-    """Render a textured mesh.
-
-    For example:
-
-        resample-texture mesh sample:knot -o knot.png
-        resample-texture mesh sample:knot --camera 120,20,1.2 --shading -o shaded.png
-        resample-texture mesh sample:knot --texture sample:test-card -o card.png
-
-    Parameters
-    ----------
-    model
-        OBJ with its MTL, GLB, glTF or PLY.
-    """
-    from resample.command.session import Session, require_picture
-    from resample.files.saving import check_suffix, write_frame
-    from resample.files.writing import check_targets
-    from resample_texture.command.rendering import BYTES_PER_MESH_PIXEL
-    from resample_texture.mesh.rendering import load_mesh, render_mesh
-
-    check_suffix(output)
-    height, width = form.height_and_width()
-    view.viewpoint()
-    behind, style = form.behind(), drawing.style(view.shading)
-    check_targets(output)
-    require_picture((height, width), BYTES_PER_MESH_PIXEL)
-    shape = load_mesh(model, form.texture)
-    camera = view.placed(shape, (height, width))
-    with Session().stage("paint", bar="painting"):
-        frame = render_mesh(shape, camera, size=(width, height), style=style)
-    write_frame(output, frame, bits=form.bits, background=behind)
-
-
-@app.command
 def animate(
     image: Picture,
     /,
@@ -333,6 +289,7 @@ app.command(
 
 
 with_settings(app)
+add_command(app, "texture.mesh", "Render a textured mesh.")
 add_command(
     app,
     "texture.compare",

@@ -1,1 +1,5 @@
-"""Textured triangle meshes: files, textures, rendering."""
+"""Old name of `resample_meshes`, which another package has."""
+
+from resample.lazy import moved
+
+__getattr__ = moved("resample_meshes", "hybrid-resample-meshes")

@@ -1,4 +1,4 @@
-"""Pictures and textured meshes for `resample-texture view`."""
+"""Pictures for `resample-texture view`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,14 +8,11 @@ from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample.view.widgets import Viewer
-    from resample_texture.viewing.meshes import MESHES, mesh_picture, model_view
     from resample_texture.viewing.pictures import picture, picture_view
 
-__all__ = ["MESHES", "mesh_picture", "model_view", "picture", "picture_view", "suits", "view"]
+__all__ = ["MESHES", "picture", "picture_view", "suits", "view"]
+MESHES = (".obj", ".glb", ".gltf")  # files of meshes, whose page another package has
 _HOMES = {
-    "MESHES": "meshes",
-    "mesh_picture": "meshes",
-    "model_view": "meshes",
     "picture": "pictures",
     "picture_view": "pictures",
 }
@@ -25,7 +22,6 @@ __getattr__ = attributes(__name__, _HOMES)
 def suits(names: Sequence[str]) -> bool:
     """Whether the names are one file with one picture or one mesh."""
     from resample_texture.viewing import pictures
-    from resample_texture.viewing.meshes import MESHES
 
     if len(names) == 1 and Path(names[0]).suffix.lower() in MESHES:
         return Path(names[0]).is_file()

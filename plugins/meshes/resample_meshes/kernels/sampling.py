@@ -15,7 +15,7 @@ from resample.engine.jit import inner_kernel
 from resample.engine.vectors import Matrix, column, dot, multiply
 from resample.engine.windows.edges import WRAP, mapped
 from resample.types import Doubles, Floats, Single
-from resample_texture.mesh.kernels.surfaces import (
+from resample_meshes.kernels.surfaces import (
     Ints,
     Place,
     ProjectedTriangles,

@@ -10,7 +10,7 @@ from resample.engine.jit import inner_kernel, kernel
 from resample.engine.surfaces.blocks import whole_within
 from resample.engine.vectors import Vector, dot
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.surfaces import (
+from resample_meshes.kernels.surfaces import (
     Ints,
     Place,
     ProjectedTriangles,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from conftest import real
-from resample_texture.mesh.files import load_mesh
+from resample_meshes.files import load_mesh
 
 CORNERS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 PLACES = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"

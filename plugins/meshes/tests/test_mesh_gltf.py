@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resample_texture.mesh.files import load_mesh
-from resample_texture.mesh.shapes import Cover
+from resample_meshes.files import load_mesh
+from resample_meshes.shapes import Cover
 from tests.texture.mesh_shapes import from_above, picture
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)

@@ -6,8 +6,8 @@ import pytest
 from resample import registry
 from resample.colors import from_srgb
 from resample.engine.jit import threads
-from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
-from resample_texture.mesh.shapes import Cover
+from resample_meshes.rendering import Mesh, MeshStyle, render_mesh
+from resample_meshes.shapes import Cover
 from tests.texture.mesh_shapes import (
     CUBE,
     FACES,

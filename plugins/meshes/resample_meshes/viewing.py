@@ -18,15 +18,14 @@ from resample.types import Frame
 from resample.view.files import FileView, image_of
 from resample.view.views import PagePicture, Settings, Size, chosen, is_free, placed_by, settings_of
 from resample.watching import Cancel, cancellable
-from resample_texture.command.choices import MeshDrawing, MeshFormat, MeshView
-from resample_texture.mesh.rendering import load_mesh, render_mesh
-from resample_texture.mesh.shapes import Mesh
+from resample_meshes.choices import MeshDrawing, MeshFormat, MeshView
+from resample_meshes.rendering import load_mesh, render_mesh
+from resample_meshes.shapes import Mesh
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 COMMAND = "resample-texture mesh"
-MESHES = (".obj", ".glb", ".gltf")
 SHOWN = (MeshView, MeshDrawing, MeshFormat)  # option models that a page can change
 LEFT_OUT = ("size", "bits")
 
@@ -108,7 +107,7 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "title": path.name,
             "subtitle": f"{len(first.mesh().triangle):,} triangles",
             "command": COMMAND,
-            "package": "resample_texture",
+            "package": "resample_meshes",
             "function": "mesh_picture",
             "inputs": [str(path)],
             "settings": {"camera": "30,20,1", **settings_of(begin)},

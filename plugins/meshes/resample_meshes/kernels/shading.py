@@ -12,14 +12,14 @@ import numpy as np
 
 from resample.engine.jit import inner_kernel, making_kernel
 from resample.types import Doubles
-from resample_texture.mesh.kernels.sampling import OPAQUE, Layer, Skin, evaluate, lit
-from resample_texture.mesh.kernels.surfaces import (
+from resample_meshes.kernels.sampling import OPAQUE, Layer, Skin, evaluate, lit
+from resample_meshes.kernels.surfaces import (
     Place,
     ProjectedTriangles,
     VisibilityCamera,
     plane_at,
 )
-from resample_texture.mesh.kernels.visibility import (
+from resample_meshes.kernels.visibility import (
     WIDE,
     TileBuffer,
     nearness_at,

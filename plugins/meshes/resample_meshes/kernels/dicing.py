@@ -17,14 +17,14 @@ from resample.engine.jit import kernel, making_kernel
 from resample.engine.vectors import Matrix
 from resample.engine.windows.polygons import area, box, crossing, reach
 from resample.types import Doubles, Floats, Single
-from resample_texture.mesh.kernels.sampling import (
+from resample_meshes.kernels.sampling import (
     Skin,
     fill_line,
     level_for,
     light_of,
     share_of_levels,
 )
-from resample_texture.mesh.kernels.surfaces import (
+from resample_meshes.kernels.surfaces import (
     Place,
     ProjectedTriangles,
     VisibilityCamera,
@@ -34,7 +34,7 @@ from resample_texture.mesh.kernels.surfaces import (
     stretched,
     texture_place,
 )
-from resample_texture.mesh.kernels.visibility import SubpixelGrid, TileBuffer, is_beside
+from resample_meshes.kernels.visibility import SubpixelGrid, TileBuffer, is_beside
 from resample_texture.texels.kernels.texels import phase
 
 Color = tuple[Single, Single, Single]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample.profiles.filters import Box, Gaussian, Lanczos
-from resample_texture.mesh.rendering import Mesh, MeshStyle, render_mesh
+from resample_meshes.rendering import Mesh, MeshStyle, render_mesh
 from tests.texture.mesh_shapes import (
     FALLING,
     SQUARE,

@@ -25,9 +25,9 @@ from resample.engine.surfaces.painting import (
 )
 from resample.engine.surfaces.resolve import resolve_tile
 from resample.types import Doubles, Floats, Tiles
-from resample_texture.mesh.kernels.dicing import dice
-from resample_texture.mesh.kernels.sampling import Skin
-from resample_texture.mesh.kernels.shading import (
+from resample_meshes.kernels.dicing import dice
+from resample_meshes.kernels.sampling import Skin
+from resample_meshes.kernels.shading import (
     close_outline,
     count,
     finish,
@@ -37,8 +37,8 @@ from resample_texture.mesh.kernels.shading import (
     shade,
     take_points,
 )
-from resample_texture.mesh.kernels.surfaces import Ints, ProjectedTriangles, VisibilityCamera
-from resample_texture.mesh.kernels.visibility import (
+from resample_meshes.kernels.surfaces import Ints, ProjectedTriangles, VisibilityCamera
+from resample_meshes.kernels.visibility import (
     SubpixelGrid,
     TileBuffer,
     may_show,

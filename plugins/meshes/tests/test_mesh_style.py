@@ -8,7 +8,7 @@ import pytest
 from resample import registry
 from resample.profiles.filters import Box, Gaussian, Lanczos, Mitchell, Tent
 from resample.profiles.interpolation import Bilinear, InterpolatingGaussian
-from resample_texture.mesh.rendering import Mesh, pixel_profile
+from resample_meshes.rendering import Mesh, pixel_profile
 from tests.texture.mesh_shapes import (
     FALLING,
     SQUARE,
@@ -115,5 +115,5 @@ def test_a_box_of_a_pixel_weighs_its_own_sub_pixels_alike(samples):
 def test_the_time_that_a_mesh_takes_is_told(monkeypatch):
     ticks = iter([5.0, 7.5])
     clock = SimpleNamespace(perf_counter=lambda: next(ticks))
-    monkeypatch.setattr("resample_texture.mesh.rendering.time", clock)
+    monkeypatch.setattr("resample_meshes.rendering.time", clock)
     assert picture(square(even(1, 1, 1)), from_above(8.0, 16), 16).statistics.seconds == 2.5

@@ -27,7 +27,7 @@ from resample.reading.limits import check_file, check_unpacked
 from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
 from resample.reading.native import plain
 from resample.types import Floats
-from resample_texture.mesh.shapes import AlphaMode, Cover, Mesh, checked_array
+from resample_meshes.shapes import AlphaMode, Cover, Mesh, checked_array
 from resample_texture.types import Edge
 
 MAGIC = b"glTF"  # first bytes of a binary file

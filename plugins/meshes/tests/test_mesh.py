@@ -6,7 +6,7 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.engine.jit import threads
-from resample_texture.mesh.rendering import Mesh
+from resample_meshes.rendering import Mesh
 from tests.texture.mesh_shapes import (
     FALLING,
     RISING,

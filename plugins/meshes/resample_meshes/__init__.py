@@ -1,0 +1,1 @@
+"""Textured triangle meshes: files, textures, rendering."""
