@@ -355,7 +355,7 @@ def test_a_volume_of_one_value_is_seen():
         (["--light", "sun"], "light 'sun'; give 3 numbers as a,b,c"),
         (["--gradient-opacity", "0.5"], "give 2 numbers as a,b"),
         (["--gradient-opacity", "0.5/0.1"], "ascend from 0"),
-        (["--reader", "foo"], "known readers: cube, dicom"),
+        (["--reader", "foo"], "known readers: bioio, cube, dicom"),
         (["--spacing", "0x1x1"], "three positive numbers"),
         (["--spacing=-1x1x1"], "three positive numbers"),
         (["--spacing", "1x1"], "three positive numbers"),

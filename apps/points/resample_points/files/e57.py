@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_ratio
 from resample.watching import report
 from resample_points.data.cloud import Cloud
 from resample_points.data.coloring import colored_as_scanned
 from resample_points.data.fields import COLORS, Fields, cloud_of
 from resample_points.data.parts import STEP, CloudBuilder, storage_for
-from resample_points.files.parsing import damage, lacking
 
 SIGNATURE = b"ASTM-E57"
 PLACES = ("cartesianX", "cartesianY", "cartesianZ")

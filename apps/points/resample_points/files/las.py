@@ -16,13 +16,13 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_free, check_ratio
 from resample.watching import report
 from resample_points.data.cloud import Cloud, kept_columns
 from resample_points.data.coloring import SCANNED, colored_as_scanned
 from resample_points.data.fields import COLORS, Fields, cloud_of
 from resample_points.data.parts import PER_POINT, STEP, CloudBuilder, memory_left, storage_for
-from resample_points.files.parsing import damage, lacking
 
 ENTRY = np.dtype(
     {

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from resample.reading.limits import check_size
 from resample.types import Doubles
 from resample.watching import report
-from resample.words import one_line
 from resample_points.data.cloud import Cloud
 from resample_points.data.fields import Fields, cloud_of, color_names, most_of, white_of
 from resample_points.data.parts import STEP, CloudBuilder, storage_for
@@ -21,30 +19,6 @@ from resample_points.data.parts import STEP, CloudBuilder, storage_for
 LONGEST_HEADER = 1000  # lines
 NUMBER = re.compile(r"[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?")  # its point may be a comma
 COMMENTS = ("#", "//")  # beginnings of comment lines
-
-
-def lacking(name: str, reader: str, error: ImportError, extra: str) -> ValueError:
-    """Return the error for a file whose reader is not installed."""
-    return ValueError(
-        f"{name} is read by {reader}, and {error.name} is not installed: "
-        f"pip install 'hybrid-resample[{extra}]'"
-    )
-
-
-@contextmanager
-def damage(path: Path) -> Iterator[None]:
-    """Turn the many errors that damaged files raise into one kind."""
-    try:
-        yield
-    except MemoryError:
-        raise
-    except Exception as error:
-        message = one_line(error).partition(" ****")[0]  # libE57 appends its sources' lines
-        raise OSError(f"{path} is damaged: {message:.200}") from None
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":  # of Rust
-            raise
-        raise OSError(f"{path} is damaged: its points cannot be unpacked") from None
 
 
 def header_of(file: BinaryIO, last: str) -> list[list[str]]:

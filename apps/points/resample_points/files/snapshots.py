@@ -13,11 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.limits import check_file, check_items, neighbour
-from resample.types import Doubles
-from resample_points.data.particles import Particles, is_named
-from resample_points.data.smoothing import KERNELS
-from resample_points.files.hdf5 import (
+from resample.reading.hdf5 import (
     array_in,
     dataset_in,
     group_in,
@@ -28,6 +24,10 @@ from resample_points.files.hdf5 import (
     opened,
     text_of,
 )
+from resample.reading.limits import check_file, check_items, neighbour
+from resample.types import Doubles
+from resample_points.data.particles import Particles, is_named
+from resample_points.data.smoothing import KERNELS
 
 TYPES = {"gas": 0, "dark": 1, "stars": 4}
 MOST_TYPE = 6

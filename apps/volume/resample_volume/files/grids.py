@@ -6,9 +6,17 @@ from typing import ClassVar
 
 from resample.reading.arrays import DamageError, read_npz
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.headers import existing_file, header, stem
+from resample_volume.files.parsing.headers import (
+    Check,
+    OneOfAll,
+    accept_any,
+    existing_file,
+    header,
+    stem,
+)
 from resample_volume.files.parsing.sections import ArrayQuery, check_part
-from resample_volume.types import UNKNOWN, Volume
+from resample_volume.files.readers import recording_of
+from resample_volume.types import UNKNOWN, Recording, Volume
 
 AXES = ("x", "y", "z")
 
@@ -33,14 +41,14 @@ class Vtr:
 
 
 @dataclass(frozen=True)
-class Npz:
-    """NumPy arrays `x`, `y`, `z`, the coordinates of planes, and values (Z, Y, X)."""
+class Npz(OneOfAll):
+    """NumPy arrays: one as in `.npy`, or coordinates of planes `x`, `y`, `z` and one of values."""
 
     array: str = ""  # name of the values; empty: the only one besides x, y, z
 
     suffixes: ClassVar[tuple[str, ...]] = (".npz",)
 
-    def __call__(self, path: Path) -> Volume:
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         name = stem(existing_file(path), self.suffixes)
         try:
             held = read_npz(path)
@@ -50,12 +58,15 @@ class Npz:
             ) from None
         others = [key for key in held if key not in AXES]
         chosen = self.array or (others[0] if len(others) == 1 else "")
-        if not set(AXES) <= held.keys() or chosen not in others:
+        if chosen not in others:
             raise ValueError(
-                f"{path.name} holds {', '.join(held) or 'nothing'}; a grid is x, y, z and one "
-                "array of values (Z, Y, X), which is chosen by its name: --reader npz:array=density"
+                f"{path.name} holds {', '.join(held) or 'nothing'}; a volume is one array "
+                "of values (Z, Y, X), which is chosen by its name: --reader npz:array=density"
             )
         values = held[chosen]
-        header(values.shape[::-1], values.dtype, name)
+        if not set(AXES) <= held.keys():
+            return recording_of(values, name, check=check)
+        check(header(values.shape[::-1], values.dtype, name))
         made = rectilinear(values, held["x"], held["y"], held["z"], name)
-        return made._replace(length=UNKNOWN)
+        found = Recording(made.values[None, None], *made[1:5], note=made.note)
+        return found._replace(length=UNKNOWN)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.reading.arrays import DamageError, read_npy
 from resample_volume.data.recordings import is_color
@@ -188,7 +189,7 @@ class TiffStack(OneOfAll):
 
     spacing: Numbers = ""  # instead of the file's
 
-    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png")
+    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
 
     def __post_init__(self) -> None:
         spacing_of(self.spacing)
@@ -317,18 +318,25 @@ class Npy(OneOfAll):
             raise ValueError(
                 f"{path.name} is no array of numbers, or cut off: {error.reason}"
             ) from None
-        shape = values.shape
-        colored = len(shape) == 4 and is_color(shape, values.dtype)
-        space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
-        spacing, length = spacing_of(self.spacing)
-        known = header(space[::-1], values.dtype, stem(path, self.suffixes), spacing=spacing)
-        known = known._replace(length=length)
-        if colored:
-            known = known._replace(parts=shape[3], is_color=True)
-        elif len(shape) > 3:
-            known = known._replace(times=shape[0], parts=math.prod(shape[1:-3]))
-        check(known)
-        return recording(values, known, channels_first=not colored)
+        return recording_of(values, stem(path, self.suffixes), self.spacing, check)
+
+
+def recording_of(
+    values: NDArray[Any], name: str, spacing: Numbers = "", check: Check = accept_any
+) -> Recording:
+    """Make a recording of an array as `Npy` has them."""
+    shape = values.shape
+    colored = len(shape) == 4 and is_color(shape, values.dtype)
+    space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
+    steps, length = spacing_of(spacing)
+    known = header(space[::-1], values.dtype, name, spacing=steps)
+    known = known._replace(length=length)
+    if colored:
+        known = known._replace(parts=shape[3], is_color=True)
+    elif len(shape) > 3:
+        known = known._replace(times=shape[0], parts=math.prod(shape[1:-3]))
+    check(known)
+    return recording(values, known, channels_first=not colored)
 
 
 def _type(name: str, endian: str) -> np.dtype[Any]:

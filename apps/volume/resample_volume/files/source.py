@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 OWN = {  # suffixes of readers that are imported only for such files
+    "bioio": (".czi", ".lif", ".nd2", ".lsm", ".oib", ".oif", ".dv"),
+    "fits": (".fits", ".fit", ".fts", ".fits.gz", ".fits.fz"),
+    "hdf5": (".h5", ".hdf5", ".hdf"),
+    "imaris": (".ims",),
+    "netcdf": (".nc", ".nc4", ".cdf"),
+    "neuro": (".mgh", ".mgz", ".mnc", ".hdr", ".img"),
     "npz": (".npz",),
     "vdb": (".vdb",),
     "vtm": (".vtm", ".vthb"),
@@ -38,6 +44,12 @@ OWN = {  # suffixes of readers that are imported only for such files
     "vts": (".vts",),
     "vtu": (".vtu",),
     "zarr": (".ome.zarr", ".zarr", ".ome.zarr.zip", ".zarr.zip", ".ozx", ".zip"),
+}
+HINTS = {  # what to do with files of other kinds
+    (".mat",): "save its array as .npy: scipy.io.loadmat and h5py read it",
+    (".xdmf", ".xmf", ".pvd", ".exo", ".case", ".foam"): "save it as .vti or .vtu in ParaView",
+    (".vsi", ".svs", ".scn", ".ndpi"): "save it as OME-TIFF: bioformats2raw and QuPath do",
+    (".par", ".rec", ".img.gz", ".hdr.gz"): "save it as .nii.gz: nibabel reads it",
 }
 
 
@@ -165,7 +177,10 @@ def find_reader(path: str | Path) -> Reader:
 def _unknown(path: Path, readers: Collection[str]) -> str:
     """Describe what is wrong with a file or folder that no reader takes."""
     if path.is_dir():
-        return f"{path} holds no slices; give a folder of .dcm, .tif or .png files, or a file"
+        return f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a file"
+    for suffixes, hint in HINTS.items():
+        if path.name.lower().endswith(suffixes):
+            return f"{path} is read by none of the readers; {hint}"
     return (
         f"{path} has no known suffix; known are {' '.join(sorted(readers))}; rename it or choose a "
         "reader (--reader NAME)"

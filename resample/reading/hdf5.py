@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_free, check_items, check_unpacked
-from resample_points.files.parsing import damage, lacking
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 LONGEST = 200  # characters of a text

@@ -1,0 +1,109 @@
+"""Read cubes of astronomy (FITS) by astropy, the extra `fits`."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from resample.reading.libraries import damage, lacking
+from resample.reading.limits import check_items, check_unpacked
+from resample_volume.data.memory import require_memory
+from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along
+from resample_volume.files.parsing.headers import Check, OneOfAll, accept_any, existing_file, stem
+from resample_volume.types import Recording
+
+CELESTIAL = re.compile("RA|DEC|[GESH]L(ON|AT)|..L[NT]")  # names of axes in degrees
+TYPES = {8: "u1", 16: "i2", 32: "i4", 64: "i8", -32: "f4", -64: "f8"}  # by BITPIX
+PACKED = (".gz", ".fz", ".bz2")
+
+
+@dataclass(frozen=True)
+class Fits(OneOfAll):
+    """An image of a FITS file with three axes or more: the first, or one that is chosen.
+
+    Celestial axes keep the proportion of their pixels; a channel of velocity or frequency is as
+    deep as a pixel is wide, unless all axes are lengths of one unit. Blank values are missing.
+    """
+
+    hdu: str = ""  # name or number of the image; empty: the first with three axes
+
+    suffixes: ClassVar[tuple[str, ...]] = (".fits", ".fit", ".fts", ".fits.gz", ".fits.fz")
+
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        name = stem(existing_file(path), self.suffixes)
+        try:
+            from astropy.io import fits
+        except ImportError as error:
+            raise lacking(path.name, "astropy", error, "fits") from None
+        with path.open("rb") as raw:
+            with damage(path):
+                held = fits.open(raw, memmap=False)
+                count = len(held)
+            check_items(path.name, count, "tables and images")
+            image = _image_of(held, self.hdu, path.name)
+            axes, is_scaled = _axes_of(image.header), "BSCALE" in image.header
+            kind = np.dtype(np.float32) if is_scaled else _type_of(image.header)
+            known = lattice_of(axes, kind, name)
+            check(known)
+            packed = path.name.lower().endswith(PACKED) or "ZIMAGE" in image._header
+            (check_unpacked if packed else _check_there)(path.name, path.stat().st_size, known.size)
+            require_memory(known.size, name)
+            unit = str(image.header.get("BUNIT", "")).strip()
+            with damage(path):
+                values = np.asarray(image.data)
+            values = values.reshape([axis.size for axis in axes][::-1])
+            if "BLANK" in image.header and values.dtype.kind in "iu":
+                blank = values == image.header["BLANK"]
+                values = np.where(blank, np.float32(np.nan), values.astype(np.float32))
+            told = [f"values are in {unit}"] if unit else []
+            known = known._replace(note="; ".join([*told, known.note]).strip("; "))
+            return recording_along(values.astype(values.dtype.newbyteorder("=")), axes, known)
+
+
+def _check_there(name: str, given: int, wanted: int) -> None:
+    if given < wanted:
+        raise ValueError(f"{name} is cut off: {given} of {wanted} bytes are there")
+
+
+def _image_of(held: Any, chosen: str, name: str) -> Any:
+    """Return the image that is chosen by name or number, or the first of three axes."""
+    images = [hdu for hdu in held if hdu.is_image and sum(size > 1 for size in hdu.shape) >= SPACE]
+    if chosen:
+        images = [one for n, one in enumerate(held) if chosen in (str(n), one.name)]
+        images = [one for one in images if one.is_image]
+    if not images:
+        known = ", ".join(
+            f"{n} {hdu.name} {hdu.shape if hdu.is_image else ''}".strip()
+            for n, hdu in enumerate(held)
+        )
+        raise ValueError(
+            f"{name} holds no image of three axes{f' called {chosen}' if chosen else ''}: {known}"
+        )
+    return images[0]
+
+
+def _type_of(header: Any) -> np.dtype[Any]:
+    """Return the type of stored values; those with a blank become floats."""
+    if "BLANK" in header:
+        return np.dtype(np.float32)
+    return np.dtype(TYPES[header["BITPIX"]])
+
+
+def _axes_of(header: Any) -> list[LabelledAxis]:
+    """Return the axes of more than one pixel, x first."""
+    axes = []
+    for n in range(1, header["NAXIS"] + 1):
+        name, unit = (str(header.get(f"{key}{n}", "")).strip() for key in ("CTYPE", "CUNIT"))
+        step = header.get(f"CDELT{n}", header.get(f"CD{n}_{n}"))
+        axes.append(
+            LabelledAxis(
+                name or f"axis {n}",
+                int(header[f"NAXIS{n}"]),
+                float(step) if isinstance(step, int | float) and step else None,
+                unit or ("deg" if CELESTIAL.match(name) else ""),
+            )
+        )
+    kept = [axis for axis in axes if axis.size > 1]
+    return kept if len(kept) >= SPACE else axes[:SPACE]
