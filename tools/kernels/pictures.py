@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from resample import registry
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.colors import from_srgb
 from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
@@ -15,6 +15,7 @@ from resample.profiles.orders import EverySample, ImageSheets, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, LatticeField, Samples
+from resample_comparisons.volume.painting import AxisSheets
 
 SIDE = 24  # px
 LATTICE = 12  # samples per side
@@ -37,10 +38,13 @@ VOLUMES: dict[str, dict[str, Any]] = {
     "splats": {"primitive": Primitive.SPLATS},
     "points": {"primitive": Primitive.POINTS},
     "paper": {"primitive": Primitive.PAPER},
+    "inflate": {"primitive": Primitive.INFLATE},
+    "ewa": {"primitive": Primitive.EWA},
+    "axis-sheets": {"order": AxisSheets()},
     "image-sheets": {"order": ImageSheets()},
     "image-sheets, affine": {"order": ImageSheets(0.5), "footprint": Footprint.AFFINE},
 }
-FAR = ("default", "points", "paper", "image-sheets")
+FAR = ("default", "points", "paper", "ewa", "axis-sheets", "image-sheets")
 
 
 def camera(away: float = 16.0) -> Camera:
@@ -257,7 +261,7 @@ def _mesh() -> Any:
 
 
 def _add_depth_images() -> None:
-    for method in ("hybrid", "paper", "point", "preview", "splat"):
+    for method in registry.names("warps"):
         SCENES[f"depth image, {method}"] = lambda method=method: _warped(method)
     SCENES["depth image, hybrid, few"] = _few_depths
     SCENES["cloud, few"] = lambda: np.concatenate([_cloud(40.0, n)[0] for n in (2, 3, 5)])
@@ -266,16 +270,13 @@ def _add_depth_images() -> None:
 
 
 def _warped(method: str, part: tuple[slice, slice] = ALL, unit: float = 1.0) -> Any:
-    from resample.samples.rooms import FOV, room
+    from resample_comparisons.warp3d.scenes import generated
     from resample_warp3d import warp
 
-    seen = room(66)
-    source = Camera.from_fov(FOV, height=seen.depth.shape[0], width=seen.depth.shape[1])
-    color, depth = (
-        from_srgb(seen.color / np.float32(255)),
-        8 * unit * seen.depth,
-    )  # a few pixels stay
-    return warp(color[part], depth[part], source, target_of(source, unit), method).image
+    scene = generated(64)
+    image = scene.depth_image(4)
+    color, depth = image.color[part], unit / image.nearness[part]
+    return warp(color, depth, scene.source, target_of(scene.source, unit), method).image
 
 
 def target_of(source: Camera, unit: float = 1.0) -> Camera:

@@ -31,12 +31,13 @@ def volumes() -> Iterator[str]:
             sheets = [] if projection == "minimum" else ["--order image-sheets"]
             for more in ("", "--camera 30/20/0.2", *sheets):
                 yield VOLUME.format(f"{dtype}.npy --projection {projection} {more}")
-    for method in ("hybrid", "points", "splats", "paper"):
+    for method in ("hybrid", "points", "splats", "paper", "inflate", "ewa"):
         for more in (
             "",
             "--fov 0",
             "--camera 30/20/0.1",
             "--camera 30/20/6",
+            "--order axis-sheets",
             "--order image-sheets:thickness=1",
             "--color-by primitive",
         ):
@@ -98,7 +99,11 @@ def textures() -> Iterator[str]:
         yield f"resample-texture warp {picture} --map map.npy -o out.tif"
         yield f"resample-texture warp {picture} --flow flow.npy -o out.tif"
         yield f"resample-texture undistort {picture} --lens 40,40,24,20,-0.2,0.05,0,0 -o out.tif"
-    for method in ("hybrid", "points", "supersample", "splats", "paper", "nearest", "majority"):
+    for method in (
+        *("hybrid", "points", "supersample", "splats", "paper", "nearest", "majority"),
+        *("bilinear", "cubic", "lanczos4", "area", "opencv-supersample:n=2"),
+        "oiio",
+    ):
         for picture in ("gray.png", "rgb.png"):
             yield WARP.format(f"{picture} --method {method}")
     for name in ("lanczos", "spline", "catmull-rom", "bilinear", "nearest", "gaussian"):
@@ -116,7 +121,10 @@ def textures() -> Iterator[str]:
 
 def depths() -> Iterator[str]:
     """Commands for depth images."""
-    for method in ("hybrid", "paper", "point", "preview", "splat"):
+    for method in (
+        *("hybrid", "paper", "point", "preview", "splat", "mcmillan", "mcmillan-zbuffer"),
+        *("mesh", "subsample", "ldi", "opencv"),
+    ):
         for more in ("--move 0.1,0,0", "--move 0,0,1.5", "--move 0,0,-3"):
             yield DEPTH.format(f"sample:room --method {method} {more}")
     for picture in ("gray.png", "rgb.png", "rgba.png", "rgb.tif", "rgb16.png"):
