@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
+SOURCES = ("resample", "apps", "plugins")
 FOLDER = "MUTANTS_MARKS"  # variable
 KERNEL = re.compile(r"(\w*kernel|\w*_step|\w*role|plays|overload|intrinsic)\b")
 met: set[str] = set()
@@ -101,7 +102,7 @@ def _noting(kernel: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 def _get_code(loader: SourceFileLoader, name: str) -> Any:
     path = Path(loader.get_filename(name))
-    if not path.is_relative_to(ROOT) or path.relative_to(ROOT).parts[0] not in ("resample", "apps"):
+    if not path.is_relative_to(ROOT) or path.relative_to(ROOT).parts[0] not in SOURCES:
         return _load(loader, name)
     tree = ast.parse(loader.get_data(str(path)))
     marked = _marked(tree, path.relative_to(ROOT).as_posix())

@@ -76,7 +76,8 @@ def merged(known: Reach, new: Reach, files: Sequence[str]) -> Reach:
 
 def digests(root: Path) -> dict[str, str]:
     """Digests of all files of tests."""
-    files = sorted((root / "tests").rglob("test_*.py"))
+    folders = [root / "tests", *sorted(root.glob("plugins/*/tests"))]
+    files = sorted(file for folder in folders for file in folder.rglob("test_*.py"))
     return {
         file.relative_to(root).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest()
         for file in files
@@ -176,7 +177,7 @@ class Mentions:
 
 def _module(path: Path) -> str:
     parts = path.with_suffix("").parts
-    parts = parts[2:] if parts[0] == "apps" else parts
+    parts = parts[2:] if parts[0] in ("apps", "plugins") else parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 

@@ -16,20 +16,21 @@ import numpy as np
 PACKAGES = (
     "resample",
     *(f"apps/{a}/resample_{a}" for a in ("points", "texture", "volume", "warp3d")),
+    *(f"plugins/{a}/resample_{a}" for a in ("comparisons", "figures", "gradients", "meshes")),
 )
 # The first pattern that matches a path settles its stratum; None: no mutants.
 STRATA = (
     (r"/data/|^resample/samples/|^resample/testing\.py", None),
     (r"/kernels/", "kernels"),
-    (r"/(figures|baselines)/", None),  # the paper's figures and other programs' methods
+    (r"^plugins/(comparisons|figures)/", None),  # the paper's figures and other programs' methods
     (r"^resample/engine/compiled/", "plumbing"),
     (r"^resample/engine/", "kernels"),
     (r"^resample/hybrid/", "hybrid"),
     (r"^resample/(painting|profiles|cameras)/", "painting"),
-    (r"^resample/(files|reading)/|^apps/\w+/\w+/(files|exchange|inputs)", "readers"),
-    (r"^resample/|/(command|viewing)/|/cli\.py|/__main__\.py", "plumbing"),
+    (r"^resample/(files|reading)/|^(apps|plugins)/\w+/\w+/(files|exchange|inputs)", "readers"),
+    (r"^resample/|/(command|viewing)(/|\.py)|/cli\.py|/__main__\.py", "plumbing"),
     (r"^apps/points/", "points"),
-    (r"^apps/texture/", "texture"),
+    (r"^apps/texture/|^plugins/", "texture"),
     (r"^apps/volume/", "volume"),
     (r"^apps/warp3d/", "warp3d"),
 )
