@@ -193,8 +193,8 @@ def back(x: Any, y: Any) -> tuple[Any, Any]:
 
 
 def _add_textures() -> None:
+    from resample_gradients.adjoint import adjoint
     from resample_texture import BackwardMap, ForwardMap, Homography, warp
-    from resample_texture.texels.adjoint import adjoint
     from resample_texture.texels.forward import CellGrid
     from resample_texture.types import Edge
 

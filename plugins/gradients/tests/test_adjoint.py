@@ -11,8 +11,8 @@ from resample.profiles.interpolation import (
     Nearest,
     Spline,
 )
+from resample_gradients.adjoint import adjoint
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
-from resample_texture.texels.adjoint import adjoint
 from resample_texture.texels.forward import CellGrid, blocks_of, project
 from resample_texture.texels.kernels.blocks import LEVEL
 from resample_texture.types import Edge

@@ -10,6 +10,7 @@ import numpy as np
 
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Doubles, Floats
+from resample_gradients.kernels.adjoint import gather_blocks, patch_offsets, scatter_texels
 from resample_texture.geometry.mappings import Geometry, Homography
 from resample_texture.texels.forward import (
     EDGES,
@@ -24,7 +25,6 @@ from resample_texture.texels.forward import (
     tap_table,
     widened,
 )
-from resample_texture.texels.kernels.adjoint import gather_blocks, patch_offsets, scatter_texels
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.plates import texels_at
 from resample_texture.types import Edge
