@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 GROUPS = (
     "apps",
+    "clouds",
     "commands",
     "filters",
     "interpolations",

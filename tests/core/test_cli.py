@@ -51,7 +51,7 @@ def test_plugins_shows_distribution_description_and_parameters(capsys):
 
 def test_plugins_of_an_unknown_group_are_refused(capsys):
     assert ended("plugins", "filter") == 2
-    assert "plugins come as apps, commands, filters" in capsys.readouterr().err
+    assert "plugins come as apps, clouds, commands, filters" in capsys.readouterr().err
 
 
 def test_a_broken_plugin_is_shown_with_its_reason(monkeypatch, capsys):

@@ -2,12 +2,14 @@
 
 import errno
 import struct
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from conftest import real
+from resample import registry
 from resample.colors import from_srgb
 from resample_points import read_gaussians, read_particles
 from resample_points.files.readers import Cloud, is_cloud, read_cloud
@@ -185,7 +187,7 @@ def test_arrays_come_as_they_are(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.obj", b"", r"\.ply, \.pcd"),
+        ("a.obj", b"", r"\.pcd, \.ply"),
         ("a.ply", b"solid\n", "end_header"),
         ("a.ply", b"ply\nformat ascii 1.0\nend_header\n", "no element vertex"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex x\nend_header\n", "PLY header"),
@@ -326,3 +328,16 @@ def test_a_file_that_is_absent_is_told_as_the_system_does(tmp_path, reader, name
         reader(tmp_path / name)
     assert caught.value.errno == errno.ENOENT
     assert caught.value.filename == str(tmp_path / name)
+
+
+def test_a_package_can_read_a_further_format(tmp_path, monkeypatch):
+    fake = EntryPoint("two", "package:read_two", "resample.clouds")
+    monkeypatch.setattr(registry, "entry_points", EntryPoints([fake]).select)
+    made = Cloud(np.eye(2, 3), np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+    monkeypatch.setattr(EntryPoint, "load", lambda _: lambda path: made if path.stat() else None)
+    path = tmp_path / "a.two"
+    path.write_text("points")
+    assert is_cloud(path)
+    np.testing.assert_array_equal(read_cloud(path).position, np.eye(2, 3))
+    with pytest.raises(ValueError, match=r"clouds are read from \.two"):
+        read_cloud(path.rename(tmp_path / "a.xyz"))

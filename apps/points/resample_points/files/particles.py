@@ -7,7 +7,7 @@ import numpy as np
 
 from resample.reading.limits import check_file
 from resample_points.data.particles import Particles, particles_of
-from resample_points.files.readers import READERS, read_cloud
+from resample_points.files.readers import read_cloud, suffixes
 from resample_points.files.snapshots import read_snapshot
 
 SUFFIXES = (".hdf5", ".h5", ".he5")
@@ -55,9 +55,8 @@ def read_particles(
         if is_snapshot(source):
             with np.errstate(all="ignore"):  # numbers that become infinite are refused
                 return read_snapshot(source, kind, quantities)
-        if source.suffix.lower() not in READERS:
-            known = ", ".join((*SUFFIXES[:2], *READERS))
-            raise ValueError(f"particles are read from {known}")
+        if source.suffix.lower() not in (known := suffixes()):
+            raise ValueError(f"particles are read from {', '.join((*SUFFIXES[:2], *known))}")
         return particles_of(read_cloud(source))
     except ValueError as error:
         text = str(error)

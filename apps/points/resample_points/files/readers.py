@@ -1,24 +1,20 @@
 """Read a point cloud of any format; the formats have files of their own."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample import registry
 from resample.memory.mapped import is_in_file
 from resample.reading.arrays import npz_names, read_npz
 from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, some_of
 from resample_points.data.fields import linear
-from resample_points.files.e57 import read_e57
-from resample_points.files.kitti import read_bin
-from resample_points.files.las import read_las
-from resample_points.files.pcd import read_pcd
-from resample_points.files.ply import read_ply
-from resample_points.files.text import read_columns, read_pts
 
+LASER = (".las", ".laz")  # of which parts are read, where they are large
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
 
 
@@ -74,36 +70,44 @@ def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | Non
     """
     source = Path(path)
     check_file(path)
-    reader = READERS.get(source.suffix.lower())
-    if reader is None:
-        raise ValueError(f"{path}: clouds are read from {', '.join(READERS)}")
+    known = suffixes()
+    if source.suffix.lower() not in known:
+        raise ValueError(f"{path}: clouds are read from {', '.join(known)}")
     if level and source.suffix.lower() not in LASER:
         raise ValueError(f"{source.name} has no levels, which COPC files have")
+    reader = registry.load("clouds", source.suffix.lower()[1:])
     try:
         if source.suffix.lower() in LASER:
-            return read_las(source, level, columns)
+            laser: Cloud = reader(source, level, columns)
+            return laser
         cloud = kept_columns(reader(source), columns)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
     if is_in_file(cloud.position):
         return cloud
-    known = np.asarray(np.isfinite(cloud.position).all(axis=1))
-    if not known.any():
+    finite = np.asarray(np.isfinite(cloud.position).all(axis=1))
+    if not finite.any():
         raise ValueError(f"{source.name}: has no points")
-    return cloud if known.all() else some_of(cloud, known)
+    return cloud if finite.all() else some_of(cloud, finite)
+
+
+def suffixes() -> list[str]:
+    """Suffixes of the files that `read_cloud` reads."""
+    return [f".{name}" for name in registry.names("clouds")]
 
 
 def is_cloud(path: Path) -> bool:
     """Whether a file is a cloud by its suffix, or for `.npz` by the names of its arrays."""
     if path.suffix.lower() != ".npz":
-        return path.suffix.lower() in READERS
+        return path.suffix.lower() in suffixes()
     try:
         return "position" in npz_names(path)
     except OSError:
         return False
 
 
-def _read_arrays(path: Path) -> Cloud:
+def read_arrays(path: Path) -> Cloud:
+    """Read `.npz`: arrays by the names of a cloud's parts."""
     known: dict[str, Any] = read_npz(path)
     if "position" not in known:
         raise ValueError(f"has no array position; a cloud has {', '.join(PARTS)}")
@@ -124,21 +128,3 @@ def _read_arrays(path: Path) -> Cloud:
 def _is_column(part: NDArray[Any], count: int) -> bool:
     """Whether an array holds a number for each point."""
     return part.shape == (count,) and part.dtype.kind in "iufb"
-
-
-READERS: dict[str, Callable[[Path], Cloud]] = {
-    ".ply": read_ply,
-    ".pcd": read_pcd,
-    ".xyz": read_columns,
-    ".xyzn": read_columns,
-    ".pts": read_pts,
-    ".txt": read_columns,
-    ".asc": read_columns,
-    ".csv": read_columns,
-    ".bin": read_bin,
-    ".e57": read_e57,
-    ".npz": _read_arrays,
-    ".las": read_las,
-    ".laz": read_las,
-}
-LASER = (".las", ".laz")
