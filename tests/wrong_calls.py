@@ -8,6 +8,7 @@ import numpy as np
 
 import resample
 import resample_points
+import resample_sky
 import resample_texture
 import resample_texture.like.ndimage
 import resample_texture.like.scikit
@@ -53,7 +54,7 @@ resample_texture.warp_chunks(picture, np.eye(3), (4, 5), edge="reflekt")  # type
 resample_texture.Plan(np.eye(3), (4, 5), (4, 5), edge="reflekt")  # type: ignore[arg-type]
 resample_texture.PictureScene(picture).render(np.eye(3), edge="reflekt")  # type: ignore[arg-type]
 resample_texture.PictureScene(picture).render(np.eye(3), quality="fast")  # type: ignore[arg-type]
-resample_texture.coadd([picture], [np.eye(3)], (4, 5), interpolation="cubic")  # type: ignore[arg-type]
+resample_sky.coadd([picture], [np.eye(3)], (4, 5), interpolation="cubic")  # type: ignore[arg-type]
 resample_texture.Hybrid(magnified="cell")  # type: ignore[arg-type]
 resample_texture.like.scikit.resize(picture, (4, 5), mode="mirror")  # type: ignore[arg-type]
 resample_texture.like.ndimage.zoom(picture, 2, mode="symmetric")  # type: ignore[arg-type]

@@ -18,6 +18,7 @@ SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
     *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
     *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
+    "plugins/sky/resample_sky",
 )
 MOST_LINES = 60  # of a function, without its docstring
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)

@@ -11,6 +11,7 @@ import pytest
 import resample
 import resample_gradients as differentiable
 import resample_points as points
+import resample_sky
 import resample_texture as texture
 import resample_volume as volume
 import resample_warp3d as warp3d
@@ -80,7 +81,7 @@ CLOUDS: dict[str, Callable[[Any], Any]] = {
 THREADED: dict[str, Callable[[Any], Any]] = {
     "warp": lambda given: texture.warp(PICTURE, ONE, SHAPE, threads=given),
     "warp_chunks": lambda given: texture.warp_chunks(PICTURE, ONE, SHAPE, threads=given),
-    "coadd": lambda given: texture.coadd([GRAY], [ONE], SHAPE, threads=given),
+    "coadd": lambda given: resample_sky.coadd([GRAY], [ONE], SHAPE, threads=given),
     "Plan": lambda given: texture.Plan(ONE, SHAPE, (20, 40))(PICTURE, threads=given),
     "LinearWarp": lambda given: differentiable.LinearWarp(threads=given),
     "depth": lambda given: warp3d.warp(PICTURE, DEPTH, EYE, EYE, threads=given),
@@ -98,7 +99,7 @@ SHAPES: dict[str, Callable[[Any], Any]] = {
     "resize": lambda given: texture.resize(PICTURE, given),
     "warp_chunks": lambda given: texture.warp_chunks(PICTURE, ONE, given),
     "Plan": lambda given: texture.Plan(ONE, given, (20, 40)),
-    "coadd": lambda given: texture.coadd([GRAY], [ONE], given),
+    "coadd": lambda given: resample_sky.coadd([GRAY], [ONE], given),
     "Scatter": lambda given: Scatter()([[1, 1]], [1.0], radius=1.0, shape=given),
 }
 EXACT_SHAPES = {name: call for name, call in SHAPES.items() if name != "resize"}

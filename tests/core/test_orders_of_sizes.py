@@ -11,6 +11,7 @@ import pytest
 import resample
 import resample_gradients as differentiable
 import resample_points
+import resample_sky
 import resample_texture
 import resample_volume
 import resample_warp3d
@@ -98,10 +99,8 @@ SHAPES: dict[str, Callable[[tuple[int, int]], Any]] = {
     "warp_chunks": lambda shape: resample_texture.warp_chunks(PICTURE, np.eye(3), shape),
     "resize": lambda shape: resample_texture.resize(PICTURE, shape),
     "rotate": lambda shape: resample_texture.rotate(PICTURE, 30, shape),
-    "coadd": lambda shape: resample_texture.coadd([PICTURE], [np.eye(3)], shape),
-    "reproject": lambda shape: resample_texture.reproject(
-        PICTURE, np.eye(2, 3), np.eye(2, 3), shape
-    ),
+    "coadd": lambda shape: resample_sky.coadd([PICTURE], [np.eye(3)], shape),
+    "reproject": lambda shape: resample_sky.reproject(PICTURE, np.eye(2, 3), np.eye(2, 3), shape),
     "project": lambda shape: resample_texture.project(
         np.zeros((64, 128, 3), np.uint8), "equirectangular", "perspective:fov=70", shape
     ),

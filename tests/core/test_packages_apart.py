@@ -21,7 +21,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("comparisons", "figures", "gradients", "meshes"):
+for name in ("comparisons", "figures", "gradients", "meshes", "sky"):
     sys.modules["resample_" + name] = None
 from {module} import main
 main()

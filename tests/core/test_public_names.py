@@ -6,7 +6,14 @@ from importlib.metadata import version
 
 import pytest
 
-PACKAGES = ["resample", "resample_points", "resample_texture", "resample_volume", "resample_warp3d"]
+PACKAGES = [
+    "resample",
+    "resample_points",
+    "resample_sky",
+    "resample_texture",
+    "resample_volume",
+    "resample_warp3d",
+]
 
 
 @pytest.mark.parametrize("name", PACKAGES)

@@ -50,7 +50,9 @@ def test_names_are_sorted():
 
 
 def test_an_unknown_group_lists_the_groups():
-    with pytest.raises(LookupError, match="no 'filter'; plugins come as apps, clouds, commands, filters"):
+    with pytest.raises(
+        LookupError, match="no 'filter'; plugins come as apps, clouds, commands, filters"
+    ):
         registry.names("filter")
 
 

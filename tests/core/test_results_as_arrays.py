@@ -13,7 +13,8 @@ from PIL import Image
 from resample import Scatter, Scattering
 from resample.types import Frame, Statistics
 from resample_points import Particles, column_density
-from resample_texture import Warped, coadd, warp
+from resample_sky import coadd
+from resample_texture import Warped, warp
 from resample_warp3d import Camera
 from resample_warp3d import warp as warp_depth
 from resample_warp3d.types import Warped as WarpedDepth

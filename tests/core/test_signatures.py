@@ -13,12 +13,20 @@ import pytest
 
 import resample
 import resample_points
+import resample_sky
 import resample_texture
 import resample_volume
 import resample_warp3d
 from resample_texture.like import ndimage, scikit
 
-PACKAGES = ["resample", "resample_points", "resample_texture", "resample_volume", "resample_warp3d"]
+PACKAGES = [
+    "resample",
+    "resample_points",
+    "resample_sky",
+    "resample_texture",
+    "resample_volume",
+    "resample_warp3d",
+]
 
 # Texts that may be anything: names of plugins with options, files, expressions. Others are Literal.
 OPEN_TEXTS = {
@@ -100,8 +108,8 @@ CHOICES: list[tuple[Callable[..., Any], str, Callable[[Any], Any]]] = [
 ] + [
     (resample_texture.resize, "edge",
      lambda given: resample_texture.resize(PICTURE, SHAPE, edge=given)),
-    (resample_texture.coadd, "interpolation",
-     lambda given: resample_texture.coadd([PICTURE], [np.eye(3)], SHAPE, interpolation=given)),
+    (resample_sky.coadd, "interpolation",
+     lambda given: resample_sky.coadd([PICTURE], [np.eye(3)], SHAPE, interpolation=given)),
     (resample_texture.Hybrid, "magnified", lambda given: resample_texture.Hybrid(magnified=given)),
     (resample_texture.Hybrid, "average", lambda given: resample_texture.Hybrid(average=given)),
     (scikit.resize, "mode", lambda given: scikit.resize(PICTURE, SHAPE, mode=given)),

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from resample.files.exchange import as_picture
+from resample_sky import coadd, reproject
 from resample_texture import (
     PictureScene,
     Plan,
-    coadd,
     differentiable,
     project,
-    reproject,
     resize,
     rotate,
     scale,

@@ -16,7 +16,10 @@ import numpy as np
 PACKAGES = (
     "resample",
     *(f"apps/{a}/resample_{a}" for a in ("points", "texture", "volume", "warp3d")),
-    *(f"plugins/{a}/resample_{a}" for a in ("comparisons", "figures", "gradients", "meshes")),
+    *(
+        f"plugins/{a}/resample_{a}"
+        for a in ("comparisons", "figures", "gradients", "meshes", "sky")
+    ),
 )
 # The first pattern that matches a path settles its stratum; None: no mutants.
 STRATA = (

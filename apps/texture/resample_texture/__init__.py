@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
-    from resample_texture.mosaics import coadd, reproject
     from resample_texture.planning import Plan
     from resample_texture.points import warp_points
     from resample_texture.scenes import PictureScene
@@ -42,10 +41,8 @@ _HOMES = {
     "Splats": "methods.forward",
     "Supersample": "methods.forward",
     "Warped": "types",
-    "coadd": "mosaics",
     "control_points": "geometry.control",
     "project": "everyday",
-    "reproject": "mosaics",
     "resize": "everyday",
     "rotate": "everyday",
     "scale": "everyday",
@@ -70,10 +67,8 @@ __all__ = [
     "Splats",
     "Supersample",
     "Warped",
-    "coadd",
     "control_points",
     "project",
-    "reproject",
     "resize",
     "rotate",
     "scale",
@@ -85,5 +80,7 @@ __all__ = [
     "warp_points",
 ]
 
-__getattr__ = attributes(__name__, _HOMES)
+_MOVED = {"coadd": "mosaics", "reproject": "mosaics"}  # to `resample_sky`; until the next release
+
+__getattr__ = attributes(__name__, _HOMES | _MOVED)
 __dir__ = listing(_HOMES)

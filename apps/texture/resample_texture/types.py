@@ -27,7 +27,6 @@ __all__ = [
     "PictureSceneOptions",
     "Previewed",
     "ProjectOptions",
-    "ReprojectOptions",
     "ResizeOptions",
     "WarpOptions",
     "Warped",
@@ -188,13 +187,6 @@ class WarpOptions(
 
 class ResizeOptions(SamplingOptions, StackOptions, MissingOptions, ResultOptions, total=False):
     """Options of `resize`, `scale` and `rotate` besides those in their signatures."""
-
-
-class ReprojectOptions(SamplingOptions, StackOptions, ValueOptions, ResultOptions, total=False):
-    """Options of `reproject`, as `warp` describes them."""
-
-    method: "str | Method"
-    edge: AnyEdge
 
 
 class ProjectOptions(SamplingOptions, StackOptions, ValueOptions, total=False):

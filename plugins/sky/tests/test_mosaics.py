@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from resample_texture import BackwardMap, coadd, reproject, warp
+from resample_sky import coadd, reproject
+from resample_sky.reprojection import reprojection
+from resample_texture import BackwardMap, warp
 from resample_texture.geometry.coarse import coarsely
 from resample_texture.geometry.mappings import Homography
-from resample_texture.geometry.reprojection import reprojection
 
 SHAPE = (70, 90)
 

@@ -1,0 +1,15 @@
+"""Pictures between coordinate systems, of the sky, of maps and of the Earth, and their sums."""
+
+from typing import TYPE_CHECKING
+
+from resample.lazy import attributes, listing
+
+if TYPE_CHECKING:
+    from resample_sky.mosaics import coadd, reproject
+
+_HOMES = {"coadd": "mosaics", "reproject": "mosaics"}
+
+__all__ = ["coadd", "reproject"]
+
+__getattr__ = attributes(__name__, _HOMES)
+__dir__ = listing(_HOMES)
