@@ -8,18 +8,26 @@ from types import ModuleType
 import pytest
 
 import resample
+import resample_comparisons
+import resample_gradients
+import resample_meshes
 import resample_points
+import resample_sky
 import resample_texture
 import resample_volume
 import resample_warp3d
 
-PACKAGES = (resample, resample_points, resample_texture, resample_volume, resample_warp3d)
+PACKAGES = (
+    *(resample, resample_points, resample_sky),
+    *(resample_texture, resample_volume, resample_warp3d),
+)
+FURTHER = (resample_comparisons, resample_gradients, resample_meshes)  # whose names have homes
 
 
 def modules() -> list[str]:
     """Modules whose docstrings hold examples."""
     found = []
-    for package in PACKAGES:
+    for package in (*PACKAGES, *FURTHER):
         home = Path(package.__path__[0])
         for source in sorted(home.rglob("*.py")):
             if ">>> " in source.read_text(encoding="utf-8"):
