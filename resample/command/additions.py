@@ -34,3 +34,10 @@ def add_command(app: App, entry: str, purpose: str) -> None:
     """
     name = entry.rpartition(".")[2]
     app._commands[name] = AddedCommand(entry, name, help=purpose)
+
+
+def add_found(app: App, name: str) -> None:
+    """Add a command that any package has for an application, if there is one of this name."""
+    entry = f"{app.name[0].removeprefix('resample-')}.{name}"
+    if entry in registry.names("commands"):
+        add_command(app, entry, "")

@@ -30,6 +30,10 @@ class CommandLine(App):
         """Parse a command line; one with -h is a request for brief help."""
         given = sys.argv[1:] if tokens is None else tokens
         words = given.split() if isinstance(given, str) else list(given)
+        if words and not words[0].startswith("-") and words[0] not in self:
+            from resample.command.additions import add_found
+
+            add_found(self, words[0])
         if BRIEF not in takewhile(lambda word: word != "--", words):
             return super().parse_args(words, **rules)
         from resample.command.brief import asked_for, brief

@@ -3,12 +3,15 @@
 import subprocess
 import sys
 from importlib import import_module
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
 
 import resample_gradients
 from resample import registry
+from resample_volume.cli import app
+from tests.commands import ended, refused
 from tests.processes import PATIENCE
 
 ROOT = Path(__file__).parents[2]
@@ -105,3 +108,23 @@ def test_a_list_of_commands_says_of_an_added_one_what_it_says_itself(application
         if owner == application:
             listed = app._get_item(command).help
             assert str(registry.load("commands", name).__doc__).startswith(listed.rstrip("."))
+
+
+def thrice(word: str, *, more: int = 1) -> None:
+    """Print a word three times."""
+    sys.stdout.write(f"{word * 3 * more}\n")
+
+
+def test_a_command_of_any_package_runs_beside_those_of_an_application(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    fake = EntryPoint("volume.thrice", "package:thrice", "resample.commands")
+    monkeypatch.setattr(registry, "entry_points", EntryPoints([fake]).select)
+    monkeypatch.setattr(EntryPoint, "load", lambda _: thrice)
+    monkeypatch.setattr(app, "_commands", dict(app._commands))
+    assert ended(app, "thrice", "no", "--more", "2", "--memory", "1GiB") == 0
+    assert capsys.readouterr().out == "nononononono\n"
+    assert ended(app, "thrice", "-h") == 0
+    assert "Usage: resample-volume thrice" in capsys.readouterr().out
+    assert 'Unknown command "twice"' in refused(app, capsys, "twice")

@@ -191,8 +191,10 @@ class VtkBeside:
     One thread draws everything, as a window belongs to the thread that created it.
     """
 
-    _thread: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1, "vtk"))
-    _kept: tuple[Any, VtkRenderer] | None = None
+    _thread: ThreadPoolExecutor = field(
+        init=False, default_factory=lambda: ThreadPoolExecutor(1, "vtk")
+    )
+    _kept: tuple[Any, VtkRenderer] | None = field(init=False, default=None)
 
     def picture(
         self,
