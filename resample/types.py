@@ -161,6 +161,19 @@ UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
 UNKNOWN = np.zeros((0, 0, 0), np.uint64)  # cells of a field, of which none was looked at
 
 
+class BlockLevels(NamedTuple):
+    """Upper bounds of a field, or of its negated values, in blocks of cells, as 8 bits."""
+
+    leaf: Flags  # (z, y, x) levels of small blocks; or (0, 0, 0)
+    block: Flags  # (z, y, x) of blocks of them, of 2^BLOCK cells a side (`engine.rays.extremes`)
+    shift: int  # a small block has 2^shift cells a side
+    low: float  # data units, of level 0; negative of it for negated values
+    per_value: float  # levels per data unit
+
+
+UNBOUNDED = BlockLevels(*[np.zeros((0, 0, 0), np.uint8)] * 2, 0, 0.0, 1.0)
+
+
 class LatticeField(NamedTuple):
     """A scalar field of samples on a lattice; it is classified along rays."""
 
@@ -175,6 +188,7 @@ class LatticeField(NamedTuple):
     classifiers: int = 1  # number of looks side by side in the rows of the classifier's table
     tint: Tint = UNTINTED
     cells: NDArray[np.uint64] = UNKNOWN  # (z, y, x) as `painting.rays.visible_cells` finds them
+    levels: BlockLevels = UNBOUNDED  # of extremes, within the samples around a place
 
 
 # Projection of a sample; painters compute it anew, in columns, for themselves.

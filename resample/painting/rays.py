@@ -15,7 +15,7 @@ from resample.painting.scenes.scene import (
     nothing_painted,
     planes_of,
 )
-from resample.painting.splines import FIELD
+from resample.painting.splines import FIELD, levels_of
 from resample.profiles.orders import MONOTONE
 from resample.types import (
     ADDITIVE,
@@ -29,6 +29,7 @@ from resample.types import (
     Classifier,
     Doubles,
     Film,
+    Flags,
     Floats,
     LatticeField,
     SplineField,
@@ -41,9 +42,10 @@ from resample.watching import Progress, told
 
 if TYPE_CHECKING:
     from resample.engine.rays.classifiers import SummedClassifier
-    from resample.engine.rays.integrators import Way
+    from resample.engine.rays.extremes import Blocks, Extreme
     from resample.engine.rays.marching import BrickBounds
     from resample.engine.rays.media import Medium
+    from resample.engine.rays.meshes import Way
 
 LARGE_TILE, TILE, SMALL_TILE = 128, 32, 16  # px, side of a tile
 MANY = 8  # large tiles, enough for all threads
@@ -53,6 +55,7 @@ BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are
 LARGE = 0.9  # px per voxel above which one ray through the pixel's center suffices
 SPREAD = 0.6  # px per voxel below which sub-pixels are not on a grid
 STEEP = 0.3  # of the largest extinction, between neighbouring columns
+OF_EXTREMES = 0.2  # rays per side of a pixel, times px per voxel, of extremes
 SPARSE = 1.5  # px per voxel below which no pixel is interpolated
 FEWEST_RAYS = 2  # per side of a pixel, for voxels smaller than `LARGE`
 NEAREST = 1e-30  # scene units from the eye; smallest distance
@@ -63,6 +66,7 @@ BEND = np.array([1, -2, 1])  # weights of a second difference
 MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
 MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
+EXTREMES = (MAXIMUM, MINIMUM)
 MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
 
 
@@ -77,12 +81,13 @@ class _Effort(NamedTuple):
     bend: float  # tolerance in colors; larger bends are edges
     share: float  # relative tolerance, added to `bend`
     bent: float  # fraction of the range of values by which a field may bend within a step
+    slack: float  # fraction of that range by which extremes may fall short from afar
 
 
 EFFORTS = {
-    "best": _Effort(1 / 3, 1e-3, 1.25, 16, 1 / 3, 0.01, 0.06, 0.01),
-    "usual": _Effort(1.0, 1e-2, 0.7, 4, 2 / 3, 0.05, 0.15, 0.012),
-    "fast": _Effort(1.0, 1e-2, 0.0, 1, 2 / 3, 0.05, 0.15, 0.06),
+    "best": _Effort(1 / 3, 1e-3, 1.25, 16, 1 / 3, 0.01, 0.06, 0.01, 0.0),
+    "usual": _Effort(1.0, 1e-2, 0.7, 4, 2 / 3, 0.05, 0.15, 0.012, 1 / 256),
+    "fast": _Effort(1.0, 1e-2, 0.0, 1, 2 / 3, 0.05, 0.15, 0.06, 1 / 64),
 }
 
 
@@ -109,11 +114,13 @@ class RayPainter:
         from resample.engine.rays.painting import Output, paint_rays
 
         clock, style = Clock(), self.style
-        medium, way = _medium(field, view, self), _way(field, self)
+        medium, way = _medium(field, view, self), _way(field, view, self)
         clock.lap("look")
         fineness, apart = _rays_of(field, view, self)
         effort = EFFORTS[self.quality]
         tile = _tile_of(size, fineness)
+        if style.projection in EXTREMES and fineness > 1:
+            tile = SMALL_TILE
         left, top, right, bottom = _tiles_of(medium, view, size, self.tables.pixel_margin, tile)
         count = (right - left) * (bottom - top)
         painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
@@ -127,7 +134,8 @@ class RayPainter:
             Evenness(
                 effort.bend,
                 effort.share,
-                BENDS * (field.classifier.high - field.classifier.low),
+                (effort.bend if style.projection in EXTREMES else BENDS)
+                * (field.classifier.high - field.classifier.low),
             ),
             _is_spread(field, view, self),
             apart,
@@ -251,6 +259,8 @@ def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int
     if how.style.subpixels:
         return how.style.subpixels, 1
     effort, is_best = EFFORTS[how.quality], how.quality == "best"
+    if how.style.projection in EXTREMES and not is_best:
+        effort = effort._replace(per_sample=OF_EXTREMES)
     spacing = _least_spacing(field, view) if is_best else _mean_spacing(field, view)
     fewest = 1 if spacing >= LARGE and not is_best else FEWEST_RAYS
     if len(field.mesh.face):
@@ -268,7 +278,13 @@ def _is_spread(field: LatticeField, view: View, how: RayPainter) -> bool:
 
     On a grid smooth pictures have smaller errors, so it is left where values become opaque at once.
     """
-    if how.style.subpixels or how.quality == "best" or _mean_spacing(field, view) >= SPREAD:
+    is_measured = how.style.projection in MEASURED
+    if (
+        how.style.subpixels
+        or is_measured
+        or how.quality == "best"
+        or _mean_spacing(field, view) >= SPREAD
+    ):
         return False
     extinction = thickest(field.classifier.table, field.classifiers)
     return bool(np.abs(np.diff(extinction)).max(initial=0.0) > STEEP * extinction.max())
@@ -281,14 +297,14 @@ def _corners(field: LatticeField) -> Doubles:
     return np.asarray(field.origin + corner.reshape(-1, 3) @ field.lattice.T)
 
 
-def _way(field: LatticeField, how: RayPainter) -> "Way":
-    from resample.engine.rays.integrators import Composite, Extreme, IsoSurfaceHit, Mean
+def _way(field: LatticeField, view: View, how: RayPainter) -> "Way":
+    from resample.engine.rays.integrators import Composite, IsoSurfaceHit, Mean
 
     classifier, style = field.classifier, how.style
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
-    if style.projection in (MAXIMUM, MINIMUM):
-        is_within = how.interpolation == MONOTONE
-        return Extreme(voxel, style.projection == MINIMUM, is_within)
+    if style.projection in EXTREMES:
+        is_far = _mean_spacing(field, view) < LARGE
+        return _extreme(field, how, voxel, EFFORTS[how.quality].slack if is_far else 0.0)
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
@@ -298,6 +314,38 @@ def _way(field: LatticeField, how: RayPainter) -> "Way":
     )
     has_regions = classifier.table.shape[0] > 1
     return Composite(EFFORTS[how.quality].opaque, is_lit, has_regions)
+
+
+def _extreme(field: LatticeField, how: RayPainter, voxel: float, slack: float) -> "Extreme":
+    """Search for extremes of a field; `voxel` in scene units, `slack` as of `_Effort`."""
+    from resample.engine.rays.coefficients import BRICK
+    from resample.engine.rays.extremes import BLOCK, Extreme
+
+    classifier, is_least = field.classifier, how.style.projection == MINIMUM
+    levels = field.levels
+    if levels.leaf.size == 0:
+        bound = -field.bounds.least if is_least else field.bounds.greatest
+        levels = levels_of(bound, BRICK.bit_length() - 1, (float(bound.min()), float(bound.max())))
+    columns = classifier.table.shape[1] // field.classifiers - 1
+    per_column = (classifier.high - classifier.low) / columns
+    low = -classifier.low if is_least else classifier.low
+    return Extreme(
+        voxel,
+        is_least,
+        how.interpolation == MONOTONE,
+        slack * (classifier.high - classifier.low) * levels.per_value,
+        (levels.low - low) / per_column,
+        per_column * levels.per_value,
+        _blocks(levels.leaf, levels.shift),
+        _blocks(levels.block, BLOCK),
+    )
+
+
+def _blocks(most: Flags, shift: int) -> "Blocks":
+    from resample.engine.rays.extremes import Blocks
+
+    _, down, across = most.shape
+    return Blocks(np.ascontiguousarray(most).reshape(-1), across, down, shift)
 
 
 def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":

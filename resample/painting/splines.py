@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like, most_of
-from resample.types import Bounds, Coefficients, SplineField
+from resample.types import BlockLevels, Bounds, Coefficients, Flags, SplineField
 
 SHORT = (np.dtype(np.uint8), np.dtype(np.int8))  # types for which 16 bits suffice, see docs
 AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32")))
@@ -16,6 +16,8 @@ AS_THEY_ARE = (*SHORT, *(np.dtype(name) for name in ("uint16", "int16", "float32
 LARGEST = 1e37  # data units; coefficients up to 27 times as large are still float32
 MARGINS = (4.0, 13.5)
 FIELD = "the field"
+LEVELS, TINY = 255.0, 1e-300
+PLANES = 16  # planes of blocks that are bounded together
 BYTES_OF_BOUNDS = 0.3  # per sample, temporary memory for the bounds of a picture
 
 
@@ -54,6 +56,74 @@ def spline_of(
             bound[n] = zero + scale * plane.astype(np.float64)
     field = SplineField(flat, width, height * width, scale, zero, shape, base + low, base + high)
     return field, bounds
+
+
+def levels_of(bound: NDArray[Any], shift: int, ends: tuple[float, float]) -> BlockLevels:
+    """Upper bounds (z, y, x) of blocks of 2^`shift` cells a side, rounded up to 8 bits.
+
+    `ends`: of the values, in data units.
+    """
+    leaf = array_like(bound, bound.shape, np.uint8, FIELD)
+    for n, plane in enumerate(bound):
+        leaf[n] = _levels(plane, ends)
+    return _in_blocks(leaf, shift, ends)
+
+
+def levels_of_samples(values: NDArray[Any], is_least: bool) -> BlockLevels:
+    """Upper bounds of what lies between the samples around a place, in blocks of 2³ cells.
+
+    `values`: (Z, Y, X). `is_least`: of negated values.
+    """
+    low, high = _range(values)
+    ends = (-high, -low) if is_least else (low, high)
+    size = tuple(count // 2 + 1 for count in values.shape)
+    leaf = array_like(values, size, np.uint8, FIELD)
+    for first in range(0, size[0], PLANES):
+        # Sample n lies between cells n and n + 1, so a block needs the one before it.
+        begin = max(0, 2 * first - 1)
+        part = values[begin : 2 * (first + PLANES)]
+        take: Any = np.minimum if is_least else np.maximum
+        for axis in range(3):
+            part = _of_three(take, part, axis, is_after=axis == 0 and begin > 0)
+        part = part[:PLANES]
+        leaf[first : first + PLANES] = _levels(-part.astype(float) if is_least else part, ends)
+    return _in_blocks(leaf, 1, ends)
+
+
+def _per_value(ends: tuple[float, float]) -> float:
+    """Levels per data unit."""
+    return LEVELS / max(ends[1] - ends[0], TINY)
+
+
+def _levels(bound: NDArray[Any], ends: tuple[float, float]) -> Flags:
+    """Round bounds up to levels."""
+    level = np.ceil((bound - np.float64(ends[0])) * _per_value(ends))
+    return np.clip(level, 0, LEVELS).astype(np.uint8)
+
+
+def _in_blocks(leaf: Flags, shift: int, ends: tuple[float, float]) -> BlockLevels:
+    """Bounds of small blocks, and of larger ones."""
+    from resample.engine.rays.extremes import BLOCK
+
+    block, side = leaf, 1 << (BLOCK - shift)
+    for axis, count in enumerate(leaf.shape):
+        block = np.maximum.reduceat(block, np.arange(0, count, side), axis)
+    return BlockLevels(leaf, np.ascontiguousarray(block), shift, ends[0], _per_value(ends))
+
+
+def _of_three(take: Any, values: NDArray[Any], axis: int, is_after: bool) -> NDArray[Any]:
+    """Extremes of three samples each, along an axis: 2 n - 1 to 2 n + 1, as far as there are.
+
+    `is_after`: the first sample belongs to the block before, too.
+    """
+    part = np.moveaxis(values, axis, 0)
+    before = np.concatenate([part[:1], part[1::2]]) if not is_after else part[0::2]
+    even, odd = (part[0::2], part[1::2]) if not is_after else (part[1::2], part[2::2])
+    size = len(part) // 2 + 1 if not is_after else -(-len(part) // 2)
+    found = before[:size].copy()
+    take(found[: len(even)], even, out=found[: len(even)])
+    take(found[: len(odd)], odd, out=found[: len(odd)])
+    return np.ascontiguousarray(np.moveaxis(found, 0, axis))
 
 
 def bytes_of_field(

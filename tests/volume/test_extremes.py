@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
+from resample.painting.splines import levels_of_samples
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume import Appearance, as_volume, render
@@ -97,3 +99,40 @@ def test_no_extreme_lies_beyond_all_samples(projection):
 def test_an_interpolation_that_is_none_is_refused():
     with pytest.raises(ValueError, match="monotone, spline are known"):
         Rays(interpolation="linear")
+
+
+@pytest.mark.parametrize("is_least", [False, True])
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 3, 5), (33, 34, 35), (70, 3, 4)])
+def test_blocks_are_bounded_by_the_samples_around_their_cells(shape, is_least):
+    values = np.random.default_rng(7).integers(0, 200, shape).astype(np.int16)
+    levels = levels_of_samples(values, is_least)
+    signed = -values if is_least else values
+    most = np.full([count // 2 + 1 for count in shape], -np.inf)
+    for at in np.ndindex(most.shape):
+        # Two cells lie between three samples.
+        most[at] = signed[tuple(slice(max(0, 2 * n - 1), 2 * n + 2) for n in at)].max()
+    found = levels.leaf / levels.per_value + levels.low
+    assert (found >= most - 1e-9).all()
+    assert (found <= most + 1.01 / levels.per_value).all()
+    assert levels.block.max() == levels.leaf.max()
+    assert levels.block.shape == tuple(-(-count // 8) for count in levels.leaf.shape)
+
+
+@pytest.mark.parametrize("projection", [Projection.MAXIMUM, Projection.MINIMUM])
+@pytest.mark.parametrize("per_voxel", [0.5, 0.125])
+def test_extremes_from_afar_come_to_the_means_of_many_rays(projection, per_voxel, record):
+    rng = np.random.default_rng(7)
+    values = gaussian_filter(rng.normal(size=(96, 96, 96)), 2.0)
+    values = np.rint(127 + 40 * values / values.std()).clip(0, 255).astype(np.uint8)
+    side, shown = round(96 * 3**0.5 * per_voxel) + 2, []
+    for paint in (
+        Resampler(order=Rays(quality="usual"), projection=projection),
+        Resampler(order=Rays(step=0.5, quality="best"), projection=projection, subpixels=16),
+    ):
+        orbit, size = Orbit(30, 20, fov=0), (side, side)
+        frame = render(as_volume(values), PLAIN, orbit, size=size, resampler=paint)
+        shown.append(np.where(frame.coverage > 0.99, frame.value, np.nan))
+        if paint.subpixels is None:
+            assert frame.statistics.subpixels == 2  # per side of a pixel
+    error = np.nanmean((shown[0] - shown[1]) ** 2) / 255**2
+    record.quality("values", -10 * np.log10(error))

@@ -1,4 +1,4 @@
-"""Integrals along a ray through a field: compositing, extreme, mean, and first surface.
+"""Integrals along a ray through a field: compositing, mean, and first surface.
 
 A ray is marched front to back, past cells in which nothing is visible. A step is sampled in its
 middle, for its value and its gradient; its ends are on Hermite cubics between middles. Steps that
@@ -6,7 +6,7 @@ are optically thick, or in which the field bends, are composited in several piec
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from resample.engine.rays.classifiers import (
     value_of,
 )
 from resample.engine.rays.marching import (
-    BrickBounds,
     Ray,
     brick_at,
     depth_at,
@@ -42,7 +41,7 @@ from resample.engine.rays.media import (
     reflected,
     tinted,
 )
-from resample.engine.rays.splines import samples_around, value_and_slope_at, value_at
+from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
@@ -66,14 +65,6 @@ class Composite(NamedTuple):
     opaque: float  # transmittance that counts as none
     is_lit: bool
     has_regions: bool  # looks depend on gradients
-
-
-class Extreme(NamedTuple):
-    """The largest or the least value along the ray."""
-
-    voxel: float  # scene units
-    is_least: bool
-    is_within: bool  # clamp to the samples around a position, beyond which splines overshoot
 
 
 class Mean(NamedTuple):
@@ -104,13 +95,11 @@ class RayContext(NamedTuple):
     aims: Aims
 
 
-Way = Composite | Extreme | Mean | IsoSurfaceHit
-
 NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0, 0.0)
 
 
 @called_role
-def integrate(way: Way, ray: Ray, medium: Medium) -> Result:
+def integrate(way: Any, ray: Ray, medium: Medium) -> Result:
     """Integrate the field along a ray that meets it."""
     raise NotImplementedError
 
@@ -292,7 +281,7 @@ def _(way: Composite, ray: Ray, medium: Medium) -> Result:
 
 
 @inner_step
-def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float) -> Result:
+def measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float) -> Result:
     """Classify a value; it is as opaque as a voxel where the field is at least a voxel long."""
     # Clamp to the samples' range, which splines overshoot.
     classifier, spline = medium.classifier, medium.spline
@@ -314,63 +303,6 @@ def _measured(ray: Ray, medium: Medium, value: float, depth: float, voxel: float
         value_of(classifier, value),
         presence,
     )
-
-
-@inner_step
-def _most_of(way: Extreme, bricks: BrickBounds, place: Vector) -> float:
-    """Upper bound of a brick's signed values: its greatest, or its least negated."""
-    brick = brick_at(bricks, place)
-    return -bricks.least[brick] if way.is_least else float(bricks.greatest[brick])
-
-
-@inner_step
-def _signed(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
-    """Value at a position, negated for minima; clamped to the samples around if it beats `best`."""
-    # Gather the eight samples around only for a new best, which is rare.
-    spline = medium.spline
-    value = value_at(spline, place)
-    if way.is_within and (-value if way.is_least else value) > best:
-        least, greatest = samples_around(spline, place)
-        value = min(max(value, least), greatest)
-    return -value if way.is_least else value
-
-
-@inner_step
-def _signed_if_known(way: Extreme, medium: Medium, place: Vector, best: float) -> float:
-    """As `_signed`; -inf where the sample is missing."""
-    return _signed(way, medium, place, best) if is_known(medium, place) else -math.inf
-
-
-@plays(integrate, of=Extreme)
-def _(way: Extreme, ray: Ray, medium: Medium) -> Result:
-    # March over the step ends, with negated values for a minimum.
-    best, at, step = -math.inf, 0, 0
-    while step <= ray.steps:
-        place = place_at(ray, step)
-        # Skip bricks that cannot beat the best value so far.
-        if _most_of(way, medium.bricks, place) <= best:
-            step = max(step + 1, math.ceil(steps_out(ray, place, 1)))
-            continue
-        # Keep the best value that is not missing.
-        value = _signed(way, medium, place, best)
-        if value > best and is_known(medium, place):
-            best, at = value, step
-        step += 1
-    if best == -math.inf:
-        return NOTHING
-    # Refine by a parabola through the best step and half a step before and after it.
-    before, after = max(0.0, at - 0.5), min(float(ray.steps), at + 0.5)
-    one = _signed_if_known(way, medium, place_at(ray, before), best)
-    two = _signed_if_known(way, medium, place_at(ray, after), best)
-    # Take the value at the parabola's peak if it peaks between them.
-    bend = one - 2.0 * best + two
-    if -math.inf < bend < 0.0 and after - before == 1.0:
-        away = max(-1.0, min(1.0, 0.5 * (one - two) / bend))
-        best = max(best, _signed(way, medium, place_at(ray, at + 0.5 * away), best))
-    # Undo the sign and classify.
-    best = max(best, one, two)
-    value = -best if way.is_least else best
-    return _measured(ray, medium, value, depth_at(ray, at), way.voxel)
 
 
 @plays(integrate, of=Mean)
@@ -402,7 +334,7 @@ def _(way: Mean, ray: Ray, medium: Medium) -> Result:
     # Classify the mean, or multiply it by the length to integrate.
     mean, middle = total / count, depth_at(ray, 0.5 * ray.steps)
     if not way.is_additive:
-        return _measured(ray, medium, mean, middle, way.voxel)
+        return measured(ray, medium, mean, middle, way.voxel)
     length = count * ray.thickness * ray.length
     presence = min(1.0, length / way.voxel)
     first = middle if presence > VISIBLE else math.inf

@@ -56,6 +56,7 @@ class Ray(NamedTuple):
     steps: int
     thickness: float  # depth of a step
     length: float  # scene units per depth
+    hint: float  # depth at which a ray beside it met what it shows; inf: unknown
 
 
 @inner_step
@@ -86,7 +87,9 @@ def _is_within(place: Vector, space: SampleSpace) -> bool:
 
 
 @inner_step
-def ray_at(x: float, y: float, space: SampleSpace, view: View, between: tuple[float, float]) -> Ray:
+def ray_at(
+    x: float, y: float, space: SampleSpace, view: View, between: tuple[float, float], hint: float
+) -> Ray:
     """Set up the ray through a screen point, px, between two depths; no steps if it misses."""
     # Viewing ray in camera axes.
     across, down = (x - view.principal[0]) / view.focal[0], (y - view.principal[1]) / view.focal[1]
@@ -110,13 +113,13 @@ def ray_at(x: float, y: float, space: SampleSpace, view: View, between: tuple[fl
     is_sound = _is_within(combine(start, enter, way), space)
     is_sound &= _is_within(combine(start, leave, way), space)
     if not (leave > enter and is_sound):
-        return Ray(start, way, way, 0.0, 0.0, 0, 0.0, 0.0)
+        return Ray(start, way, way, 0.0, 0.0, 0, 0.0, 0.0, hint)
     # Divide what is left into even steps.
     steps = max(1, math.ceil((leave - enter) * math.sqrt(dot(way, way)) / space.step))
     length = math.sqrt(dot(toward, toward))
     thickness = (leave - enter) / steps
     per_way = (_inverse(way[0]), _inverse(way[1]), _inverse(way[2]))
-    return Ray(start, way, per_way, 1.0 / thickness, enter, steps, thickness, length)
+    return Ray(start, way, per_way, 1.0 / thickness, enter, steps, thickness, length, hint)
 
 
 @inner_step

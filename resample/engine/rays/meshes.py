@@ -9,7 +9,15 @@ import math
 from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
 from resample.engine.rays.classifiers import Light
-from resample.engine.rays.integrators import NOTHING, Result, Way, integrate
+from resample.engine.rays.extremes import Extreme
+from resample.engine.rays.integrators import (
+    NOTHING,
+    Composite,
+    IsoSurfaceHit,
+    Mean,
+    Result,
+    integrate,
+)
 from resample.engine.rays.marching import ray_at
 from resample.engine.rays.media import Medium, aims_at, depth_cue_at, light_shares_at, reflect
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
@@ -22,6 +30,7 @@ MOST_HITS = 64  # surfaces that a ray passes through
 OPAQUE = 1e-3  # transmittance that counts as none
 ALONG = 1e-30  # scene units per depth, of a ray that is parallel to a wall
 
+Way = Composite | Extreme | Mean | IsoSurfaceHit
 Hit = tuple[float, int, float, float]  # depth, triangle, weights of its second and third corner
 
 
@@ -210,15 +219,20 @@ def _with_surface(result: Result, light: Light, depth: float) -> Result:
 
 
 @inner_step
-def integrate_with_mesh(x: float, y: float, way: Way, medium: Medium, view: View) -> Result:
-    """Cast a ray through a screen point, px, through a field and the meshes in it."""
+def integrate_with_mesh(
+    x: float, y: float, hint: float, way: Way, medium: Medium, view: View
+) -> Result:
+    """Cast a ray through a screen point, px, through a field and the meshes in it.
+
+    `hint`: as of `Ray`.
+    """
     mesh, result, after = medium.mesh, NOTHING, view.near
     # Trace from surface to surface: the field in between, then the surface.
     start, toward = _scene_ray(x, y, view)
     for _ in range(MOST_HITS):
         # March through the field up to the next surface.
         hit = next_hit(mesh, start, toward, (after, view.far))
-        ray = ray_at(x, y, medium.space, view, (after, hit[0]))
+        ray = ray_at(x, y, medium.space, view, (after, hit[0]), hint)
         if ray.steps > 0:
             result = _behind(result, integrate(way, ray, medium))
         # Stop behind the last surface, or once the ray is opaque.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import Counter, inner_kernel, kernel, packed_kernel, tasks
+from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, packed_kernel, tasks
 from resample.engine.rays.adaptive_sampling import (
     ALPHA,
     COVER,
@@ -19,12 +19,12 @@ from resample.engine.rays.adaptive_sampling import (
     is_even,
     line_through,
 )
-from resample.engine.rays.integrators import Way
 from resample.engine.rays.media import Medium
-from resample.engine.rays.meshes import integrate_with_mesh, is_on_mesh
+from resample.engine.rays.meshes import Way, integrate_with_mesh, is_on_mesh
 from resample.engine.subpixels import Home, pixel_weights
 from resample.types import Film, Floats, Indices, Tables, View
 
+GRID, CENTERS, BETWEEN = range(3)  # stages of sampling
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -72,14 +72,21 @@ def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[f
     return (right + 0.5) / n, (down + 0.5) / n
 
 
-@inner_kernel
+@inner_step
 def _cast(
     way: Way, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
-    here: Floats,
+    fine: Floats, beside: tuple[int, int],
 ) -> None:  # fmt: skip
-    """Cast the ray of a sub-pixel, and store its result in `here` (NUMBERS,)."""
+    """Cast the ray of a sub-pixel, and store its result in `fine`.
+
+    `beside`: how far up and left one lies that was cast before, unless that is outside the tile.
+    """
     x, y = _point(output, home, n, row, column)
-    result = integrate_with_mesh(x, y, way, medium, output.camera)
+    up, left, hint = row - beside[0], column - beside[1], math.inf
+    if up >= 0 and left >= 0:
+        hint = float(fine[up, left, FIRST])
+    here = fine[row, column]
+    result = integrate_with_mesh(x, y, hint, way, medium, output.camera)
     here[0], here[1], here[2] = result[0], result[1], result[2]
     here[ALPHA], here[DEEP], here[FIRST] = result[3], result[4], result[5]
     here[COVER], here[VALUE], here[PRESENCE] = result[6], result[7], result[8]
@@ -112,27 +119,34 @@ def _cast_rays(way: Way, medium: Medium, output: Output, home: Home, n: int, fin
     those between these, by rays only where their surroundings are uneven; and so on.
     """
     rows, columns, _ = fine.shape
-    apart = output.apart
-    # Cast the coarsest grid of rays.
-    for row in range(0, rows, apart):
-        for column in range(0, columns, apart):
-            _cast(way, medium, output, home, n, row, column, fine[row, column])
-    # Refine by halving the distance: centers of squares first, then the points between.
-    while apart > 1:
-        half = apart >> 1
-        for is_between in (False, True):
-            for row in range(0 if is_between else half, rows, half if is_between else apart):
-                # Centers start half a step in; points between do so in every other row.
-                start = half if not is_between or row % apart == 0 else 0
-                for column in range(start, columns, apart):
-                    # Interpolate where four sub-pixels on each line are inside the tile.
-                    far = 3 * half
-                    is_inside = far <= row < rows - far and far <= column < columns - far
-                    at = (row, column, 0 if is_between else half, half)
-                    if is_inside and _interpolate_if_even(medium, output, home, n, fine, at):
-                        continue
-                    _cast(way, medium, output, home, n, row, column, fine[row, column])
-        apart = half
+    half, stage = output.apart, GRID
+    while half > 0:
+        for row in range(
+            half if stage == CENTERS else 0, rows, half if stage != CENTERS else 2 * half
+        ):
+            # Points between start half a step in, in every other row.
+            start = 0 if stage == GRID or (stage == BETWEEN and row % (2 * half) > 0) else half
+            for column in range(start, columns, half if stage == GRID else 2 * half):
+                # Interpolate where four sub-pixels on each line are inside the tile.
+                far = 3 * half
+                if (
+                    stage != GRID
+                    and far <= row < rows - far
+                    and far <= column < columns - far
+                    and _interpolate_if_even(
+                        medium, output, home, n, fine,
+                        (row, column, 0 if stage == BETWEEN else half, half),
+                    )
+                ):  # fmt: skip
+                    continue
+                up = half if stage == CENTERS or column == 0 else 0
+                left = half if stage == CENTERS or column > 0 else 0
+                _cast(way, medium, output, home, n, row, column, fine, (up, left))
+        # Halve the distance: first the centers of squares, then the points between.
+        if stage == CENTERS:
+            stage = BETWEEN
+        else:
+            half, stage = half >> 1, CENTERS
 
 
 @kernel

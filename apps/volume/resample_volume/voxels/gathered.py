@@ -11,13 +11,15 @@ from resample.memory.mapped import array_like
 from resample.outofcore.caching import memo_of
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.rays import thickest, visible_cells
-from resample.painting.splines import FIELD, spline_of
+from resample.painting.splines import FIELD, levels_of_samples, spline_of
 from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
 from resample.types import (
     UNBLOCKED,
+    UNBOUNDED,
     UNKNOWN,
     UNTINTED,
+    BlockLevels,
     Bounds,
     Classifier,
     Doubles,
@@ -84,6 +86,7 @@ class Gathered(NamedTuple):
     reached: Reached = UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
     cells: NDArray[np.uint64] = UNKNOWN  # as of `LatticeField`
+    levels: BlockLevels = UNBOUNDED  # as of `LatticeField`
 
 
 def gathered(
@@ -109,6 +112,9 @@ def gathered(
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
     spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
+    levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
+    if resampler.projection in EXTREMES and is_whole and not is_plain:
+        levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     if transfer.needs_gradient:
         count = _visible_count(volume, transfer, data_range, resampler)
@@ -155,6 +161,7 @@ def gathered(
         tint,
         thin=thin,
         cells=cells,
+        levels=levels,
     )
 
 
@@ -215,6 +222,7 @@ def lit_lattice(
         classifiers=field.each,
         tint=field.tint,
         cells=field.cells,
+        levels=field.levels,
     )
 
 
@@ -283,6 +291,15 @@ def _on_lattice(
         padded = known.reshape([count + 2 * PAD for count in values.shape])
         known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
     return memo.setdefault(key, (spline, Bounds(least + low, greatest + low), known))
+
+
+def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
+    """Return the bounds of maxima or minima of a field, once per volume."""
+    memo: dict[Any, BlockLevels] = memo_of(values)
+    key = (_levels, id(values), is_least)
+    if key not in memo:
+        memo[key] = levels_of_samples(values, is_least)
+    return memo[key]
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
