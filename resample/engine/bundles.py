@@ -58,7 +58,9 @@ def _value_at(row: Words, at: int, like: Any) -> tuple[Any, int]:
     if isinstance(like, np.ndarray):
         end = at + 1 + like.ndim
         shape = tuple(row[at + 1 : end].tolist())
-        held = (ctypes.c_char * (int(np.prod(shape)) * like.itemsize)).from_address(int(row[at]))
+        held: Any = (ctypes.c_char * (int(np.prod(shape)) * like.itemsize)).from_address(
+            int(row[at])
+        )
         return np.frombuffer(held, like.dtype).reshape(shape), end
     kind = np.float64 if isinstance(like, float) else np.int64
     return type(like)(row[at : at + 1].view(kind)[0]), at + 1

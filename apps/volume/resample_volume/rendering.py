@@ -452,6 +452,14 @@ class Subject:
         return not self.visible and not len(self.mesh.face)
 
     @property
+    def lattice(self) -> Doubles:
+        """Lattice (3, 3) of its voxels; of several fields that of the finest."""
+        if not isinstance(self.voxels, list):
+            return self.voxels.lattice
+        every = [field.lattice for field in self.voxels]
+        return min(every, key=lambda lattice: abs(float(np.linalg.det(lattice))))
+
+    @property
     def visible(self) -> int:
         """Number of visible voxels."""
         voxels = self.voxels

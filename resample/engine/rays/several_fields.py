@@ -64,7 +64,7 @@ class Scratch(NamedTuple):
 
     march: Words  # (K, W) rows of `March`
     piece: Doubles  # (K, MOST_PIECES, 6) of the step that is composited
-    count: Indices  # (K,) of them; 0: the step has not been sampled
+    pieces: Indices  # (K,) their number; 0: the step has not been sampled
     at: Indices  # (K,) the current piece
     front: Doubles  # (K,) depth where that begins, or the step; inf: the field has ended
 
@@ -93,7 +93,7 @@ class Recorder(NamedTuple):
     has_regions: bool
     per_length: float  # depth per scene unit
     piece: Doubles  # (MOST_PIECES, 6)
-    count: Indices  # (1,)
+    pieces: Indices  # (1,) their number, so far
 
 
 @inner_step
@@ -101,11 +101,11 @@ def _record(
     way: Recorder, light: Light, shine: tuple[float, float], length: float, depth: float
 ) -> None:
     """Keep a piece of the step."""
-    piece, half = way.piece[way.count[0]], 0.5 * length * way.per_length
+    piece, half = way.piece[way.pieces[0]], 0.5 * length * way.per_length
     for channel in range(3):
         piece[channel] = shine[0] * light[channel] + shine[1] * light[3]
     piece[EXTINCTION], piece[FRONT], piece[BACK] = light[3], depth - half, depth + half
-    way.count[0] += 1
+    way.pieces[0] += 1
 
 
 @plays(put, of=Recorder)
@@ -134,7 +134,7 @@ def _enter(
     medium, known = loaded(way.fields.media[k], like), way.scratch
     ray = ray_at(point[0], point[1], medium.space, view, between)
     step = next_step(ray, 0, medium.bricks)
-    known.count[k] = 0
+    known.pieces[k] = 0
     known.front[k] = depth_at(ray, step) if step < ray.steps else math.inf
     if step < ray.steps:
         aims = aims_at(position(medium, place_at(ray, ray.steps)), medium.classifier)
@@ -155,7 +155,7 @@ def _open(way: SeveralFields, k: int, like: Medium, result: Result) -> Result:
         way.fields.has_regions[k] != 0,
         1.0 / ray.length,
         known.piece[k],
-        known.count[k : k + 1],
+        known.pieces[k : k + 1],
     )
     ends, context = (front, here, back), RayContext(medium, aims)
     result = put_step(result, recorder, ray, step, ends, context)
@@ -169,11 +169,11 @@ def _open(way: SeveralFields, k: int, like: Medium, result: Result) -> Result:
 def _advance(known: Scratch, k: int) -> None:
     """Go on to a field's next piece, or to its next visible step."""
     known.at[k] += 1
-    if known.at[k] < known.count[k]:
+    if known.at[k] < known.pieces[k]:
         known.front[k] = known.piece[k, known.at[k], FRONT]
         return
     ray, _, step, _, _ = loaded(known.march[k], MARCH)
-    known.count[k] = 0
+    known.pieces[k] = 0
     known.front[k] = depth_at(ray, step) if step < ray.steps else math.inf
 
 
@@ -226,7 +226,7 @@ def _composite(
         # Sample the steps that begin here; some turn out to be empty.
         were_all = True
         for k in range(count):
-            if known.front[k] <= here + same and known.count[k] == 0:
+            if known.front[k] <= here + same and known.pieces[k] == 0:
                 result = _open(way, k, like, result)
                 were_all = False
         if not were_all:
