@@ -123,7 +123,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
 
     def __call__(
         self,
-        samples: Samples | Field | LatticeField | Ellipsoids,
+        samples: Samples | Field | LatticeField | list[LatticeField] | Ellipsoids,
         camera: AnyCamera,
         *,
         height: int,
@@ -139,7 +139,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         samples
             What is seen; the result does not depend on their order. A `Field` is classified after
             its reconstruction, which needs an order that cuts splats, as `ImageSheets` does; a
-            `LatticeField` needs `Rays`, and `Ellipsoids` take `EverySample` or `Rays`.
+            `LatticeField` needs `Rays`, as do several of them in a list, whose emission and
+            absorption add up; and `Ellipsoids` take `EverySample` or `Rays`.
         camera
             Where from.
         height, width
@@ -164,9 +165,10 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             with limited(threads):
                 return self._shaped(samples, camera, (height, width), clip, progress)
         check_sort_of(self, samples)
-        if isinstance(samples, LatticeField):
+        if isinstance(samples, LatticeField | list):
+            fields = samples if isinstance(samples, list) else [samples]
             with limited(threads):
-                return self._gathered(samples, camera.view(), (height, width), clip, progress)
+                return self._gathered(fields, camera.view(), (height, width), clip, progress)
         known, look = checked(self, samples)
         if known.extinction.size == 0:
             nothing = nothing_painted(height, width, has_values=True)
@@ -457,20 +459,20 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
 
     def _gathered(
         self,
-        field: LatticeField,
+        fields: list[LatticeField],
         view: View,
         size: tuple[int, int],
         clip: ArrayLike | None,
         progress: Progress | None,
     ) -> Frame:
-        """Picture of a field that rays go through."""
+        """Picture of fields that rays go through."""
         from resample.painting.rays import RayPainter
 
-        field = kernel_field(field)
-        style = style_of(self, field.lattice, field.classifier)
+        fields = [kernel_field(field) for field in fields]
+        style = style_of(self, fields[0].lattice, fields[0].classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
         painter = RayPainter(style, self._tables, step, rays.quality, rays.interpolation, clip)
-        return self._developed(*painter.paint(field, view, size, progress))
+        return self._developed(*painter.paint(fields, view, size, progress))
 
     def _shaped(
         self,

@@ -171,7 +171,8 @@ class BlockLevels(NamedTuple):
     per_value: float  # levels per data unit
 
 
-UNBOUNDED = BlockLevels(*[np.zeros((0, 0, 0), np.uint8)] * 2, 0, 0.0, 1.0)
+_NO_BLOCKS = np.zeros((0, 0, 0), np.uint8)
+UNBOUNDED = BlockLevels(_NO_BLOCKS, _NO_BLOCKS, 0, 0.0, 1.0)
 
 
 class LatticeField(NamedTuple):

@@ -297,8 +297,13 @@ def _check_rays(choice: PaintChoices) -> None:
             )
 
 
-def check_sort_of(choice: PaintChoices, samples: Samples | Field | LatticeField) -> None:
+def check_sort_of(
+    choice: PaintChoices, samples: Samples | Field | LatticeField | list[LatticeField]
+) -> None:
     """Refuse a field that the order cannot classify, and samples that hold no field."""
+    if isinstance(samples, list):
+        _check_fields(choice, samples)
+        samples = samples[0]
     if not isinstance(samples, Samples | Field | LatticeField):
         raise TypeError(
             f"samples of {type(samples).__name__}; give Samples, such as particles(...), or a field"
@@ -320,6 +325,17 @@ def check_sort_of(choice: PaintChoices, samples: Samples | Field | LatticeField)
         raise ValueError(
             f"the projection {choice.projection} needs a field; samples that have their colors "
             "can be shown by composite"
+        )
+
+
+def _check_fields(choice: PaintChoices, fields: list[LatticeField]) -> None:
+    """Reject a list that is not of fields on lattices, and projections of one field."""
+    if not fields or not all(isinstance(field, LatticeField) for field in fields):
+        raise TypeError("a list of samples holds fields on lattices (LatticeField), one or more")
+    if len(fields) > 1 and choice.projection is not Projection.COMPOSITE:
+        raise ValueError(
+            f"the projection {choice.projection} shows the values of one field, and there are "
+            f"{len(fields)}; take composite"
         )
 
 

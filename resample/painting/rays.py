@@ -1,6 +1,7 @@
 """Paint lattice fields by ray casting; see `resample.engine.rays`."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from resample.engine.rays.marching import BrickBounds
     from resample.engine.rays.media import Medium
     from resample.engine.rays.meshes import Way
+    from resample.engine.rays.painting import Output
 
 LARGE_TILE, TILE, SMALL_TILE = 128, 32, 16  # px, side of a tile
 MANY = 8  # large tiles, enough for all threads
@@ -104,24 +106,26 @@ class RayPainter:
 
     def paint(
         self,
-        field: LatticeField,
+        fields: Sequence[LatticeField],
         view: View,
         size: tuple[int, int],
         progress: Progress | None,
     ) -> tuple[PaintTarget, Statistics]:
-        """Paint a field to a picture (height, width)."""
+        """Paint fields to a picture (height, width); meshes are those of the first."""
         from resample.engine.rays.adaptive_sampling import Evenness
-        from resample.engine.rays.painting import Output, paint_rays
+        from resample.engine.rays.painting import Output
 
         clock, style = Clock(), self.style
-        medium, way = _medium(field, view, self), _way(field, view, self)
+        fields, media = _seen(fields, [_medium(field, view, self) for field in fields])
+        cast, _kept = _caster(fields, media, view, self)
         clock.lap("look")
-        fineness, apart = _rays_of(field, view, self)
-        effort = EFFORTS[self.quality]
+        grids = [_rays_of(field, view, self) for field in fields]
+        fineness, apart = max(n for n, _ in grids), min(apart for _, apart in grids)
+        effort, looks = EFFORTS[self.quality], [field.classifier for field in fields]
         tile = _tile_of(size, fineness)
         if style.projection in EXTREMES and fineness > 1:
             tile = SMALL_TILE
-        left, top, right, bottom = _tiles_of(medium, view, size, self.tables.pixel_margin, tile)
+        left, top, right, bottom = _tiles_of(media, view, size, self.tables.pixel_margin, tile)
         count = (right - left) * (bottom - top)
         painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
         is_sum = style.projection == ADDITIVE
@@ -135,9 +139,9 @@ class RayPainter:
                 effort.bend,
                 effort.share,
                 (effort.bend if style.projection in EXTREMES else BENDS)
-                * (field.classifier.high - field.classifier.low),
+                * max(look.high - look.low for look in looks),
             ),
-            _is_spread(field, view, self),
+            any(_is_spread(field, view, self) for field in fields),
             apart,
             tile,
             right - left,
@@ -147,7 +151,7 @@ class RayPainter:
         )
         painted.tally[:, 3] = fineness
         with told(progress):
-            paint_rays(count, fineness, way, medium, output)
+            cast(count, fineness, output)
         rays = count * (tile * fineness) ** 2
         if fineness == 1 and self.quality != "best" and self.tables.pixel_margin == 0:
             edges, middles = _edges_of(painted.film), painted.film.rgba.reshape(-1, 4)
@@ -156,12 +160,47 @@ class RayPainter:
             before = middles[edges]
             _mean_from_middles(painted.film)
             again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
-            paint_rays(edges.size, OF_EDGES, way, medium, again)
+            cast(edges.size, OF_EDGES, again)
             middles[edges] += np.float32(OF_MIDDLE) * (before - middles[edges])
             rays += edges.size * OF_EDGES**2
         clock.lap("paint")
-        counts = painted.statistics(math.prod(field.spline.shape), clock.seconds)
+        samples = sum(math.prod(field.spline.shape) for field in fields)
+        counts = painted.statistics(samples, clock.seconds)
         return painted, counts._replace(rays=rays)
+
+
+def _seen(
+    fields: Sequence[LatticeField], media: "Sequence[Medium]"
+) -> "tuple[list[LatticeField], list[Medium]]":
+    """Fields of which something is visible, or that hold meshes; at least one."""
+    pairs = [
+        (field, medium)
+        for field, medium in zip(fields, media, strict=True)
+        if len(field.mesh.face) or not medium.bricks.empty.all()
+    ]
+    seen, those = zip(*pairs or [(fields[0], media[0])], strict=True)
+    return list(seen), list(those)
+
+
+def _caster(
+    fields: Sequence[LatticeField], media: "Sequence[Medium]", view: View, how: RayPainter
+) -> "tuple[Callable[[int, int, Output], None], list[Any]]":
+    """Paint tiles: a function of their number, of the rays, and of the output.
+
+    Also returns the arrays that it needs, to be kept.
+    """
+    from resample.engine.bundles import rows_of
+    from resample.engine.rays.painting import paint_rays
+
+    ways = [_way(field, view, how) for field in fields]
+    if len(fields) == 1:
+        return lambda count, n, output: paint_rays(count, n, ways[0], media[0], output), []
+    from resample.engine.rays.several_fields import Fields, paint_several
+
+    rows, kept = rows_of(media)
+    _, is_lit, has_regions = np.array(ways, np.int64).T.copy()
+    every = Fields(EFFORTS[how.quality].opaque, rows, is_lit, has_regions)
+    return lambda count, n, output: paint_several(count, n, every, media[0], output), kept
 
 
 def _edges_of(film: Film) -> NDArray[np.int64]:
@@ -176,12 +215,22 @@ def _edges_of(film: Film) -> NDArray[np.int64]:
 
 
 def _tiles_of(
-    medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
+    media: "Sequence[Medium]", view: View, size: tuple[int, int], margin: int, tile: int
 ) -> tuple[int, int, int, int]:
     """Range of tiles of a picture (height, width) that may be non-empty.
 
     Result: first column and row, and those after the last.
     """
+    each = np.array([_tiles_of_one(medium, view, size, margin, tile) for medium in media])
+    left, top = each[:, :2].min(axis=0).tolist()
+    right, bottom = each[:, 2:].max(axis=0).tolist()
+    return left, top, right, bottom
+
+
+def _tiles_of_one(
+    medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
+) -> tuple[int, int, int, int]:
+    """As `_tiles_of`, of one field."""
     from resample.engine.rays.coefficients import BRICK
 
     height, width = size

@@ -58,7 +58,10 @@ def test_also_shows_another_volume_where_its_file_says():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--also", "b.nrrd", "--classify", "post"), "post interpolates the field of one"),
+        (
+            ("--also", "b.nrrd", "--classify", "post", "--order", "image-sheets"),
+            "the classification post need the order rays",
+        ),
         (("--also", "b.nrrd", "--projection", "maximum"), "the values of one"),
         (("--also", "gone.nrrd:transfer=gray"), "gone.nrrd: there is no such file"),
         (("--also", "b.nrrd:window=0/5,window=1/2"), "its settings"),
@@ -88,9 +91,9 @@ def test_channels_have_looks_of_their_own():
     assert [volume.name for volume, _ in shown] == ["c (channel 0)", "c (channel 2)"]
     for (volume, _), channel in zip(shown, (0, 2), strict=True):
         assert np.array_equal(volume.values, held_[channel])
-    colors = [part.color for part in Subject.of_several(shown).voxels.parts]
-    np.testing.assert_allclose(colors[0], [[1, 0, 0]] * len(colors[0]), atol=1e-6)
-    assert np.ptp(colors[1], axis=1).max() < 1e-6
+    tables = [field.table.table[0] for field in Subject.of_several(shown).voxels]
+    np.testing.assert_allclose(tables[0][:, :3], [[1, 0, 0]] * len(tables[0]), atol=1e-6)
+    assert np.ptp(tables[1][:, :3], axis=1).max() < 1e-6
     of_color = scene("rgb.npy", channels="red,lime,blue")
     assert [volume.name for volume, _ in of_color] == [f"rgb (channel {n})" for n in range(3)]
     assert ended("render", "rgb.npy", "--channels", "red,lime,blue", "-o", "c.png", *SMALL) == 0
@@ -162,8 +165,12 @@ def in_chunks(name, *counts):
 def test_channels_in_chunks_are_painted_window_by_window(capsys):
     in_chunks("a", 1, 2)
     channels = [*IN_CHUNKS, "--channels", "red,120..190"]
-    assert ended("render", "a.npy", *channels, "-o", "a.exr") == 0
     few = ["--memory", "52MB", "--threads", "1"]
+    assert ended("render", "a.npy", *channels, "-o", "a.exr") == 0
+    assert ended("render", "a.zarr", *channels, *few, "-o", "b.exr") == 0
+    assert np.array_equal(read_image("a.exr"), read_image("b.exr"))
+    channels = [*channels, "--classify", "pre"]
+    assert ended("render", "a.npy", *channels, "-o", "a.exr") == 0
     capsys.readouterr()
     assert ended("render", "a.zarr", *channels, *few, "-o", "b.exr") == 0
     assert "the visible voxels do not fit in memory: painted" in capsys.readouterr().err
@@ -173,7 +180,7 @@ def test_channels_in_chunks_are_painted_window_by_window(capsys):
 @pytest.mark.sweep
 def test_others_in_chunks_are_painted_window_by_window_by_workers(capsys):
     in_chunks("b")
-    beside = [*IN_CHUNKS, "--transfer", "80..190", "--no-shading", "--also"]
+    beside = [*IN_CHUNKS, "--transfer", "80..190", "--no-shading", "--classify", "pre", "--also"]
     assert ended("render", "b.npy", *beside, "b.npy:transfer=0..70", "-o", "a.exr") == 0
     few = ["--memory", "80MB", "--workers", "1"]
     beside = [*beside, "b.zarr:transfer=0..70", *few]

@@ -27,7 +27,7 @@ C, S = np.cos(0.4), np.sin(0.4)
 TURNED = np.array([[C, -S, 0], [S, C, 0], [0, 0, 1.0]])
 SIZE = (32, 32)
 BALLS = (((-2.0, 0.5, 0.0), 3.0, 0.25, RED), ((2.5, -1.0, 1.5), 4.0, 0.15, BLUE))
-UNLIT = {"light": None}
+UNLIT, PRE = {"light": None}, {"classification": Classification.PRE}
 TREE = vessel_tree(16)
 
 
@@ -151,7 +151,7 @@ def test_media_on_one_lattice_are_their_sum_by_hand():
         for n, place in enumerate(map(tuple, voxels.position.tolist())):
             depth[place] = depth.get(place, 0.0) + voxels.extinction[n]
             color[place] = color.get(place, 0.0) + voxels.extinction[n] * voxels.color[n]
-    media = [(v, Appearance(t, **UNLIT)) for v, t in zip((TREE, other), looks, strict=True)]
+    media = [(v, of_voxels(t, **UNLIT)) for v, t in zip((TREE, other), looks, strict=True)]
     subject = Subject.of_several(media)
     samples = subject.samples_for(subject.camera(Orbit(), *SIZE))
     places = [tuple(place) for place in (samples.position + subject.middle).tolist()]
@@ -175,7 +175,7 @@ LIGHTS = [None, Light(), Light((1, -1, 2), shadows=True, occlusion=True)]
 )
 def test_the_order_of_volumes_does_not_matter(light):
     media = [
-        (filled(ball, empty), look_of(ball, light=light, cue=DepthCue(), clip=("1/0/-1",)))
+        (filled(ball, empty), look_of(ball, light=light, cue=DepthCue(), clip=("1/0/-1",), **PRE))
         for ball, empty in zip(BALLS, LATTICES["turned"], strict=True)
     ]
     third = (LATTICES["same"][0]._replace(values=media[0][0].values[::-1].copy()), media[0][1])
@@ -189,7 +189,7 @@ def test_the_order_of_volumes_does_not_matter(light):
 
 
 def test_each_of_several_is_lit_by_its_own_surfaces():
-    media = [(TREE, Appearance("vessels")), (TREE, Appearance(from_points([(0, BLUE, 0.0)])))]
+    media = [(TREE, of_voxels("vessels")), (TREE, of_voxels(from_points([(0, BLUE, 0.0)])))]
     alone = Subject.of(TREE, of_voxels("vessels"))
     camera = alone.camera(Orbit(), *SIZE)
     both = Subject.of_several(media).samples_for(camera)
@@ -198,7 +198,7 @@ def test_each_of_several_is_lit_by_its_own_surfaces():
 
 
 def test_one_of_several_takes_light_from_the_others():
-    look = Appearance(from_points([(0.5, RED, 0.0), (0.5, RED, 1.0)]), Light((0, 0, 1)))
+    look = of_voxels(from_points([(0.5, RED, 0.0), (0.5, RED, 1.0)]), Light((0, 0, 1)))
     values = np.zeros((24, 24, 24), np.float32)
     low, high = values.copy(), values.copy()
     low[4:8, 6:18, 6:18], high[16:20, 6:18, 6:18] = 1, 1
@@ -296,13 +296,14 @@ def test_a_list_of_volumes_is_rendered_each_with_its_look():
 
 
 def test_what_several_volumes_cannot_be_is_refused(monkeypatch):
-    plain, post = Appearance(), Appearance(classification=Classification.POST)
-    several = [(TREE, plain), (TREE, plain)]
+    plain, pre, post = (Appearance(classification=kind) for kind in Classification)
+    several, slabs = [(TREE, plain), (TREE, plain)], Resampler(order=ImageSheets(0.5))
     labels = Labels(np.zeros(TREE.values.shape, np.uint8))
-    fine = (TREE._replace(spacing=TREE.spacing / 2), plain)
-    striped = (TREE, replace(plain, labels=labels))
+    fine = (TREE._replace(spacing=TREE.spacing / 2), pre)
+    striped = (TREE, replace(pre, labels=labels))
     for media, paint, complaint in (
-        ([(TREE, plain), (TREE, post)], None, "post interpolates the field of one"),
+        ([(TREE, pre), (TREE, post)], None, "give all of them the same"),
+        ([(TREE, plain), (TREE, post)], slabs, "need the order rays"),
         (
             several,
             Resampler(order=Rays(), projection=Projection.MAXIMUM),
@@ -321,11 +322,11 @@ def test_what_several_volumes_cannot_be_is_refused(monkeypatch):
     with pytest.raises(
         ValueError, match=r"vessel-tree on the finest lattice, 3. x 3. x 3. voxels, needs"
     ):
-        Subject.of_several([fine, (TREE, plain)])
+        Subject.of_several([fine, (TREE, pre)])
 
 
 def test_places_without_any_voxel_are_an_empty_scene():
-    look = Appearance(from_points([(0, RED, 0.0)]))
+    look = of_voxels(from_points([(0, RED, 0.0)]))
     subject = Subject.of_several([(TREE, look), (TREE, look)])
     assert subject.is_empty
     assert not seen(subject, Orbit()).any()

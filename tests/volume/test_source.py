@@ -42,7 +42,9 @@ def test_the_longest_suffix_wins(tmp_path):
 
 def test_an_unknown_suffix_lists_the_known(tmp_path):
     (tmp_path / "a.xyz").write_text("")
-    with pytest.raises(ValueError, match=r"a.xyz has no known suffix; known are \.bmp \.ccp4 .*\.raw"):
+    with pytest.raises(
+        ValueError, match=r"a.xyz has no known suffix; known are \.bmp \.ccp4 .*\.raw"
+    ):
         open_volume(tmp_path / "a.xyz")
 
 

@@ -1,6 +1,6 @@
 """Render a volume: classify, shade, resample."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
@@ -54,6 +54,7 @@ from resample_volume.types import Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
+    FramedVoxels,
     Placed,
     Shifted,
     around_both,
@@ -82,7 +83,8 @@ if TYPE_CHECKING:
 NOTHING = np.zeros((0, 3), np.float32)
 NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
 
-Visible: TypeAlias = "Voxels | FieldVoxels | Gathered | MixedMedia"
+Visible: TypeAlias = "Voxels | FieldVoxels | Gathered | list[Gathered] | MixedMedia"
+Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what a renderer gets
 Fit = Literal["visible", "volume"]  # what cameras orbit
 Fitted = Fit | Literal["picture"]  # as `visible`, then zoomed and panned to fill the picture
 
@@ -151,6 +153,24 @@ def resampled_appearance(volume: Volume, look: Appearance) -> Appearance:
     transfer = transfer_of(volume, look)
     unit = unit_of(transfer, volume)
     return replace(look, transfer=Windowed(transfer, finite_range(volume.values), unit))
+
+
+def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:
+    """Return fields as a list, also a single one."""
+    return voxels if isinstance(voxels, list) else [voxels]
+
+
+def shown_together(
+    media: Iterable[VolumeLayer], clip: Doubles, resampler: Resampler
+) -> FramedVoxels:
+    """Return the voxels of volumes in one scene that are visible when composited."""
+    shown = []
+    for volume, look in media:
+        framing = named_or_own(look.framing or look.transfer, volume)
+        radius = resampler.reconstruction.radius
+        shown.append(shown_by(volume, framing, clip, radius, resampler.iso))
+    coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))
+    return coarsest._replace(position=np.concatenate([one.position for one in shown]))
 
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
@@ -223,7 +243,7 @@ def _shadowed(
             "shadows and occlusion of fields need the order rays; leave the order out or give rays"
         )
     if isinstance(voxels, Gathered):
-        return with_shadows(voxels, volume, resampler, clip, light)
+        return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
     from resample_volume.voxels.transmittance import voxel_transmittance
 
     return voxels._replace(reached=voxel_transmittance(voxels, light))
@@ -321,8 +341,7 @@ class Subject:
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
         shown: Placed
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
-            framing = named_or_own(appearance.framing or appearance.transfer, scene)
-            shown = shown_by(scene, framing, clip, radius, resampler.iso)
+            shown = shown_together([(scene, appearance)], clip, resampler)
         else:
             shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
         ball = around_both(sphere_around(shown, scene), mesh.corner)
@@ -340,12 +359,14 @@ class Subject:
         """
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
-        from resample_volume.media.mixing import mixed, with_light
-
         resampler = resampler or BY_DEFAULT
         check_several(media, resampler)
         media, resampler = decided(media, resampler)
         place = placement(media)
+        if media[0][1].classification is Classification.POST:
+            return cls._of_fields(place, resampler, fit)
+        from resample_volume.media.mixing import mixed, with_light
+
         whole, appearance = place.lattice, place.media[0][1]
         clip, scene = place.clip, whole.volume()
         radius = resampler.reconstruction.radius
@@ -362,6 +383,27 @@ class Subject:
         ball = ball_around(scene) if fit == "volume" else sphere_around(every, scene)
         return cls(every, appearance, ball, place.middle, clip)
 
+    @classmethod
+    def _of_fields(cls, place: Placement, resampler: Resampler, fit: Fit) -> "Subject":
+        """Prepare several volumes as fields for rays; see `of_several`."""
+        scene, clip, looks = place.lattice.volume(), place.clip, [look for _, look in place.media]
+        volumes = [as_array(volume) for volume, _ in place.media]
+        fields = []
+        meshes = [mesh for look in looks for mesh in look.meshes]
+        for volume, look in zip(volumes, looks, strict=True):
+            transfer = _field_transfer(volume, look, resampler)
+            fields.append(gathered(volume, transfer, resampler, look.gradient, look.labels))
+            unmoved = volume._replace(origin=volume.origin + place.middle)
+            meshes += _pictures(unmoved, volume.values, look, fields[-1])
+        mesh, light = _placed(tuple(meshes), place.middle), looks[0].light
+        if light is not None and light.is_blocked:
+            fields = with_shadows(fields, volumes, scene, resampler, clip, light)
+        ball = ball_around(scene)
+        if fit != "volume":
+            shown = shown_together(zip(volumes, looks, strict=True), clip, resampler)
+            ball = around_both(sphere_around(shown, scene), mesh.corner)
+        return cls(fields, looks[0], ball, place.middle, clip, mesh)
+
     def placed(self, volume: Volume) -> Volume:
         """Return one of the volumes, moved around the scene's origin."""
         return volume._replace(origin=volume.origin - self.middle)
@@ -373,8 +415,8 @@ class Subject:
 
     @property
     def is_of_field(self) -> bool:
-        """Whether it is a field for rays."""
-        return isinstance(self.voxels, Gathered)
+        """Whether it is one field for rays, or several."""
+        return isinstance(self.voxels, Gathered | list)
 
     def painter(self, resampler: Resampler) -> Resampler:
         """Return the renderer that this subject was prepared for; see `decided`."""
@@ -410,10 +452,20 @@ class Subject:
         return not self.visible and not len(self.mesh.face)
 
     @property
+    def lattice(self) -> Doubles:
+        """Lattice (3, 3) of its voxels; of several fields that of the finest."""
+        if not isinstance(self.voxels, list):
+            return self.voxels.lattice
+        every = [field.lattice for field in self.voxels]
+        return min(every, key=lambda lattice: abs(float(np.linalg.det(lattice))))
+
+    @property
     def visible(self) -> int:
         """Number of visible voxels."""
         voxels = self.voxels
-        return voxels.visible if isinstance(voxels, Gathered) else len(voxels.position)
+        if isinstance(voxels, Gathered | list):
+            return sum(field.visible for field in fields_of(voxels))
+        return len(voxels.position)
 
     def facts(self) -> dict[str, Any]:
         """Return what pictures depend on besides camera and renderer, as JSON values."""
@@ -431,15 +483,15 @@ class Subject:
             **({} if self.appearance.slab is None else {"slab": self.appearance.slab}),
         }
 
-    def samples_for(self, camera: AnyCamera) -> Samples | Field | LatticeField:
-        """Return the input of a renderer: samples, or a field, shaded for a camera."""
+    def samples_for(self, camera: AnyCamera) -> Shaded:
+        """Return the input of a renderer: samples, or fields, shaded for a camera."""
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):
             across = faced(self.voxels, self._across(camera))
             samples = lit_samples(across, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
-        if not isinstance(self.voxels, Gathered | FieldVoxels):
+        if not isinstance(self.voxels, Gathered | FieldVoxels | list):
             from resample_volume.media.mixing import added
 
             parts = [faced(part, self._across(camera)) for part in self.voxels.parts]
@@ -449,8 +501,11 @@ class Subject:
         view = camera.view()
         viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
         dimmed = (near, far, cue.share if cue else 0.0)
-        if isinstance(self.voxels, Gathered):
-            return lit_lattice(self.voxels, light, viewer, dimmed)._replace(mesh=self.mesh)
+        if isinstance(self.voxels, Gathered | list):
+            fields = fields_of(self.voxels)
+            first, *others = (lit_lattice(field, light, viewer, dimmed) for field in fields)
+            first = first._replace(mesh=self.mesh)
+            return [first, *others] if isinstance(self.voxels, list) else first
         return lit_field(faced(self.voxels, self._across(camera)), light, viewer, dimmed)
 
 
@@ -580,7 +635,7 @@ def _eye(view: View) -> Doubles:
 
 def painted_with_bar(
     resampler: Resampler,
-    seen: Samples | Field | LatticeField,
+    seen: Shaded,
     camera: AnyCamera,
     size: tuple[int, int],
     threads: int | None = None,

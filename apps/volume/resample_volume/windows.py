@@ -139,7 +139,7 @@ def _light_grid(
     outline = _outline(seen, dense, context)
     if not outline.total:
         return None
-    by = (seen, outline, light, subject.voxels.lattice, budget.memory, context)
+    by = (seen, outline, light, subject.lattice, budget.memory, context)
     depends = ("light", dense.kind, light.direction, light.shadows, light.occlusion)
     return cached(scene, depends, lambda: transmittance_grid(*by)).stored_in(budget.folder)
 

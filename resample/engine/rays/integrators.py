@@ -42,7 +42,7 @@ from resample.engine.rays.media import (
     tinted,
 )
 from resample.engine.rays.splines import value_and_slope_at, value_at
-from resample.engine.roles import called_role, plays
+from resample.engine.roles import called_role, plays, role
 from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import SplineField
@@ -104,11 +104,23 @@ def integrate(way: Any, ray: Ray, medium: Medium) -> Result:
     raise NotImplementedError
 
 
-@inner_step
-def _put(
-    result: Result, light: Light, shine: tuple[float, float], length: float, depth: float
+@role
+def put(
+    way: Any, result: Result, light: Light, shine: tuple[float, float], length: float, depth: float
 ) -> Result:
     """Composite a homogeneous piece under what has been accumulated so far."""
+    raise NotImplementedError
+
+
+@plays(put, of=Composite)
+def _(
+    way: Composite,  # noqa: ARG001
+    result: Result,
+    light: Light,
+    shine: tuple[float, float],
+    length: float,
+    depth: float,
+) -> Result:
     red, green, blue, alpha, deep, first, cover, value, presence = result
     # The piece's opacity, times the transmittance in front of it.
     extinction = light[3]
@@ -126,7 +138,7 @@ def _put(
 
 
 @inner_step
-def _sample_at(ray: Ray, step: float, medium: Medium) -> RaySample:
+def sample_at(ray: Ray, step: float, medium: Medium) -> RaySample:
     """Sample the field at a position given in steps."""
     value, slope = value_and_slope_at(medium.spline, place_at(ray, step))
     # Project the gradient onto the ray.
@@ -187,15 +199,15 @@ def _slope_of(sample: RaySample, medium: Medium) -> Vector:
 
 
 @inner_step
-def _put_step(
+def put_step(
     result: Result,
-    way: Composite,
+    way: Any,
     ray: Ray,
     step: int,
     ends: tuple[float, RaySample, float],
     context: RayContext,
 ) -> Result:
-    """Composite a step if it is visible, given its front, the sample in its middle and its back."""
+    """Put a step if it is visible, given its front, the sample in its middle and its back."""
     # Cull by the three values.
     medium, here = context.medium, ends[1]
     classifier, length = medium.classifier, ray.thickness * ray.length
@@ -215,13 +227,13 @@ def _put_step(
     share = 1.0 / pieces
     if pieces > 1:
         at = step + 0.5 * share
-        here = _sample_at(ray, at, medium)
+        here = sample_at(ray, at, medium)
     for n in range(pieces):
         # Sample and classify the piece anew unless it is the only one.
         if pieces > 1:
             ahead, end = here, back
             if n + 1 < pieces:
-                ahead = _sample_at(ray, at + share, medium)
+                ahead = sample_at(ray, at + share, medium)
                 end = clamped(classifier, _between(here, ahead, share))
             number, slope = number_at(medium, place_at(ray, at)), _slope_of(here, medium)
             values = (front, clamped(classifier, here.value), end)
@@ -231,7 +243,7 @@ def _put_step(
         if number >= 0 and light[3] > 0.0:
             shine = _shine_at(way, ray, at, slope, context)
             light = tinted(medium, place_at(ray, at), light)
-            result = _put(result, light, shine, share * length, depth_at(ray, at))
+            result = put(way, result, light, shine, share * length, depth_at(ray, at))
             # Early ray termination.
             if 1.0 - result[3] <= way.opaque:
                 break
@@ -240,6 +252,37 @@ def _put_step(
     red, green, blue, alpha, deep, first, cover, value, presence = result
     cover += length * medium.per_voxel
     return red, green, blue, alpha, deep, first, cover, value, presence
+
+
+@inner_step
+def step_after(
+    ray: Ray, step: int, here: RaySample, medium: Medium
+) -> tuple[int, RaySample, float, float]:
+    """The next visible step, its middle, and the values at this one's back and at its front."""
+    ahead, back = here, here.value + 0.5 * here.rise
+    following, begin = next_step(ray, step + 1, medium.bricks), back
+    if following < ray.steps:
+        ahead = sample_at(ray, following + 0.5, medium)
+        begin = ahead.value - 0.5 * ahead.rise
+    # Where it is visible, too, both share the value in between.
+    if following == step + 1 < ray.steps:
+        back = begin = _between(here, ahead, 1.0)
+    return following, ahead, back, begin
+
+
+@inner_step
+def finished(result: Result, opaque: float) -> Result:
+    """Result of a ray that was composited to its end, or to what counts as opaque."""
+    # What is behind the end of an opaque ray is taken to look like what is in front of it.
+    red, green, blue, alpha, deep, first, cover, _, _ = result
+    whole = 1.0
+    if 1.0 - alpha <= opaque:
+        whole = 1.0 / alpha
+    red, green, blue, alpha, deep = (
+        whole * red, whole * green, whole * blue, whole * alpha, whole * deep,
+    )  # fmt: skip
+    # Coverage is at least the opacity.
+    return red, green, blue, alpha, deep, first, max(alpha, min(1.0, cover)), 0.0, 0.0
 
 
 @plays(integrate, of=Composite)
@@ -252,32 +295,17 @@ def _(way: Composite, ray: Ray, medium: Medium) -> Result:
     # One direction of light serves the whole ray where the light comes from the eye.
     far = position(medium, place_at(ray, ray.steps))
     context = RayContext(medium, aims_at(far, medium.classifier))
-    # March front to back; where the next step is visible, too, both share the value in between.
-    here = _sample_at(ray, step + 0.5, medium)
+    # March front to back.
+    here = sample_at(ray, step + 0.5, medium)
     front = here.value - 0.5 * here.rise
     while step < ray.steps:
-        ahead, back = here, here.value + 0.5 * here.rise
-        following, begin = next_step(ray, step + 1, bricks), back
-        if following < ray.steps:
-            ahead = _sample_at(ray, following + 0.5, medium)
-            begin = ahead.value - 0.5 * ahead.rise
-        if following == step + 1 < ray.steps:
-            back = begin = _between(here, ahead, 1.0)
-        result = _put_step(result, way, ray, step, (front, here, back), context)
+        following, ahead, back, begin = step_after(ray, step, here, medium)
+        result = put_step(result, way, ray, step, (front, here, back), context)
         # Early ray termination.
         if 1.0 - result[3] <= way.opaque:
             break
         step, here, front = following, ahead, begin
-    # What is behind the end of an opaque ray is taken to look like what is in front of it.
-    red, green, blue, alpha, deep, first, cover, _, _ = result
-    whole = 1.0
-    if 1.0 - alpha <= way.opaque:
-        whole = 1.0 / alpha
-    red, green, blue, alpha, deep = (
-        whole * red, whole * green, whole * blue, whole * alpha, whole * deep,
-    )  # fmt: skip
-    # Coverage is at least the opacity.
-    return red, green, blue, alpha, deep, first, max(alpha, min(1.0, cover)), 0.0, 0.0
+    return finished(result, way.opaque)
 
 
 @inner_step

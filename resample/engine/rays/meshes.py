@@ -5,6 +5,7 @@ of the boxes are leaves. A ray traverses the tree in that order, without a stack
 """
 
 import math
+from typing import Any
 
 from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
@@ -18,8 +19,9 @@ from resample.engine.rays.integrators import (
     Result,
     integrate,
 )
-from resample.engine.rays.marching import ray_at
+from resample.engine.rays.marching import Ray, ray_at
 from resample.engine.rays.media import Medium, aims_at, depth_cue_at, light_shares_at, reflect
+from resample.engine.roles import plays, role
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
 from resample.types import Doubles, Triangles, View
 
@@ -218,6 +220,31 @@ def _with_surface(result: Result, light: Light, depth: float) -> Result:
     return _behind(result, surface)
 
 
+@role
+def cast(
+    way: Any,
+    ray: Ray,
+    point: tuple[float, float],
+    medium: Medium,
+    view: View,
+    between: tuple[float, float],
+) -> Result:
+    """Integrate what is on a ray through a point of the screen, px, between two depths."""
+    raise NotImplementedError
+
+
+@plays(cast, of=object)
+def _(
+    way: Any,
+    ray: Ray,
+    point: tuple[float, float],  # noqa: ARG001
+    medium: Medium,
+    view: View,  # noqa: ARG001
+    between: tuple[float, float],  # noqa: ARG001
+) -> Result:
+    return integrate(way, ray, medium) if ray.steps > 0 else NOTHING
+
+
 @inner_step
 def integrate_with_mesh(
     x: float, y: float, hint: float, way: Way, medium: Medium, view: View
@@ -233,8 +260,7 @@ def integrate_with_mesh(
         # March through the field up to the next surface.
         hit = next_hit(mesh, start, toward, (after, view.far))
         ray = ray_at(x, y, medium.space, view, (after, hit[0]), hint)
-        if ray.steps > 0:
-            result = _behind(result, integrate(way, ray, medium))
+        result = _behind(result, cast(way, ray, (x, y), medium, view, (after, hit[0])))
         # Stop behind the last surface, or once the ray is opaque.
         if hit[1] < 0 or 1.0 - result[3] <= OPAQUE:
             break

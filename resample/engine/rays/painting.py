@@ -1,7 +1,7 @@
 """Tiles of the screen whose sub-pixels gather a field along rays."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -74,7 +74,7 @@ def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[f
 
 @inner_step
 def _cast(
-    way: Way, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
+    way: Any, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
     fine: Floats, beside: tuple[int, int],
 ) -> None:  # fmt: skip
     """Cast the ray of a sub-pixel, and store its result in `fine`.
@@ -112,7 +112,7 @@ def _interpolate_if_even(
 
 
 @inner_kernel
-def _cast_rays(way: Way, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
+def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
     """Sample the sub-pixels (R, C, NUMBERS) of a tile adaptively.
 
     First cast rays `apart`. Then, at half that distance, fill in those in the middle of four, and
@@ -190,7 +190,8 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -
 
 
 @kernel
-def _paint(tile: int, n: int, way: Way, medium: Medium, output: Output) -> None:
+def paint_tile(tile: int, n: int, way: Any, medium: Medium, output: Output) -> None:
+    """Sample a tile by rays, and filter it to its pixels."""
     # Lay out the tile within the frame, with the filter's margin.
     size, margin = output.size, output.tables.pixel_margin
     height, width = output.film.depth.shape
@@ -215,4 +216,4 @@ def paint_rays(
     along rays. `medium`: the field. `output`: the picture, filled.
     """
     for task in tasks(counter, count):
-        _paint(output.which[task], fineness, way, medium, output)
+        paint_tile(output.which[task], fineness, way, medium, output)

@@ -247,7 +247,7 @@ def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> 
     start = flight.start if isinstance(flight, Flight) else Orbit()
     view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
     depth = (view.rotation @ subject.sphere.center + view.translation)[2]
-    voxel = np.cbrt(abs(np.linalg.det(subject.voxels.lattice)))
+    voxel = np.cbrt(abs(np.linalg.det(subject.lattice)))
     return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
 
 

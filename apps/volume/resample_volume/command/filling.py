@@ -1,19 +1,22 @@
 """Cameras fitted so that everything visible fills the picture."""
 
+from collections.abc import Sequence
+
 from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.console import say
 from resample.resampler import Resampler
-from resample_volume.media.appearance import VolumeLayer, named_or_own
-from resample_volume.rendering import Subject
+from resample_volume.data.spacings import in_unit, unit_of_space
+from resample_volume.media.appearance import VolumeLayer
+from resample_volume.rendering import Subject, shown_together
 from resample_volume.voxels.fields import FieldVoxels
-from resample_volume.voxels.framing import Placed, filling, shown_by
+from resample_volume.voxels.framing import Placed, filling
 from resample_volume.voxels.gathered import Gathered
 
 
 def filled(
     viewpoint: Viewpoint,
     subject: Subject,
-    medium: VolumeLayer,
+    media: Sequence[VolumeLayer],
     resampler: Resampler,
     size: tuple[int, int],
 ) -> Viewpoint:
@@ -23,14 +26,13 @@ def filled(
             "zoom-in needs a camera that orbits the volume, such as 30,20,1; leave it out for a "
             "camera at a fixed position"
         )
-    volume, look = medium
     shown: Placed
-    if not isinstance(subject.voxels, FieldVoxels | Gathered):
+    if not isinstance(subject.voxels, FieldVoxels | Gathered | list):
         shown = subject.voxels
     else:
-        framing = named_or_own(look.framing or look.transfer, volume)
-        radius = resampler.reconstruction.radius
-        shown = shown_by(subject.placed(volume), framing, subject.clip, radius, resampler.iso)
+        unit = unit_of_space(media[0][0])
+        placed = ((subject.placed(in_unit(volume, unit)), look) for volume, look in media)
+        shown = shown_together(placed, subject.clip, resampler)
     corner = subject.mesh.corner
     if not len(shown.position) and not len(corner):
         return viewpoint

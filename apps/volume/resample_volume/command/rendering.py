@@ -26,7 +26,7 @@ from resample.memory.mapped import is_in_file
 from resample.painting.choices import SUMS, Projection
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
-from resample.types import Doubles, Field, Frame, LatticeField, Samples
+from resample.types import Doubles, Frame
 from resample.watching import told
 from resample_volume.classification.surveys import survey
 from resample_volume.data.values import is_streamed
@@ -36,9 +36,9 @@ from resample_volume.media.appearance import (
     check_several,
     check_together,
     decided,
-    fits_as_field,
+    fit_as_fields,
 )
-from resample_volume.rendering import Fit, Fitted, Subject, painted_with_bar
+from resample_volume.rendering import Fit, Fitted, Shaded, Subject, fields_of, painted_with_bar
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.streaming import TooManyVoxelsError
@@ -82,17 +82,18 @@ def scene_of(
 def say_lost_field(
     media: Sequence[VolumeLayer], resampler: Resampler, *, in_windows: bool = False
 ) -> None:
-    """Say why voxels of one volume are painted, if rays through its field were asked for."""
-    (volume, look), *others = media
+    """Say why voxels are painted, if rays through fields were asked for."""
+    volumes, looks = [volume for volume, _ in media], [look for _, look in media]
     is_by_rays = resampler.order.summing is Summing.RAYS
-    if others or not is_by_rays or look.classification is not Classification.AUTO:
+    if not is_by_rays or any(look.classification is not Classification.AUTO for look in looks):
         return
     _, painter = decided(media, resampler)
     if painter.order.summing is Summing.RAYS:
         if in_windows:
             say("workers paint voxels (classify pre), not rays through the field")
-    elif is_streamed(volume) and not fits_as_field(volume):
-        say("memory does not hold the volume as a field: voxels are painted (classify pre)")
+    elif any(map(is_streamed, volumes)) and not fit_as_fields(volumes):
+        what = "the volume as a field" if len(media) == 1 else "the volumes as fields"
+        say(f"memory does not hold {what}: voxels are painted (classify pre)")
 
 
 def say_missed(
@@ -148,21 +149,22 @@ def picture_of(
 def annotated_picture(
     scene: PreparedPicture,
     frame: Frame,
-    shown: VolumeLayer,
+    media: Sequence[VolumeLayer],
     resampler: Resampler,
     beside: "BesidePicture",
     background: Color | None,
 ) -> Frame:
-    """Draw the annotations of a picture, and its color bar, as far as they are asked for."""
+    """Draw the annotations of a picture, and a color bar per volume, as far as asked for."""
     if beside.is_annotated:
         from resample_volume.space.annotations import annotated
 
         marks = beside.annotations(background)
-        frame = annotated(frame, scene.camera, scene.subject.placed(shown[0]), marks)
+        frame = annotated(frame, scene.camera, scene.subject.placed(media[0][0]), marks)
     if beside.color_bar:
         from resample_volume.space.color_bar import with_bar
 
-        frame = with_bar(frame, *shown, resampler, background, scene.subject.tone)
+        for medium in media:
+            frame = with_bar(frame, *medium, resampler, background, scene.subject.tone)
     return frame
 
 
@@ -232,7 +234,7 @@ def to_paint(
     if fit == "picture":
         from resample_volume.command.filling import filled
 
-        viewpoint = filled(viewpoint, subject, media[0], resampler, size)
+        viewpoint = filled(viewpoint, subject, media, resampler, size)
     camera = subject.camera(viewpoint, *size)
     seen, painter = lit(session, subject, camera), subject.painter(resampler)
 
@@ -289,8 +291,8 @@ def _in_windows(
     return PreparedPicture(subject, camera, paint)
 
 
-def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Field | LatticeField:
-    """Return the shaded samples, or the field, for a camera."""
+def lit(session: Session, subject: Subject, camera: AnyCamera) -> Shaded:
+    """Return the shaded samples, or the fields, for a camera."""
     with session.stage("shade", bar="shading"):
         return subject.samples_for(camera)
 
@@ -298,7 +300,7 @@ def lit(session: Session, subject: Subject, camera: AnyCamera) -> Samples | Fiel
 def painted(
     session: Session,
     resampler: Resampler,
-    samples: Samples | Field | LatticeField,
+    samples: Shaded,
     camera: AnyCamera,
     size: tuple[int, int],
     threads: int | None = None,
@@ -349,19 +351,20 @@ def check_memory(
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
     what = volumes[0].name or "the volume"
     if subject is not None:
-        parts[f"{subject.visible} visible voxels"] = (
-            _bytes_per_visible(subject.voxels, fit) * subject.visible
-        )
-        if isinstance(subject.voxels, Gathered) and subject.voxels.thin.parts > 1:
-            parts["slices between thick ones"] = subject.voxels.spline.coefficient.nbytes
+        parts[f"{subject.visible} visible voxels"] = VISIBLE * subject.visible
+        if isinstance(subject.voxels, Gathered | list):
+            fields = fields_of(subject.voxels)
+            each = [_bytes_per_visible(field, fit) * field.visible for field in fields]
+            parts[f"{subject.visible} visible voxels"] = sum(each)
+            thin = [field.spline.coefficient.nbytes for field in fields if field.thin.parts > 1]
+            if thin:
+                parts["slices between thick ones"] = sum(thin)
     require(what, parts, REMEDY)
 
 
-def _bytes_per_visible(voxels: object, fit: Fit) -> int:
-    """Bytes per visible voxel; a field needs these only to place a camera and for slopes."""
-    if not isinstance(voxels, Gathered):
-        return VISIBLE
-    return VISIBLE_OF_FIELD if fit == "visible" or len(voxels.table.table) > 1 else 0
+def _bytes_per_visible(field: Gathered, fit: Fit) -> int:
+    """Bytes per visible voxel, which a field needs only to place a camera and for slopes."""
+    return VISIBLE_OF_FIELD if fit == "visible" or len(field.table.table) > 1 else 0
 
 
 def _bytes_of(volume: Volume) -> int:

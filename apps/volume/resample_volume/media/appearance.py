@@ -300,20 +300,21 @@ def decided(
 ) -> tuple[list[VolumeLayer], Resampler]:
     """Resolve `auto` to pre or post in all looks, and return the renderer for them.
 
-    A ray cast field is more accurate at any size on screen. Voxels are painted for several volumes,
-    for volumes that do not fit in memory as a field, and where gradients of voxels are asked for
-    (`sobel`); but meshes and planes always need rays.
+    A ray cast field is more accurate at any size on screen. Voxels are painted for volumes that do
+    not fit in memory as fields together, where gradients of voxels are asked for (`sobel`), and
+    beside a volume with the classification pre; but meshes and planes always need rays.
 
     `resampler`: renderer; one of samples paints voxels in any case.
     """
     looks = [look.classification for _, look in media]
     if Classification.AUTO not in looks:
         return list(media), resampler
-    is_by_rays = resampler.order.summing is Summing.RAYS
-    if resampler.projection is not Projection.COMPOSITE:
+    if resampler.projection is not Projection.COMPOSITE or Classification.POST in looks:
         is_of_field = True
     else:
-        is_of_field = is_by_rays and len(media) == 1 and _suits_rays(*media[0])
+        is_of_field = resampler.order.summing is Summing.RAYS and Classification.PRE not in looks
+        is_of_field = is_of_field and all(_suits_rays(*medium) for medium in media)
+        is_of_field = is_of_field and fit_as_fields([volume for volume, _ in media])
         is_of_field = is_of_field or any(look.scene_objects for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
@@ -325,24 +326,24 @@ def decided(
 
 
 def _suits_rays(volume: Volume, look: Appearance) -> bool:
-    """Return whether a volume fits in memory as a field, and is shaded by its own gradients."""
+    """Return whether rays can show what a look asks for."""
     if look.gradient != GRADIENT:
         return False
     if look.labels is not None and not look.labels.are_few:
         return False
-    return fits_as_field(volume) and max(map(abs, finite_range(volume.values))) < LARGEST
+    return max(map(abs, finite_range(volume.values))) < LARGEST
 
 
-def fits_as_field(volume: Volume) -> bool:
-    """Return whether a volume fits in memory as a field, with its values if they are in a file."""
-    values = values_of(volume.values)
-    size = bytes_of_field(values.shape, values.dtype) + values.bytes_to_load
-    free = values.memory if values.is_streamed else available_memory()
-    return free is None or size <= free
+def fit_as_fields(volumes: Sequence[Volume]) -> bool:
+    """Return whether volumes fit in memory as fields, with their values if they are in files."""
+    every = [values_of(volume.values) for volume in volumes]
+    limits = [values.memory if values.is_streamed else available_memory() for values in every]
+    size = sum(bytes_of_field(each.shape, each.dtype) + each.bytes_to_load for each in every)
+    return all(free is None or size <= free for free in limits)
 
 
 def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
-    """Reject several volumes where only one field can be shown."""
+    """Reject several volumes that cannot be shown together."""
     if not media:
         raise ValueError("a scene is a list of volumes with their looks; give at least one")
     if resampler.projection is not Projection.COMPOSITE:
@@ -350,8 +351,17 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
             f"several volumes need the projection composite; {resampler.projection} shows the "
             "values of one"
         )
-    if any(look.classification is Classification.POST for _, look in media):
+    kinds = {look.classification for _, look in media}
+    if {Classification.PRE, Classification.POST} <= kinds:
         raise ValueError(
-            "several volumes need the classification pre: post interpolates the field of one"
+            "volumes of one scene have the classifications pre and post; give all of them the same"
         )
-    check_together(of_voxels(resampler), Classification.PRE, media[0][1].extras)
+    first = media[0][1]
+    kind = next((one for one in kinds if one is not Classification.AUTO), first.classification)
+    if kind is Classification.PRE:
+        resampler = of_voxels(resampler)
+    elif kind is Classification.POST and resampler.order.summing is not Summing.RAYS:
+        raise ValueError(
+            f"several volumes of the classification post need the order rays, not {resampler.order}"
+        )
+    check_together(resampler, kind, first.extras)

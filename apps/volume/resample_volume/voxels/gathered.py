@@ -1,6 +1,6 @@
 """Volumes as fields for ray casting."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -227,18 +227,27 @@ def lit_lattice(
 
 
 def with_shadows(
-    field: Gathered, volume: Volume, resampler: Resampler, clip: Doubles, light: Light
-) -> Gathered:
-    """Add shadows and ambient occlusion to a field.
+    fields: Sequence[Gathered],
+    volumes: Sequence[Volume],
+    scene: Volume,
+    resampler: Resampler,
+    clip: Doubles,
+    light: Light,
+) -> list[Gathered]:
+    """Add shadows and ambient occlusion, by all fields of a scene, to each of them.
 
-    `clip`: (M, 4) planes; what they cut away occludes no light.
+    `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
+    occludes no light.
     """
     from resample_volume.voxels.transmittance import field_transmittance
 
-    parts = _extinctions(field, volume, resampler.iso)
-    reached = field_transmittance(volume, parts, clip, light)
-    samples = field.spline.shape[field.thin.axis]
-    return field._replace(reached=cells_over_samples(reached, samples, field.thin))
+    pairs = list(zip(fields, volumes, strict=True))
+    parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
+    lit = []
+    for field, reached in zip(fields, field_transmittance(scene, parts, clip, light), strict=True):
+        samples = field.spline.shape[field.thin.axis]
+        lit.append(field._replace(reached=cells_over_samples(reached, samples, field.thin)))
+    return lit
 
 
 def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator[Floats]:

@@ -7,8 +7,8 @@ Translucent Volume Rendering and Procedural Modeling, 2002.)
 """
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,16 +178,57 @@ def shares_at(index: NDArray[np.int64], share: Flags, cells: LightCells) -> Floa
 
 
 def field_transmittance(
-    volume: Volume, extinctions: Extinctions, clip: Doubles, light: Light
-) -> Reached:
-    """Return the light that reaches the points of a field.
+    scene: Volume, parts: Sequence[tuple[Volume, Extinctions]], clip: Doubles, light: Light
+) -> list[Reached]:
+    """Return the light that reaches the points of fields, dimmed by all of them.
 
-    `extinctions`: yields optical depths per scene unit of some slices at a time, in order. `clip`:
-    (M, 4) planes; what they cut away takes no light.
+    `scene`: covers all of them. `parts`: each volume, and its optical depths per scene unit of
+    some slices at a time, in order. `clip`: (M, 4) planes; what they cut away takes no light.
     """
-    size, lattice = np.array(volume.values.shape), lattice_of(volume)
+    size, lattice = np.array(scene.values.shape), lattice_of(scene)
     per = cells_of(size)
-    thick = np.zeros(_grid_of(size, per), np.float32)
+    total, pers = np.zeros(_grid_of(size, per), np.float32), []
+    for volume, extinctions in parts:
+        coarser = per * np.cbrt(abs(np.linalg.det(lattice) / np.linalg.det(lattice_of(volume))))
+        pers.append(max(cells_of(volume.values.shape), round(coarser)))
+        thick = _thickness(volume, extinctions, clip, pers[-1])
+        total += _moved(thick, (volume, pers[-1]), (scene, per), total.shape, "grid-constant")
+    share = light_transmittance(total, per * lattice, light)
+    found = []
+    for (volume, _), own in zip(parts, pers, strict=True):
+        grid = _grid_of(np.array(volume.values.shape), own)
+        each = [_moved(share[..., n], (scene, per), (volume, own), grid, "nearest") for n in (0, 1)]
+        found.append(Reached(np.rint(np.stack(each, axis=-1)).astype(np.uint8), own))
+    return found
+
+
+def _moved(
+    values: NDArray[Any],
+    of: tuple[Volume, int],
+    to: tuple[Volume, int],
+    grid: tuple[int, ...],
+    mode: str,
+) -> NDArray[Any]:
+    """Interpolate values of a volume's cells at those of another one; beyond them as of `mode`."""
+    (given, per), (wanted, other) = of, to
+    to_cell = np.linalg.inv(per * lattice_of(given))
+    middles = [v.origin + lattice_of(v) @ np.full(3, (n - 1) / 2) for v, n in (of, to)]
+    matrix, start = to_cell @ (other * lattice_of(wanted)), to_cell @ (middles[1] - middles[0])
+    is_same = np.allclose(matrix, np.eye(3), atol=1e-9) and np.allclose(start, 0, atol=1e-6)
+    if is_same and values.shape == grid:
+        return values
+    from scipy.ndimage import affine_transform
+
+    return np.asarray(
+        affine_transform(
+            values.astype(np.float32), matrix[::-1, ::-1], start[::-1], grid, order=1, mode=mode
+        )
+    )
+
+
+def _thickness(volume: Volume, extinctions: Extinctions, clip: Doubles, per: int) -> Floats:
+    """Return mean optical depths (Z, Y, X) per scene unit of cells, `per` voxels a side."""
+    thick = np.zeros(_grid_of(np.array(volume.values.shape), per), np.float32)
     first = 0
     for part in extinctions:
         kept = np.where(_is_uncut(part.shape, first, volume, clip), part, np.float32(0))
@@ -195,7 +236,7 @@ def field_transmittance(
         for n, row in enumerate(across, first):
             thick[n // per] += row / np.float32(per)
         first += len(part)
-    return Reached(light_transmittance(thick, per * lattice, light), per)
+    return thick
 
 
 def _is_uncut(

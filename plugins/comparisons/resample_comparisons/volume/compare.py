@@ -131,7 +131,7 @@ class Contest:
             clip=self.subject.cuts(self.camera),
         )
         seen = self.subject.samples_for(self.camera)
-        if isinstance(seen, LatticeField):
+        if isinstance(seen, LatticeField | list):
             self.splatted(resampler, rays)
             return
         cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
