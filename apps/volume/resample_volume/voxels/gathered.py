@@ -116,22 +116,19 @@ def gathered(
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
     shape, steep = (1, columns_of(volume, data_range)), 1.0
+    count = _visible_count(volume, transfer, data_range, resampler)
     if transfer.needs_gradient:
-        count = _visible_count(volume, transfer, data_range, resampler)
         require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
         seen = _visible(volume, transfer, data_range, resampler)
         shape = (64, shape[1])
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
-    else:
-        count = _visible_count(volume, transfer, data_range, resampler)
     each = [transfer]
     if labels is not None:
         from resample_volume.classification.labels import Ruled
 
         each += [Ruled(transfer, rule) for rule in labels.rules.values()]
-    two = np.zeros(0)
-    if resampler.projection is Projection.COMPOSITE:
-        two = _only_two(volume, data_range)
+    is_composite = resampler.projection is Projection.COMPOSITE
+    two = _only_two(volume, data_range) if is_composite else np.zeros(0)
     tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(each)
@@ -145,9 +142,9 @@ def gathered(
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
     cells = UNKNOWN
-    if resampler.projection is Projection.COMPOSITE and resampler.iso is None:
-        most = thickest(looks.table, beside)
-        cells = visible_cells(spline, bounds, most, (looks.low, looks.high))
+    if is_composite and resampler.iso is None:
+        ends = looks.low, looks.high
+        cells = visible_cells(spline, bounds, thickest(looks.table, beside), ends)
     return Gathered(
         spline,
         bounds,
