@@ -1,5 +1,6 @@
 """What all tests share: threads, the search for examples, the real data, random numbers."""
 
+import builtins
 import os
 from collections import defaultdict
 from contextlib import suppress
@@ -44,6 +45,12 @@ def real(name: str) -> Path:
     if not path.exists():
         pytest.skip(f"{name} is not on this machine (set RESAMPLE_TEST_DATA)")
     return path
+
+
+@pytest.fixture(autouse=True)
+def outside_ipython(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undo what widgets' tests leave in this process, by which astropy takes it for a notebook."""
+    monkeypatch.delattr(builtins, "__IPYTHON__", raising=False)
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks are looked at

@@ -258,7 +258,7 @@ def test_a_source_that_makes_no_sense_is_refused(choice, complaint):
 
 
 def test_an_unknown_reader_lists_the_known():
-    with pytest.raises(LookupError, match="known readers: cube, dicom"):
+    with pytest.raises(LookupError, match="known readers: bioio, cube, dicom"):
         opened(ReadOptions(reader="foo"), "checker-box:size=4")
 
 

@@ -90,10 +90,11 @@ def test_of_memory_that_is_not_why_voxels_are_painted_nothing_is_said(
     assert TOLD not in capsys.readouterr().err
 
 
-def test_several_volumes_are_voxels():
+def test_several_volumes_are_fields():
     media = [(TREE, Appearance("vessels")), (TREE, Appearance("200..255"))]
-    pre = [(volume, replace(look, classification="pre")) for volume, look in media]
-    assert np.array_equal(render(media, size=SIZE).rgba, render(pre, size=SIZE).rgba)
+    post = [(volume, replace(look, classification="post")) for volume, look in media]
+    found = render(post, size=SIZE, resampler=BY_DEFAULT)
+    assert np.array_equal(render(media, size=SIZE).rgba, found.rgba)
 
 
 def test_a_renderer_of_samples_paints_voxels():

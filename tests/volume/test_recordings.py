@@ -287,9 +287,9 @@ def test_colors_are_resampled_weighed_by_their_opacities():
     found = onto(volume, common_lattice([fine, volume]))
     seen = found.values > 8
     np.testing.assert_allclose(found.colors[seen], [[1, 0, 0]] * seen.sum(), atol=1e-4)
-    assert (
-        len(Subject.of_several([(volume, Appearance()), (fine, Appearance(ALL))]).voxels.parts) == 2
-    )
+    looks = Appearance(classification="pre"), Appearance(ALL, classification="pre")
+    mixture = Subject.of_several(list(zip((volume, fine), looks, strict=True))).voxels
+    assert len(mixture.parts) == 2
 
 
 # Pages of pictures
