@@ -63,6 +63,18 @@ def member(path: Path, group: Any, name: str) -> Any:
         return group[name]
 
 
+def hard_members(path: Path, group: Any) -> dict[str, Any]:
+    """Return groups and datasets of a group by name, without links, which may name other files."""
+    import h5py
+
+    found = {}
+    for name in names_in(path, group):
+        with damage(path):
+            if isinstance(group.get(name, getlink=True), h5py.HardLink):
+                found[name] = group[name]
+    return found
+
+
 def group_in(path: Path, group: Any, name: str) -> Any:
     """Return a group of a group; None if there is none."""
     import h5py

@@ -113,8 +113,9 @@ def test_links_of_hdf5_to_other_files_are_not_followed(tmp_path):
     hdf5_file(tmp_path / "secret.h5", {"data": VALUES})
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["data"] = h5py.ExternalLink("secret.h5", "/data")
-    for reader in (Hdf5(), Hdf5("data")):
-        with pytest.raises(ValueError, match=r"a link, which is not followed|no array"):
+    (tmp_path / "secret.h5").rename(tmp_path / "gone.h5")  # nor opened
+    for reader in (Hdf5(), Hdf5("data"), NetCdf()):
+        with pytest.raises(ValueError, match=r"a link, which is not followed|no array|no variable"):
             reader(tmp_path / "a.h5")
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from resample.lengths import unit_of_length
-from resample.reading.hdf5 import dataset_in, group_in, names_in, numbers_of, opened
+from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.libraries import damage
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import is_color
@@ -107,15 +107,10 @@ def _at(path: Path, file: Any, place: str) -> Any:
 def _arrays(path: Path, group: Any, prefix: str = "", depth: int = 8) -> dict[str, Any]:
     """Return all arrays of numbers with three axes or more, by their paths."""
     found: dict[str, Any] = {}
-    for name in names_in(path, group) if depth else ():
-        with damage(path):
-            kind = group.get(name, getclass=True, getlink=False)
-            is_group = kind is not None and kind.__name__ == "Group"
-            is_array = kind is not None and kind.__name__ == "Dataset"
-        if is_group:
-            below = group_in(path, group, name)
-            found |= _arrays(path, below, f"{prefix}{name}/", depth - 1)
-        elif is_array and group[name].dtype.kind in "iufb" and len(group[name].shape) >= SPACE:
+    for name, one in hard_members(path, group).items() if depth else ():
+        if hasattr(one, "keys"):
+            found |= _arrays(path, one, f"{prefix}{name}/", depth - 1)
+        elif getattr(one, "ndim", 0) >= SPACE and one.dtype.kind in "iufb":
             found[prefix + name] = dataset_in(path, group, name)
     return found
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.hdf5 import dataset_in, names_in
+from resample.reading.hdf5 import dataset_in, hard_members
 from resample.reading.libraries import damage
 from resample.reading.limits import check_items
 from resample_volume.data.memory import require_memory
@@ -112,11 +112,9 @@ class NetCdf(OneOfAll):
 def _variables(path: Path, file: Any) -> dict[str, _Variable]:
     """Return the variables of a file of version 4, whose axes are named by scales."""
     found = {}
-    for name in names_in(path, file):
-        with damage(path):
-            one = file.get(name)
-            if not hasattr(one, "dims") or one.dtype.kind not in "iuf" or not one.shape:
-                continue
+    for name, one in hard_members(path, file).items():
+        if not hasattr(one, "dims") or one.dtype.kind not in "iuf" or not one.shape:
+            continue
         data = dataset_in(path, file, name)
         with damage(path):
             scales = [axis[0].name.rpartition("/")[2] if len(axis) else "" for axis in data.dims]
