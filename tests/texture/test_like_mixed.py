@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from resample_texture import Homography
 from resample_texture.like import ndimage, opencv, shrinking
 from resample_texture.texels.gather import places_of
-from resample_texture.texels.kernels.gather import put_shares
+from resample_texture.texels.kernels.mixing import put_shares
 from tests.conftest import real
 
 SHAPE = (150, 170)
