@@ -47,6 +47,7 @@ from resample_texture.texels.levels import (
     light_for,
     mixed_light,
     share_of_levels,
+    spared,
     texels_in_levels,
 )
 from resample_texture.texels.spans import WIDE
@@ -168,13 +169,15 @@ def _drawn_in_levels(
     image: NDArray[Any], drawing: Drawing, share: Floats, alpha: AnyAlpha | None
 ) -> Warped:
     """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
+    texels, encoding = texels_in_levels(image, alpha)
+    if image.dtype == np.uint8 and not encoding.is_straight and not drawing.as_light:
+        share = spared(share, texels, drawing.geometry, drawing.shape)
     is_stored, is_alone = image.dtype.name in LEVELS, bool((share == 1.0).all())
     interpolating: Any = in_levels(drawing.method)
     averaging: Any = drawing.method
     if share.size > 1 and hasattr(averaging, "partly"):  # tiles that need one of them alone
         interpolating = interpolating.partly(share[..., 0] > 0.0)
         averaging = averaging.partly(share[..., 0] < 1.0)
-    texels, encoding = texels_in_levels(image, alpha)
     warped = _run_with_gaps(drawing._replace(method=interpolating), texels, encoding.gaps)
     averaged = None
     if not is_alone:

@@ -20,7 +20,7 @@ POINTLIKE = 0.01  # samples; shorter sides are points, if the interpolation is o
 FINE_PHASES = 1024  # rows of a table of weights at points
 WIDE = 224  # weights along an axis, at most
 SPARE = 8  # numbers that may be read beyond a grid's last
-FEW = 8  # samples along an axis of windows that are summed without loops
+FEW, FEWER = 8, 6  # samples along an axis of windows that are summed without loops
 
 Place = Any  # an index kept in uint64, which needs no test for negative values
 Whole = Any  # a number kept in int32, to which a float is converted in one instruction
@@ -346,25 +346,8 @@ def _eight(numbers: Floats, at: Place) -> tuple[Single, ...]:
 
 
 @inner_step
-def _eight_sums(
-    flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]
-) -> tuple[Single, ...]:
-    """Sums of eight contiguous numbers over `FEW` rows, times weights."""
-    return (
-        _sum_of_rows(flat, at, stride, weights),
-        _sum_of_rows(flat, at + np.uint64(1), stride, weights),
-        _sum_of_rows(flat, at + np.uint64(2), stride, weights),
-        _sum_of_rows(flat, at + np.uint64(3), stride, weights),
-        _sum_of_rows(flat, at + np.uint64(4), stride, weights),
-        _sum_of_rows(flat, at + np.uint64(5), stride, weights),
-        _sum_of_rows(flat, at + np.uint64(6), stride, weights),
-        _sum_of_rows(flat, at + np.uint64(7), stride, weights),
-    )
-
-
-@inner_step
-def _sum_of_rows(flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]) -> Single:
-    """Weighted sum of a number in each of `FEW` rows, in two chains."""
+def _sum_of_fewer(flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]) -> Single:
+    """Weighted sum of a number in each of `FEWER` rows, in two chains."""
     one = weights[0] * flat[at]
     at += stride
     two = weights[1] * flat[at]
@@ -376,21 +359,75 @@ def _sum_of_rows(flat: Floats, at: Place, stride: Place, weights: tuple[Single, 
     one += weights[4] * flat[at]
     at += stride
     two += weights[5] * flat[at]
-    at += stride
-    one += weights[6] * flat[at]
-    at += stride
-    two += weights[7] * flat[at]
     return one + two
 
 
 @inner_step
+def _sum_of_few(flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]) -> Single:
+    """Weighted sum of a number in each of `FEW` rows."""
+    last = at + stride * np.uint64(FEWER)
+    rest = weights[6] * flat[last] + weights[7] * flat[last + stride]
+    return _sum_of_fewer(flat, at, stride, weights) + rest
+
+
+@inner_step
+def _eight_of_fewer(
+    flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]
+) -> tuple[Single, ...]:
+    """Sums of eight contiguous numbers over `FEWER` rows, times weights."""
+    return (
+        _sum_of_fewer(flat, at, stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(1), stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(2), stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(3), stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(4), stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(5), stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(6), stride, weights),
+        _sum_of_fewer(flat, at + np.uint64(7), stride, weights),
+    )
+
+
+@inner_step
+def _eight_of_few(
+    flat: Floats, at: Place, stride: Place, weights: tuple[Single, ...]
+) -> tuple[Single, ...]:
+    """Sums of eight contiguous numbers over `FEW` rows, times weights."""
+    return (
+        _sum_of_few(flat, at, stride, weights),
+        _sum_of_few(flat, at + np.uint64(1), stride, weights),
+        _sum_of_few(flat, at + np.uint64(2), stride, weights),
+        _sum_of_few(flat, at + np.uint64(3), stride, weights),
+        _sum_of_few(flat, at + np.uint64(4), stride, weights),
+        _sum_of_few(flat, at + np.uint64(5), stride, weights),
+        _sum_of_few(flat, at + np.uint64(6), stride, weights),
+        _sum_of_few(flat, at + np.uint64(7), stride, weights),
+    )
+
+
+@inner_step
+def _times_pair(sums: tuple[Single, ...], scratch: Floats, n: int) -> tuple[Single, ...]:
+    """Two samples of four numbers, times the weights across of the nth two."""
+    a, b, c, d, e, f, g, h = sums
+    v, w = scratch[np.uint64(n + n)], scratch[np.uint64(n + n + 1)]
+    return v * a, v * b, v * c, v * d, w * e, w * f, w * g, w * h
+
+
+@inner_step
+def _plus(one: tuple[Single, ...], other: tuple[Single, ...]) -> tuple[Single, ...]:
+    """Sum of eight numbers and others."""
+    a, b, c, d, e, f, g, h = one
+    i, j, k, m, n, o, p, q = other
+    return a + i, b + j, c + k, d + m, e + n, f + o, g + p, h + q
+
+
+@inner_step
 def put_mean_of_few(
-    plate: Plate, integral: Integral, across: WindowSide, down: WindowSide, scratch: Floats,
-    total: Floats,
+    plate: Plate, integral: Integral, across: WindowSide, down: WindowSide, is_fewer: bool,
+    scratch: Floats, total: Floats,
 ) -> None:  # fmt: skip
     """Put the mean over a box whose window has at most `FEW` samples along both axes.
 
-    The plate has one number for each sample, or four.
+    The plate has one number for each sample, or four. `is_fewer`: there are at most `FEWER`.
     """
     # Compute the weights along both axes; those beyond the window are 0.
     table, stride, first = integral.table, np.uint64(integral.stride), np.uint64(WIDE)
@@ -398,27 +435,33 @@ def put_mean_of_few(
     _eight_weights(table, (a, b), stride, (f, g), share, scratch, np.uint64(0))
     above, a, b, f, g, share = down
     _eight_weights(table, (a, b), stride, (f, g), share, scratch, first)
-    weights = _eight(scratch, first)
-    here = np.uint64((above * plate.stride + start) * plate.channels - plate.before)
-    step = np.uint64(plate.stride * plate.channels)
+    flat, weights = plate.flat, _eight(scratch, first)
+    at = np.uint64((above * plate.stride + start) * plate.channels - plate.before)
+    step, eight = np.uint64(plate.stride * plate.channels), np.uint64(8)
     if plate.channels == 1:
-        total[0] = _dot_of_eight(
-            scratch, np.uint64(0), _eight_sums(plate.flat, here, step, weights)
-        )
+        sums = _eight_of_few(flat, at, step, weights)
+        total[0] = _dot_of_eight(scratch, np.uint64(0), sums)
         return
-    # Sum down two samples at a time, then across.
+    # Sum down two samples at a time, and add them up across.
     first += first
-    for n in range(FEW // 2):
-        o = np.uint64(n << 3)
-        _put_eight(scratch, first + o, _eight_sums(plate.flat, here + o, step, weights))
-    a = b = c = d = np.float32(0)
-    for n in range(FEW):
-        w, o = scratch[np.uint64(n)], first + np.uint64(n << 2)
-        a += w * scratch[o]
-        b += w * scratch[o + np.uint64(1)]
-        c += w * scratch[o + np.uint64(2)]
-        d += w * scratch[o + np.uint64(3)]
-    total[0], total[1], total[2], total[3] = a, b, c, d
+    if is_fewer:
+        one = _times_pair(_eight_of_fewer(flat, at, step, weights), scratch, 0)
+        at += eight
+        two = _times_pair(_eight_of_fewer(flat, at, step, weights), scratch, 1)
+        at += eight
+        three = _times_pair(_eight_of_fewer(flat, at, step, weights), scratch, 2)
+        _put_eight(scratch, first, _plus(_plus(one, two), three))
+    else:
+        one = _times_pair(_eight_of_few(flat, at, step, weights), scratch, 0)
+        at += eight
+        two = _times_pair(_eight_of_few(flat, at, step, weights), scratch, 1)
+        at += eight
+        three = _times_pair(_eight_of_few(flat, at, step, weights), scratch, 2)
+        at += eight
+        four = _times_pair(_eight_of_few(flat, at, step, weights), scratch, 3)
+        _put_eight(scratch, first, _plus(_plus(one, two), _plus(three, four)))
+    a, b, c, d, e, f, g, h = _eight(scratch, first)
+    total[0], total[1], total[2], total[3] = a + e, b + f, c + g, d + h
 
 
 @inner_kernel

@@ -46,9 +46,12 @@ from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.engine.windows.rows import (
     DOWN,
     OTHER,
+    ROWS,
+    WIDE,
     RowScratch,
     boxes_of,
-    measure_row,
+    has_fewer,
+    measure_rows,
     place_of,
     row_scratch,
     side_of,
@@ -361,18 +364,24 @@ def _fill_tile(
     first, width = tile[LEFT], tile[RIGHT] - tile[LEFT]
     flat, share = image.reshape(-1), covered.reshape(-1)
     for row in range(tile[TOP], tile[BOTTOM]):
-        measure_row(geometry, view, row, first, width, is_apart, pixels)
-        for n in range(width):
-            coverage, column = np.float32(1), first + n
+        above = (row - tile[TOP]) % ROWS
+        if above == 0:
+            rows = row, min(row + ROWS, tile[BOTTOM])
+            measure_rows(geometry, view, rows, first, width, is_apart, pixels)
+        for column in range(first, first + width):
+            coverage, n = np.float32(1), above * WIDE + column - first
             if wanted.size > 0 and not wanted[row, column]:
                 continue
             boxes = boxes_of(pixels, n)
             if boxes > 0:
                 # Sum the few samples around, and clamp to the limits there.
                 across, down = side_of(pixels, n, 0), side_of(pixels, n, DOWN)
-                put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, total)
+                is_fewer = has_fewer(pixels, n)
+                put_mean_of_few(
+                    view.plate, view.integral, across, down, is_fewer, scratch.weights, total
+                )
                 if boxes == 2:
-                    _average_with_other(view, pixels, n, scratch)
+                    _average_with_other(view, pixels, n, is_fewer, scratch)
                 if has_limits:
                     u, v = place_of(pixels, n)
                     u, v = u - plain.left, v - plain.top
@@ -391,10 +400,14 @@ def _fill_tile(
 
 
 @inner_kernel
-def _average_with_other(view: GridView, pixels: RowScratch, n: int, scratch: PixelScratch) -> None:
+def _average_with_other(
+    view: GridView, pixels: RowScratch, n: int, is_fewer: bool, scratch: PixelScratch
+) -> None:
     """Average the nth pixel's mean over one box with that over the other."""
     across, down = side_of(pixels, n, OTHER), side_of(pixels, n, OTHER + DOWN)
-    put_mean_of_few(view.plate, view.integral, across, down, scratch.weights, scratch.straight)
+    put_mean_of_few(
+        view.plate, view.integral, across, down, is_fewer, scratch.weights, scratch.straight
+    )
     for c in range(scratch.total.size):
         scratch.total[c] = np.float32(0.5) * (scratch.total[c] + scratch.straight[c])
 

@@ -1,7 +1,7 @@
 """Rows of pixels: what the means of those that read few samples need, in lanes.
 
 Where pixels lie, how long they are and which weights they take does not depend on the samples, so
-it is worked out for a whole row of a tile at once.
+it is worked out for a few rows of a tile at once.
 """
 
 import math
@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import inner_step, kernel, lane_kernel
+from resample.engine.jit import inner_kernel, inner_step, kernel
 from resample.engine.windows.boxes import (
     FEW,
+    FEWER,
     LONGEST,
     ONES,
     PHASES,
@@ -35,69 +36,84 @@ from resample.types import Doubles, Floats, Single
 
 Integers32 = NDArray[np.int32]
 
-MOST = 32  # px of a row, at most
+WIDE = 32  # px of a row, at most
+ROWS = 4  # at a time
+MOST = ROWS * WIDE  # px
 MOMENT, REACH, APART = MOST, 2 * MOST, 3 * MOST  # of one axis in `RowScratch.shape`
 DOWN = 4 * MOST  # from one axis to the other, in all arrays
 OTHER = 8 * MOST  # from one box to the other, where two stand for a pixel
+SMALLER = np.int32(4)
 MIXED, FITS = 8 * MOST, 16 * MOST  # in `RowScratch.shape`, and in `RowScratch.whole`
 
 
 class RowScratch(NamedTuple):
-    """Scratch for a row of pixels."""
+    """Scratch for `ROWS` rows of pixels, each `WIDE`."""
 
     # (9 × MOST,) of both axes: source coordinates, squares of sides, half extents, and distances of
     # boxes; and the mixed moment.
     shape: Doubles
-    # (17 × MOST,) of both boxes and axes: first sample, both ends in the table; and the boxes.
+    # (17 × MOST,) of both boxes and axes: first sample, both ends in the table; and how many boxes,
+    # and `SMALLER` where windows have `FEWER`.
     whole: Integers32
     share: Floats  # (16 × MOST,) of both boxes and axes: fractions of both ends, 1 / side
 
 
 @kernel
 def row_scratch() -> RowScratch:
-    """Allocate scratch for a row of pixels."""
+    """Allocate scratch for a few rows of pixels."""
     whole, share = np.empty(17 * MOST, np.int32), np.empty(16 * MOST, np.float32)
     return RowScratch(np.empty(9 * MOST), whole, share)
 
 
-@lane_kernel
-def measure_row(
-    geometry: PixelGeometry, view: GridView, row: int, first: int, count: int, is_apart: bool,
-    pixels: RowScratch,
+@inner_kernel
+def measure_rows(
+    geometry: PixelGeometry, view: GridView, rows: tuple[int, int], first: int, count: int,
+    is_apart: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
-    """Measure the pixels of a row from a column on, and find the boxes that stand for them.
+    """Measure the pixels of rows from a column on, and find the boxes that stand for them.
 
     Parameters
     ----------
+    rows
+        First row, and last + 1; at most `ROWS`.
     is_apart
         The tile has no limits in common; then there are none.
     """
-    is_few = view.plate.channels in (1, 4)
-    if is_apart or view.points.taps > 0 or not is_few:
-        for n in range(count):
+    if is_apart or view.points.taps > 0 or view.plate.channels not in (1, 4):
+        for n in range(MOST):
             pixels.whole[np.uint64(FITS + n)] = 0
         return
-    leans = _put_footprints(geometry, row, first, count, view.finest, pixels)
+    leans = False
+    for row in range(rows[0], rows[1]):
+        start = (row - rows[0]) * WIDE
+        leans |= _put_footprints(geometry, (row, first), start, count, view.finest, pixels)
     if leans:
-        _part_in_two(count, pixels)
+        _part_in_two(pixels)
     most = 0.5 * LIMITED if view.limits.excess >= 0.0 else math.inf
     plate, integral, is_open = view.plate, view.integral, view.edge != TRANSPARENT
     across = plate.left, plate.columns, float(view.size[1])
     down = plate.top, plate.rows, float(view.size[0])
-    for box in range(1 + leans):
-        _put_sides(integral, (box, 0), count, across, most, is_open, pixels)
-        _put_sides(integral, (box, DOWN), count, down, most, is_open, pixels)
+    # In loops of a known length, stretches of one array are known to be apart.
+    _put_sides(integral, (0, 0), across, most, is_open, pixels)
+    _put_sides(integral, (0, DOWN), down, most, is_open, pixels)
+    if leans:
+        _put_sides(integral, (1, 0), across, most, is_open, pixels)
+        _put_sides(integral, (1, DOWN), down, most, is_open, pixels)
 
 
-@lane_kernel
+@inner_step
 def _put_footprints(
-    geometry: PixelGeometry, row: int, first: int, count: int, finest: float, pixels: RowScratch
-) -> bool:
-    """Put places and sides of pixels; return whether any needs two boxes."""
+    geometry: PixelGeometry, pixel: tuple[int, int], start: int, count: int, finest: float,
+    pixels: RowScratch,
+) -> bool:  # fmt: skip
+    """Put places and sides of pixels from one (row, column) on; return whether any needs two boxes.
+
+    `start`: where in `pixels` they begin.
+    """
     found: Whole = np.int32(0)
     shape, whole, lean, leanest = pixels.shape, pixels.whole, LEAN * finest, LEANEST * finest
     for n in range(count):
-        k, footprint = np.uint64(n), footprint_at(geometry, row, first + n)
+        k, footprint = np.uint64(start + n), footprint_at(geometry, pixel[0], pixel[1] + n)
         m = k + np.uint64(DOWN)
         (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
         shape[k], shape[m] = footprint.u, footprint.v
@@ -111,18 +127,18 @@ def _put_footprints(
         is_box = max(abs(ux * vx), abs(uy * vy)) <= leanest
         is_box &= max(abs(ux * uy), abs(vx * vy)) <= finest
         boxes = np.int32(is_box) + np.int32(is_box & (abs(mixed) > lean))
-        whole[k + np.uint64(FITS)] = boxes
+        whole[k + np.uint64(FITS)] = boxes | SMALLER
         found |= boxes
     return bool(found > 1)
 
 
-@lane_kernel
-def _part_in_two(count: int, pixels: RowScratch) -> None:
+@inner_step
+def _part_in_two(pixels: RowScratch) -> None:
     """Let two boxes carry the mixed moment by their distance; the rest stays in their sides."""
     shape, whole = pixels.shape, pixels.whole
-    for n in range(count):
+    for n in range(MOST):
         k = np.uint64(n)
-        m, is_two = k + np.uint64(DOWN), whole[k + np.uint64(FITS)] > np.int32(1)
+        m, is_two = k + np.uint64(DOWN), (whole[k + np.uint64(FITS)] & np.int32(2)) > np.int32(0)
         uu, vv = shape[k + np.uint64(MOMENT)], shape[m + np.uint64(MOMENT)]
         mixed = shape[k + np.uint64(MIXED)]
         ratio, slant = math.sqrt(uu / vv), abs(mixed)
@@ -133,9 +149,9 @@ def _part_in_two(count: int, pixels: RowScratch) -> None:
         shape[m + np.uint64(MOMENT)] = max(vv - slant / ratio, 0.0) if is_two else vv
 
 
-@lane_kernel
+@inner_step
 def _put_sides(
-    integral: Integral, which: tuple[int, int], count: int, extent: tuple[float, int, float],
+    integral: Integral, which: tuple[int, int], extent: tuple[float, int, float],
     most: float, is_open: bool, pixels: RowScratch,
 ) -> None:  # fmt: skip
     """Put windows along an axis; where they are large, or an edge crosses a pixel, has it no boxes.
@@ -159,7 +175,7 @@ def _put_sides(
     one, two = np.uint64(MOST), np.uint64(2 * MOST)
     box, axis = which
     sign = 1.0 - 2.0 * box
-    for n in range(count):
+    for n in range(MOST):  # also those beyond a row's end
         m, k = np.uint64(n + axis), np.uint64(n + axis + box * OTHER)
         place, reach = shape[m], shape[m + np.uint64(REACH)]
         length: Single = np.sqrt(np.float32(shape[m + np.uint64(MOMENT)]))
@@ -185,7 +201,8 @@ def _put_sides(
         is_within |= is_open & (abs(place) <= math.inf)
         is_few = is_within & (apart <= few) & (reach <= most)
         o = np.uint64(n + FITS)
-        whole[o] = whole[o] if is_few else np.int32(0)
+        smaller = np.int32(apart <= few - np.int32(FEW - FEWER))
+        whole[o] = whole[o] * np.int32(is_few) & (SMALLER - np.int32(1) + SMALLER * smaller)
 
 
 @inner_step
@@ -194,7 +211,13 @@ def boxes_of(pixels: RowScratch, n: int) -> int:
 
     0: it needs more.
     """
-    return int(pixels.whole[np.uint64(FITS + n)])
+    return int(pixels.whole[np.uint64(FITS + n)] & (SMALLER - np.int32(1)))
+
+
+@inner_step
+def has_fewer(pixels: RowScratch, n: int) -> bool:
+    """Whether the nth pixel's boxes read at most `FEWER` samples along both axes."""
+    return bool(pixels.whole[np.uint64(FITS + n)] >= SMALLER)
 
 
 @inner_step

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.types import Floats
-from resample_texture.geometry.mappings import ForwardMap, Geometry
+from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography
 from resample_texture.texels.encoding import LEVELS, Encoding, decoded
 from resample_texture.types import AnyAlpha, AnyLight, Edge, Method, Warped
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from resample_texture.texels.kernels.gather import Plane
 
 SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
+HARDLY = 0.5 / 255  # of the levels, a bound that is several times what light does differ by
 STEPS = 65536  # of a curve's table, between which it is linear
 
 
@@ -67,7 +68,8 @@ def share_of_levels(
     if isinstance(geometry, ForwardMap):
         return _projected_shares(method, geometry, shape)
     from resample_texture.texels.gather import places_of
-    from resample_texture.texels.kernels.gather import Plane, put_shares
+    from resample_texture.texels.kernels.gather import Plane
+    from resample_texture.texels.kernels.mixing import put_shares
 
     places, rows, columns = places_of(size, geometry, shape), range(shape[0]), range(shape[1])
     rows, columns = rows[part[0]], columns[part[1]]
@@ -108,6 +110,32 @@ def _projected_shares(method: Method, geometry: ForwardMap, shape: tuple[int, in
     )
     image.clip(0.0, 1.0, out=image)
     return image
+
+
+def spared(share: Floats, levels: Floats, geometry: Geometry, shape: tuple[int, int]) -> Floats:
+    """`share_of_levels` that is 1, too, where light would hardly differ from levels.
+
+    `levels`: texels (H, W, C) of the source, or of the part of it that `geometry` has.
+    """
+    from resample_texture.texels.gather import places_of
+    from resample_texture.texels.kernels.gather import Plane
+    from resample_texture.texels.kernels.mixing import Differences, put_differences, spare_light
+
+    if isinstance(geometry, ForwardMap):
+        return share
+    height, width, channels = levels.shape
+    places = places_of((height, width), geometry, shape)
+    # Along the axes all pixels are drawn at once.
+    is_along = isinstance(places, Plane) and not places.inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any()
+    if is_along or not ((share > 0.0) & (share < 1.0)).any():
+        return share
+    region = geometry.region if isinstance(geometry, Homography) else None
+    first = (0, 0) if region is None else region.first
+    found = Differences(np.empty(height * width, np.float32), (height, width), first)
+    put_differences(levels.reshape(-1), channels, found)
+    shares = np.array(np.broadcast_to(share, (*shape, 1)))
+    spare_light(places, found, HARDLY, shape, shares.reshape(-1))
+    return shares
 
 
 def _longest_on(plane: "Plane", form: tuple[int, int]) -> float:

@@ -3,15 +3,11 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from resample.engine.jit import (
     Counter,
     inner_kernel,
-    lane_kernel,
     packed_kernel,
     parallel_kernel,
-    tasks,
 )
 from resample.engine.roles import plays
 from resample.engine.windows.footprints import GridView, PixelFootprint, footprint_at
@@ -134,37 +130,3 @@ def measure(
 ) -> None:
     """Measure what tiles cover of the source; see `measure_tiles`."""
     measure_tiles(counter, geometry, tiles, step, view, extent)
-
-
-@parallel_kernel
-def put_shares(
-    counter: Counter, geometry: Plane | Map, ends: tuple[float, float], form: tuple[int, int],
-    shares: Floats,
-) -> None:  # fmt: skip
-    """Shares (h × w) of pixels that fall from 1 to 0 as their longer axes grow.
-
-    Parameters
-    ----------
-    ends
-        Lengths, texels, at which the share is 1 and 0; where pixels have no place it is 0.
-    form
-        Height and width.
-    """
-    for row in tasks(counter, form[0]):
-        _put_row_of_shares(geometry, ends, row, form[1], shares)
-
-
-@lane_kernel
-def _put_row_of_shares(
-    geometry: Plane | Map, ends: tuple[float, float], row: int, count: int, shares: Floats
-) -> None:
-    long, scale, first = ends[1], 1.0 / (ends[1] - ends[0]), row * count
-    for column in range(count):
-        footprint = footprint_at(geometry, row, column)
-        (ux, vx), (uy, vy) = footprint.along_x, footprint.along_y
-        across, down, both = ux * ux + vx * vx, uy * uy + vy * vy, ux * uy + vx * vy
-        half = 0.5 * (across - down)
-        root = math.sqrt(half * half + both * both)
-        share = (long - math.sqrt(0.5 * (across + down) + root)) * scale
-        # Constants come first, as min and max with NaN return their first argument.
-        shares[np.uint64(first + column)] = np.float32(min(1.0, max(0.0, share)))
