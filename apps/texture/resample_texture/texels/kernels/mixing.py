@@ -1,4 +1,4 @@
-"""Where levels and light are mixed: by how much pixels cover, and by how much texels differ there."""
+"""Shares of levels and of light: by how much pixels cover, and how much texels differ there."""
 
 import math
 from typing import NamedTuple
@@ -125,14 +125,14 @@ def spare_light(
     form: tuple[int, int], shares: Floats,
 ) -> None:  # fmt: skip
     """Raise the shares (h × w) of pixels to 1 where light makes a difference of `most` at most."""
-    nearest, most = np.empty(form[1], np.int32), np.float32(most)
+    nearest, least = np.empty(form[1], np.int32), np.float32(most)
     for row in tasks(counter, form[0]):
         _put_nearest(geometry, found, row, nearest)
         for column in range(form[1]):
             at, k = nearest[column], np.uint64(row * form[1] + column)
             share = shares[k]
             if at >= 0 and share > np.float32(0):
-                is_spared = found.flat[np.uint64(at)] * (np.float32(1) - share) <= most
+                is_spared = found.flat[np.uint64(at)] * (np.float32(1) - share) <= least
                 shares[k] = np.float32(1) if is_spared else share
 
 
