@@ -61,8 +61,9 @@ class RowScratch(NamedTuple):
 @kernel
 def row_scratch() -> RowScratch:
     """Allocate scratch for a few rows of pixels."""
-    whole, share = np.empty(17 * MOST, np.int32), np.empty(16 * MOST, np.float32)
-    return RowScratch(np.empty(9 * MOST), whole, share)
+    # All pixels are worked out, also those of rows that are shorter: none is uninitialized.
+    whole, share = np.zeros(17 * MOST, np.int32), np.zeros(16 * MOST, np.float32)
+    return RowScratch(np.zeros(9 * MOST), whole, share)
 
 
 @inner_kernel
