@@ -96,6 +96,22 @@ def test_commands_show_channels_and_other_files_at_their_size(tmp_path, monkeypa
         assert diameters(alpha, per) == pytest.approx((36, 36), abs=0.4)
 
 
+def test_films_and_color_bars_have_several_volumes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b"):
+        write_volume(Path(f"{name}.nrrd"), ball(5, (12, 12, 12), (1, 1, 1)))
+    also = ("a.nrrd", "--also", "b.nrrd:transfer=gray", "--size", 96)
+    assert ended("animate", *also, "--frames", 2, "-o", "film") == 0
+    assert len(list(Path("film").glob("*.png"))) == 2
+    widths = []
+    for words in ((), ("--color-bar",)):
+        assert ended("render", *also, *words, "-o", "x.png") == 0
+        widths.append(read_image("x.png").shape[1])
+    assert ended("render", "a.nrrd", "--size", 96, "--color-bar", "-o", "x.png") == 0
+    alone = read_image("x.png").shape[1]
+    assert widths[1] - widths[0] == 2 * (alone - widths[0])
+
+
 # Sums
 
 

@@ -109,6 +109,12 @@ def lattice_field() -> LatticeField:
     return LatticeField(spline, bounds, none, np.eye(3), np.full(3, first), field().classifier)
 
 
+def lattice_fields() -> list[LatticeField]:
+    """Two such fields, half a sample apart."""
+    one = lattice_field()
+    return [one, one._replace(origin=one.origin + 0.5)]
+
+
 def volume(source: Callable[[], Any], away: float, **choices: Any) -> Callable[[], Any]:
     """Picture of a volume by a `Resampler` of these choices."""
 
@@ -133,6 +139,7 @@ def _add_volumes() -> None:
             slabs = ImageSheets(0.5)
             SCENES[f"field, {projection}"] = volume(field, 16.0, order=slabs, **choices)
         SCENES[f"rays, {projection}"] = volume(lattice_field, 16.0, order=Rays(), **choices)
+    SCENES["rays, several fields"] = volume(lattice_fields, 16.0, order=Rays())
     SCENES["volume, inside and cut"] = _inside
     SCENES["volume, default, few"] = _few()
     SCENES["volume, corrected, few"] = _few(footprint=Footprint.CORRECTED)
