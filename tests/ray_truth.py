@@ -1,5 +1,6 @@
 """Fields along rays in plain NumPy: a spline of SciPy's, and a loop of short steps."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,11 +137,22 @@ def faced(met: Along, field: LatticeField, clip: Array) -> Array:
 
 def composite(met: Along, field: LatticeField, clip: Array) -> Array:
     """Premultiplied picture (H, W, 4)."""
-    look, slope = field.classifier, np.linalg.norm(met.gradient, axis=-1)
-    light = looks(look, met.value, slope)
-    own, high = shine(look, faced(met, field, clip), met.place, met.depth)
-    color = own[..., None] * light[..., :3] + high[..., None]
-    depth = np.where(met.inside, light[..., 3], 0.0) * met.length[..., None]
+    return composite_several([(met, field)], clip)
+
+
+def composite_several(fields: Sequence[tuple[Along, LatticeField]], clip: Array) -> Array:
+    """Premultiplied picture (H, W, 4) of what rays meet of fields, in the order of depth."""
+    places, colors, depths = [], [], []
+    for met, field in fields:
+        look, slope = field.classifier, np.linalg.norm(met.gradient, axis=-1)
+        light = looks(look, met.value, slope)
+        own, high = shine(look, faced(met, field, clip), met.place, met.depth)
+        places.append(met.depth)
+        colors.append(own[..., None] * light[..., :3] + high[..., None])
+        depths.append(np.where(met.inside, light[..., 3], 0.0) * met.length[..., None])
+    order = np.argsort(np.concatenate(places, axis=2), axis=2, kind="stable")
+    color = np.take_along_axis(np.concatenate(colors, axis=2), order[..., None], axis=2)
+    depth = np.take_along_axis(np.concatenate(depths, axis=2), order, axis=2)
     before = np.exp(-(np.cumsum(depth, axis=-1) - depth))
     share = before * -np.expm1(-depth)
     return np.concatenate(

@@ -170,6 +170,14 @@ def met_on_lattice() -> ray_truth.Along:
     return ray_truth.along_rays(values, given, finer(camera()), size, none)
 
 
+def of_lattices() -> Any:
+    """Two such fields: short steps of both, in the order of their depths."""
+    size, none = (SIZE["height"], SIZE["width"]), np.zeros((0, 4))
+    values, fields = scenes.values_of_lattice(), scenes.lattice_fields()
+    met = [ray_truth.along_rays(values, given, finer(camera()), size, none) for given in fields]
+    return mean(ray_truth.composite_several(list(zip(met, fields, strict=True)), none))
+
+
 def of_lattice(projection: str) -> Any:
     """A field on a lattice by SciPy's spline."""
     given, met, none = scenes.lattice_field(), met_on_lattice(), np.zeros((0, 4))
@@ -324,6 +332,7 @@ TRUTHS: dict[str, Callable[[], Any]] = {
         f"rays, {name}": lambda name=name: of_lattice(name)
         for name in ("composite", "maximum", "average", "additive", "minimum")
     },
+    "rays, several fields": of_lattices,
     "texture, plane": lambda: on_plane(scenes.FLOOR),
     "texture, grown": lambda: on_plane(scenes.GROWN),
     "texture, map": on_map,
