@@ -116,7 +116,7 @@ class RayPainter:
         from resample.engine.rays.painting import Output
 
         clock, style = Clock(), self.style
-        fields, media = _seen(fields, [_medium(field, view, self) for field in fields])
+        fields, media = _visible_fields(fields, [_medium(field, view, self) for field in fields])
         cast, _kept = _caster(fields, media, view, self)
         clock.lap("look")
         grids = [_rays_of(field, view, self) for field in fields]
@@ -169,7 +169,7 @@ class RayPainter:
         return painted, counts._replace(rays=rays)
 
 
-def _seen(
+def _visible_fields(
     fields: Sequence[LatticeField], media: "Sequence[Medium]"
 ) -> "tuple[list[LatticeField], list[Medium]]":
     """Fields of which something is visible, or that hold meshes; at least one."""
@@ -178,8 +178,8 @@ def _seen(
         for field, medium in zip(fields, media, strict=True)
         if len(field.mesh.face) or not medium.bricks.empty.all()
     ]
-    seen, those = zip(*pairs or [(fields[0], media[0])], strict=True)
-    return list(seen), list(those)
+    shown, those = zip(*pairs or [(fields[0], media[0])], strict=True)
+    return list(shown), list(those)
 
 
 def _caster(
@@ -327,13 +327,9 @@ def _is_spread(field: LatticeField, view: View, how: RayPainter) -> bool:
 
     On a grid smooth pictures have smaller errors, so it is left where values become opaque at once.
     """
-    is_measured = how.style.projection in MEASURED
-    if (
-        how.style.subpixels
-        or is_measured
-        or how.quality == "best"
-        or _mean_spacing(field, view) >= SPREAD
-    ):
+    if how.style.subpixels or how.style.projection in MEASURED or how.quality == "best":
+        return False
+    if _mean_spacing(field, view) >= SPREAD:
         return False
     extinction = thickest(field.classifier.table, field.classifiers)
     return bool(np.abs(np.diff(extinction)).max(initial=0.0) > STEEP * extinction.max())

@@ -79,14 +79,10 @@ def levels_of_samples(values: NDArray[Any], is_least: bool) -> BlockLevels:
     size = tuple(count // 2 + 1 for count in values.shape)
     leaf = array_like(values, size, np.uint8, FIELD)
     for first in range(0, size[0], PLANES):
-        # Sample n lies between cells n and n + 1, so a block needs the one before it.
-        begin = max(0, 2 * first - 1)
-        part = values[begin : 2 * (first + PLANES)]
-        take: Any = np.minimum if is_least else np.maximum
-        for axis in range(3):
-            part = _of_three(take, part, axis, is_after=axis == 0 and begin > 0)
-        part = part[:PLANES]
-        leaf[first : first + PLANES] = _levels(-part.astype(float) if is_least else part, ends)
+        part, last = values, min(first + PLANES, size[0])
+        for axis, blocks in enumerate([(first, last), (0, size[1]), (0, size[2])]):
+            part = _of_three(np.minimum if is_least else np.maximum, part, axis, blocks)
+        leaf[first:last] = _levels(-part.astype(float) if is_least else part, ends)
     return _in_blocks(leaf, 1, ends)
 
 
@@ -111,19 +107,14 @@ def _in_blocks(leaf: Flags, shift: int, ends: tuple[float, float]) -> BlockLevel
     return BlockLevels(leaf, np.ascontiguousarray(block), shift, ends[0], _per_value(ends))
 
 
-def _of_three(take: Any, values: NDArray[Any], axis: int, is_after: bool) -> NDArray[Any]:
-    """Extremes of three samples each, along an axis: 2 n - 1 to 2 n + 1, as far as there are.
+def _of_three(take: Any, values: NDArray[Any], axis: int, blocks: tuple[int, int]) -> NDArray[Any]:
+    """Extremes of samples 2 n - 1 to 2 n + 1 along an axis, of blocks n from one to before another.
 
-    `is_after`: the first sample belongs to the block before, too.
+    Sample n lies between cells n and n + 1, so a block needs the one before it.
     """
-    part = np.moveaxis(values, axis, 0)
-    before = np.concatenate([part[:1], part[1::2]]) if not is_after else part[0::2]
-    even, odd = (part[0::2], part[1::2]) if not is_after else (part[1::2], part[2::2])
-    size = len(part) // 2 + 1 if not is_after else -(-len(part) // 2)
-    found = before[:size].copy()
-    take(found[: len(even)], even, out=found[: len(even)])
-    take(found[: len(odd)], odd, out=found[: len(odd)])
-    return np.ascontiguousarray(np.moveaxis(found, 0, axis))
+    places = np.arange(2 * blocks[0] - 1, 2 * blocks[1]).clip(0, values.shape[axis] - 1)
+    part = np.moveaxis(values.take(places, axis), axis, 0)
+    return np.moveaxis(take(take(part[:-2:2], part[1:-1:2]), part[2::2]), 0, axis)
 
 
 def bytes_of_field(

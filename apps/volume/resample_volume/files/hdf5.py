@@ -13,7 +13,6 @@ from resample.lengths import unit_of_length
 from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.libraries import damage
 from resample_volume.data.memory import require_memory
-from resample_volume.data.recordings import is_color
 from resample_volume.files.parsing.headers import (
     Check,
     OneOfAll,
@@ -23,6 +22,7 @@ from resample_volume.files.parsing.headers import (
     recording,
     stem,
 )
+from resample_volume.files.readers import header_of_array
 from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording
 
 SPACE = 3
@@ -56,37 +56,16 @@ class Hdf5(OneOfAll):
         with contents(path) as file:
             found = {self.array: _at(path, file, self.array)} if self.array else _arrays(path, file)
             if len(found) != 1:
-                raise ValueError(
-                    "holds "
-                    + (
-                        f"several arrays: {', '.join(found)}"
-                        if found
-                        else "no array of three axes or more"
-                    )
-                    + "; choose one by --reader hdf5:array=NAME"
-                )
-            data = next(iter(found.values()))
+                held = f"several arrays: {', '.join(found)}" if found else "no array of three axes"
+                raise ValueError(f"holds {held}; choose one by --reader hdf5:array=NAME")
+            (data,) = found.values()
             shape = tuple(size for size in data.shape if size > 1 or data.ndim == SPACE)
-            colored = len(shape) == SPACE + 1 and is_color(shape, data.dtype)
-            space = shape[:SPACE] if colored else shape[-SPACE:]
-            more = () if colored else shape[:-SPACE]
-            spacing, length = _spacing(path, data)
-            known = header(space[::-1], data.dtype, name, spacing=spacing)
-            known = known._replace(length=length, is_color=colored)
-            if colored:
-                known = known._replace(parts=shape[-1])
-            elif len(more) > 2:
-                raise ValueError(
-                    f"has an array of {len(shape)} axes; a volume has 3, and times and"
-                    " channels before them"
-                )
-            else:
-                known = known._replace(times=(*more, 1)[0], parts=(*more, 1, 1)[1])
+            known = header_of_array(shape, data.dtype, name, *_spacing(path, data))
             check(known)
             require_memory(known.size, name)
             with damage(path):
                 values = np.asarray(data[()])
-        return recording(values.reshape(shape), known, channels_first=not colored)
+        return recording(values.reshape(shape), known, channels_first=not known.is_color)
 
 
 def _at(path: Path, file: Any, place: str) -> Any:
@@ -168,7 +147,7 @@ class Imaris(OneOfAll):
             with damage(path):  # stored in whole chunks
                 values = np.array([[one[:z, :y, :x] for one in each] for each in data])
             infos = [group_in(path, info, f"Channel {c}") for c in range(known.parts)]
-            looks = tuple(_look(path, one) for one in infos)
+            looks = tuple(_channel(path, one) for one in infos)
         return recording(values, known, channels_first=True)._replace(looks=looks)
 
 
@@ -181,7 +160,7 @@ def _word(path: Path, group: Any, name: str) -> str:
         return b"".join(letters.astype("S").ravel().tolist()).decode("utf-8", "replace").strip()
 
 
-def _look(path: Path, channel: Any) -> ChannelLook:
+def _channel(path: Path, channel: Any) -> ChannelLook:
     """Return the name, color and window of a channel."""
     if channel is None:
         return ChannelLook()

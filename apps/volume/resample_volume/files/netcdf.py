@@ -74,32 +74,31 @@ class NetCdf(OneOfAll):
             for name, one in held.items()
             if sum(size > 1 for size in one.data.shape) >= SPACE and one.data.dtype.kind in "iuf"
         }
-        if self.array or len(fields) != 1:
-            fields = {name: one for name, one in fields.items() if name == self.array} or fields
-        if len(fields) != 1 or (self.array and self.array not in fields):
+        name = self.array or (next(iter(fields)) if len(fields) == 1 else "")
+        if name not in fields:
             raise ValueError(
                 f"{path.name} holds {', '.join(fields) or 'no variable of three axes'}; choose one "
                 "by --reader netcdf:array=NAME"
             )
-        ((name, chosen),) = fields.items()
+        chosen = fields[name]
         names = [
             one for one, size in zip(chosen.dimensions, chosen.data.shape, strict=True) if size > 1
         ]
         sizes = [size for size in chosen.data.shape if size > 1]
-        axes = [_axis(one, held.get(one), size) for one, size in zip(names, sizes, strict=True)]
+        places = [_places(held.get(one), size) for one, size in zip(names, sizes, strict=True)]
+        axes = [
+            _axis(one, size, place, held[one].text("units") if one in held else "")
+            for one, size, place in zip(names, sizes, places, strict=True)
+        ]
         known = lattice_of(axes[::-1], _kind(chosen), f"{stem(path, self.suffixes)}, {name}")
-        unit = chosen.text("units")
-        note = "; ".join(
-            part for part in (f"values are in {unit}" * bool(unit), known.note) if part
-        )
-        known = known._replace(note=note)
+        told = [f"values are in {chosen.text('units')}"] if chosen.text("units") else []
+        known = known._replace(note="; ".join([*told, *filter(None, [known.note])]))
         check(known)
         require_memory(known.size, known.name)
         with damage(path):
             values = _read(chosen, known.dtype).reshape(sizes)
-        places = [_places(held.get(one)) for one in names[-SPACE:]]
-        is_uneven = [place is not None and not _is_even(place) for place in places]
-        if any(is_uneven) and values.ndim == SPACE:
+        is_uneven = any(place is not None and not _is_even(place) for place in places)
+        if is_uneven and values.ndim == SPACE:
             z, y, x = (
                 np.arange(size) if place is None else place
                 for place, size in zip(places, sizes, strict=True)
@@ -156,9 +155,9 @@ def _read(variable: _Variable, kind: np.dtype[Any]) -> NDArray[Any]:
     return values
 
 
-def _places(variable: _Variable | None) -> NDArray[np.float64] | None:
+def _places(variable: _Variable | None, count: int) -> NDArray[np.float64] | None:
     """Return the coordinates of an axis; None if there are none."""
-    if variable is None or len(variable.data.shape) != 1 or variable.data.dtype.kind not in "iuf":
+    if variable is None or variable.data.shape != (count,) or variable.data.dtype.kind not in "iuf":
         return None
     return np.asarray(variable.data[...], np.float64)
 
@@ -168,9 +167,8 @@ def _is_even(place: NDArray[np.float64]) -> bool:
     return bool(np.allclose(steps, steps.mean(), rtol=EVEN, atol=0.0))
 
 
-def _axis(name: str, variable: _Variable | None, count: int) -> LabelledAxis:
-    place = _places(variable)
-    if variable is None or place is None or place.size != count or not _is_even(place):
+def _axis(name: str, count: int, place: NDArray[np.float64] | None, unit: str) -> LabelledAxis:
+    if place is None or not _is_even(place):
         return LabelledAxis(name, count)
     step = float(place[-1] - place[0]) / (count - 1)
-    return LabelledAxis(name, count, step, variable.text("units"), float(place.min()))
+    return LabelledAxis(name, count, step, unit, float(place.min()))

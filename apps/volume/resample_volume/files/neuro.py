@@ -58,9 +58,8 @@ class Neuro(OneOfAll):
         while len(shape) > 3 and shape[-1] == 1:
             shape = shape[:-1]
         is_scaled = is_minc or slope not in ((1.0, 0.0), (None, None))
-        kind = np.dtype(
-            np.float32 if is_scaled and kind.itemsize <= 2 else "f8" if is_scaled else kind
-        )
+        if is_scaled:
+            kind = np.dtype(np.float32 if kind.itemsize <= 2 else np.float64)
         known = header(
             shape[:3],
             kind,

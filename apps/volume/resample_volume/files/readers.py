@@ -325,18 +325,23 @@ def recording_of(
     values: NDArray[Any], name: str, spacing: Numbers = "", check: Check = accept_any
 ) -> Recording:
     """Make a recording of an array as `Npy` has them."""
-    shape = values.shape
-    colored = len(shape) == 4 and is_color(shape, values.dtype)
-    space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
-    steps, length = spacing_of(spacing)
-    known = header(space[::-1], values.dtype, name, spacing=steps)
-    known = known._replace(length=length)
-    if colored:
-        known = known._replace(parts=shape[3], is_color=True)
-    elif len(shape) > 3:
-        known = known._replace(times=shape[0], parts=math.prod(shape[1:-3]))
+    known = header_of_array(values.shape, values.dtype, name, *spacing_of(spacing))
     check(known)
-    return recording(values, known, channels_first=not colored)
+    return recording(values, known, channels_first=not known.is_color)
+
+
+def header_of_array(
+    shape: tuple[int, ...], dtype: np.dtype[Any], name: str, spacing: Any, length: str
+) -> VolumeHeader:
+    """Make the header of an array as `Npy` has them."""
+    colored = len(shape) == 4 and is_color(shape, dtype)
+    space = shape[:3] if colored else shape[-3:] if len(shape) in (4, 5) else shape
+    known = header(space[::-1], dtype, name, spacing=spacing)._replace(length=length)
+    if colored:
+        return known._replace(parts=shape[3], is_color=True)
+    if len(shape) > 3:
+        return known._replace(times=shape[0], parts=math.prod(shape[1:-3]))
+    return known
 
 
 def _type(name: str, endian: str) -> np.dtype[Any]:

@@ -22,6 +22,7 @@ from resample_meshes.kernels.sampling import (
     fill_line,
     level_for,
     light_of,
+    longer_of,
     share_of_levels,
 )
 from resample_meshes.kernels.surfaces import (
@@ -166,8 +167,7 @@ def _longer_at(forward: Matrix, place: Place, width: int, height: int) -> float:
     (ux, uy), (tx, ty) = stretch(forward, place)
     ux, uy, tx, ty = ux / width, uy / width, tx / height, ty / height
     squares, area = ux * ux + uy * uy + tx * tx + ty * ty, abs(ux * ty - uy * tx)
-    rest = math.sqrt(max(0.0, squares * squares - 4.0 * area * area))
-    return math.sqrt(0.5 * (squares + rest)) / max(area, TINY)
+    return longer_of(squares, area) / max(area, TINY)
 
 
 @kernel

@@ -148,6 +148,13 @@ def lit(triangles: ProjectedTriangles, skin: Skin, n: int, place: Place) -> floa
 
 
 @inner_kernel
+def longer_of(squares: float, area: float) -> float:
+    """Larger singular value of a 2 × 2 matrix, by its sum of squares and its determinant."""
+    rest = max(0.0, squares * squares - 4.0 * area * area)
+    return math.sqrt(0.5 * (squares + math.sqrt(rest)))
+
+
+@inner_kernel
 def share_of_levels(longest: float) -> float:
     """Share of levels in what a pixel shows that is this long, texels."""
     return max(0.0, min(1.0, (LONG - longest) / (LONG - SHORT)))
@@ -258,8 +265,7 @@ def _reach(triangles: ProjectedTriangles, skin: Skin, n: int, place: Place, fine
     # Take the singular values of the Jacobian: the longer axis, and the area over it.
     area = abs(across * down * (ux * ty - uy * tx))
     squares = across * across * (ux * ux + uy * uy) + down * down * (tx * tx + ty * ty)
-    rest = max(0.0, squares * squares - 4.0 * area * area)
-    most = math.sqrt(0.5 * (squares + math.sqrt(rest)))
+    most = longer_of(squares, area)
     return most, (area / most if most > 0.0 else 0.0)
 
 
