@@ -194,6 +194,15 @@ def test_a_variable_of_netcdf_is_unpacked_and_has_its_lattice(tmp_path, version)
 
 
 @pytest.mark.parametrize("version", [3, 4])
+def test_falling_coordinates_of_netcdf_lead_the_other_way(tmp_path, version):
+    volume = open_volume(netcdf_file(tmp_path / "a.nc", version, z=(30.0, 20.0, 10.0, 0.0)))
+    assert np.diag(volume.direction).tolist() == [1.0, 1.0, -1.0]
+    last = volume.origin + volume.direction @ (volume.spacing * [5, 4, 3])
+    np.testing.assert_allclose(volume.origin, [0.0, 0.0, 30000.0])
+    np.testing.assert_allclose(last, [20000.0, 8000.0, 0.0])
+
+
+@pytest.mark.parametrize("version", [3, 4])
 def test_uneven_levels_of_netcdf_are_interpolated(tmp_path, version):
     volume = open_volume(netcdf_file(tmp_path / "a.nc", version, z=(0.0, 10.0, 20.0, 40.0)))
     assert volume.values.shape == (5, 5, 6)

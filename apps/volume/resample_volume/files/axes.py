@@ -15,7 +15,7 @@ CHANNELS = ("band", "channel", "component", "member", "species", "stokes")  # be
 
 
 class LabelledAxis(NamedTuple):
-    """An axis of an array; steps are in its unit."""
+    """An axis of an array; steps are in its unit, negative where coordinates fall."""
 
     name: str
     size: int
@@ -35,23 +35,23 @@ def lattice_of(axes: Sequence[LabelledAxis], dtype: Any, name: str) -> VolumeHea
     keep their proportion; the header's note says so.
     """
     space, more = axes[:SPACE], axes[SPACE:]
-    check_shape(tuple(axis.size for axis in space), name)
+    shape = tuple(axis.size for axis in space)
+    check_shape(shape, name)
     steps = np.array([abs(axis.step or 0.0) for axis in space])
     units = [axis.unit for axis in space]
     first, length, note = np.zeros(SPACE), VOXEL, ""
+    direction = np.diag([-1.0 if (axis.step or 0.0) < 0 else 1.0 for axis in space])
     if (steps > 0).all() and len(set(units)) == 1:
         length, by = unit_of_length(units[0])
         length, first = length or UNKNOWN, by * np.array([axis.first for axis in space])
         steps = by * steps
-    elif (steps > 0).any():
-        note = f"axes are {', '.join(map(str, space))}: voxels count as cubes (--spacing sets them)"
-        if (steps[:2] > 0).all() and units[0] == units[1]:
-            steps = np.array([1.0, steps[1] / steps[0], 1.0])
-        else:
-            steps = np.ones(SPACE)
     else:
-        steps = np.ones(SPACE)
-    known = header(tuple(axis.size for axis in space), dtype, name, spacing=steps, origin=first)
+        if (steps > 0).any():
+            told = ", ".join(map(str, space))
+            note = f"axes are {told}: voxels count as cubes (--spacing sets them)"
+        is_alike = (steps[:2] > 0).all() and units[0] == units[1]
+        steps = np.array([1.0, steps[1] / steps[0] if is_alike else 1.0, 1.0])
+    known = header(shape, dtype, name, spacing=steps, origin=first, direction=direction)
     parts = [axis.size for axis in more if axis.name.lower().startswith(CHANNELS)]
     times = [axis.size for axis in more if not axis.name.lower().startswith(CHANNELS)]
     if len(parts) > 1 or len(times) > 1:

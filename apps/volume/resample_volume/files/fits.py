@@ -101,7 +101,8 @@ def _axes_of(header: Any) -> list[LabelledAxis]:
             LabelledAxis(
                 name or f"axis {n}",
                 int(header[f"NAXIS{n}"]),
-                float(step) if isinstance(step, int | float) and step else None,
+                # Skies are shown with the right ascension to the left, as they are stored.
+                abs(float(step)) if isinstance(step, int | float) and step else None,
                 unit or ("deg" if CELESTIAL.match(name) else ""),
             )
         )

@@ -171,4 +171,4 @@ def _axis(name: str, count: int, place: NDArray[np.float64] | None, unit: str) -
     if place is None or not _is_even(place):
         return LabelledAxis(name, count)
     step = float(place[-1] - place[0]) / (count - 1)
-    return LabelledAxis(name, count, step, unit, float(place.min()))
+    return LabelledAxis(name, count, step, unit, float(place[0]))
