@@ -209,6 +209,8 @@ def _whole_plan(
         _weights(middle, float(side), texels, edge, cells, of_texels=of_texels)
         for middle, side, texels in zip(middles, sides, size, strict=True)
     ]
+    if all(axis.prefilter.size == 1 and (axis.table >= 0.0).all() for axis in axes):
+        corners = None, None  # means of texels, which never ring
     beside: list[Weights | None] = [None, None]
     if corners[0] is not None and sides.max() <= LIMITED:
         beside = [
