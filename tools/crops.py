@@ -1,7 +1,7 @@
 """Create the enlarged crops of the documentation: `python tools/crops.py`.
 
-Text and lamps are drawn here. With a folder of photographs (`--data`) there are also crops of two
-of scikit-image's that are free for any use: grass (CC0) and an astronaut (NASA, public domain).
+Text and lamps are drawn here. With a folder of photographs (`--data`) there are also crops of grass
+(scikit-image's camera man, CC0) and of a flower (imagecompression.info, free to redistribute).
 """
 
 import argparse
@@ -19,7 +19,8 @@ IMAGES = Path(__file__).parents[1] / "docs" / "images"
 LINES = ("The quick brown fox jumps over", "the lazy dog; 0123456789")
 PAGE = 88, 300  # px of the drawn text
 FACTOR = 1.5
-PHOTOS = {"skimage_camera.png": (345, 696), "skimage_astronaut.png": (220, 528)}  # left, top, px
+# Times by which photographs are made smaller first; left and top of the crop once enlarged, px.
+PHOTOS = {"skimage_camera.png": (1, 345, 696), "flower_foveon.png": (3, 600, 355)}
 SIDE, LARGER, GAP = 64, 4, 4  # px of a crop; times by which it is enlarged; px between two
 LAMPS = 40  # on a square of 48 px
 
@@ -50,8 +51,9 @@ def lamps() -> NDArray[np.uint8]:
 def pairs(page: NDArray[np.uint8], data: Path) -> list[list[NDArray[np.uint8]]]:
     """Enlarged photographs, text and lamps: light between texels, as in 0.2.0, and levels."""
     sources = [(np.dstack([page] * 3), (4, 20)), (lamps(), (4, 4))]
-    for name, place in PHOTOS.items():
-        sources.append((np.asarray(Image.open(data / name).convert("RGB")), place))
+    for name, (smaller, *place) in PHOTOS.items():
+        photo = np.asarray(Image.open(data / name).convert("RGB"))
+        sources.append((resize(photo, 1 / smaller).image, tuple(place)))
     made = [
         scale(image, FACTOR, linear_light=light).image[top : top + SIDE, left : left + SIDE]
         for image, (left, top) in sources

@@ -124,47 +124,6 @@ def _sum(
         _add_two(line, source, (to, here, there), count, (weight[k], other), k == first)
 
 
-@inner_step
-def _four_columns(
-    total: Floats, to: Place, source: Floats, at: Place, step: Place, weights: Floats, k: Place
-) -> None:
-    """Add four columns of ROWS numbers each, times weights; the loop's length is known."""
-    one = np.uint64(1)
-    s, t, u, v = weights[k], weights[k + one], weights[k + one + one], weights[k + one + one + one]
-    for n in range(ROWS):
-        r = np.uint64(n)
-        first = s * source[at + r] + t * source[at + step + r]
-        last = u * source[at + step + step + r] + v * source[at + step + step + step + r]
-        total[to + r] += first + last
-
-
-@inner_step
-def _one_column(total: Floats, to: Place, source: Floats, at: Place, weight: Single) -> None:
-    """Add a column of ROWS numbers, times a weight."""
-    for n in range(ROWS):
-        r = np.uint64(n)
-        total[to + r] += weight * source[at + r]
-
-
-@inner_kernel
-def _sum_across(
-    total: Floats, to: int, source: Floats, places: tuple[int, int], weight: Floats,
-    weights: tuple[int, int],
-) -> None:  # fmt: skip
-    """Set a column of a tile to a weighted sum of columns that are `places[1]` numbers apart."""
-    here, step = np.uint64(places[0]), np.uint64(places[1])
-    target, first, last = np.uint64(to), weights[0], weights[1]
-    for n in range(ROWS):
-        total[target + np.uint64(n)] = np.float32(0)
-    for _ in range((last - first) >> 2):
-        _four_columns(total, target, source, here, step, weight, np.uint64(first))
-        here += step << np.uint64(2)
-        first += 4
-    for k in range(first, last):
-        _one_column(total, target, source, here, weight[k])
-        here += step
-
-
 @inner_kernel
 def _sum_sections(
     total: Floats, to: int, source: Floats, places: tuple[int, int], taps: AxisTaps, pixel: int
@@ -174,13 +133,13 @@ def _sum_sections(
     first = pixel * taps.taps
     last, middle = first + taps.taps, min(first + SECTION, first + taps.taps)
     # The first section sets the column.
-    _sum_across(total, to, source, places, taps.weight, (first, middle))
+    _sum(total, to, source, (at, step, ROWS), taps, (first, middle))
     # Others are summed on their own, in numbers to spare, and added.
     spare = total.size - ROWS
     while middle < last:
         after = min(middle + SECTION, last)
         here = at + (middle - first) * step
-        _sum_across(total, spare, source, (here, step), taps.weight, (middle, after))
+        _sum(total, spare, source, (here, step, ROWS), taps, (middle, after))
         for n in range(ROWS):
             total[to + n] += total[spare + n]
         middle = after
