@@ -42,6 +42,7 @@ GROUPS = (
 
 # Parts in further packages of this project: package, group, names.
 ELSEWHERE = {
+    "hybrid-resample-cells": {"readers": "vtm vts vtu"},
     "hybrid-resample-comparisons": {
         "commands": "points.compare texture.compare volume.compare warp3d.compare",
         "methods": "area bilinear cubic lanczos4 oiio opencv-supersample",

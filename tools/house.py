@@ -16,6 +16,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
+    "plugins/cells/resample_cells",
     *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
     *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
     "plugins/sky/resample_sky",

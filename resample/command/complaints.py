@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from cyclopts import (
     CycloptsError,
     MissingArgumentError,
+    UnknownCommandError,
     UnknownOptionError,
     UnusedCliTokensError,
 )
@@ -61,6 +62,12 @@ def explained(error: BaseException) -> str:
         return one_line(error) + _remedy(error)
     if isinstance(error, IsADirectoryError):
         return one_line(error) + _within(error)
+    if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app:
+        # Cyclopts would import all commands for its message; some may not be installed.
+        given, known = error.unused_tokens[0], [n for n in error.app._commands if n[0] != "-"]
+        near = get_close_matches(given, known, n=1, cutoff=NEAR)
+        remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
+        return visible(f'Unknown command "{given}". {remedy}')
     if isinstance(error, UnknownOptionError):
         return _of_unknown(error)
     if isinstance(error, MissingArgumentError) and error.argument is not None:

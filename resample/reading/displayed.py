@@ -67,6 +67,8 @@ class DisplayedInput:
         (left, top), own = self._corner, self._stored
         kind = own.format if str(form) == "unknown" else form
         part = left, left + self._spec.width, top + first, top + last, 0, 1, begin, end
+        if self._pixels.has_error:  # OpenImageIO divides by a width of zero then
+            return None
         with suppressed_output():
             rows = self._pixels.get_pixels(kind, OpenImageIO.ROI(*part))
         if rows is None or self._pixels.has_error:

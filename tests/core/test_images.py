@@ -147,6 +147,17 @@ def test_an_unknown_suffix_lists_the_known_ones(tmp_path, frame, name):
         write_frame(tmp_path / name, frame)
 
 
+def test_an_exr_without_a_display_window_whose_header_is_damaged_is_refused(tmp_path, frame):
+    """OpenImageIO opens it, and would divide by a width of zero when it reads."""
+    path = tmp_path / "a.exr"
+    write_frame(path, frame)
+    damaged = path.read_bytes().replace(b"displayWindow", b"displayWind0w")
+    path.write_bytes(damaged.replace(b"screenWindowCenter\0v2f", b"screenWindowCenter\0\0\0\0"))
+    with pytest.raises(OSError, match=r"a\.exr is damaged") as caught:
+        read_image(path)
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.skipif(OpenImageIO.VERSION < 30200, reason="OpenImageIO 3.1 reads such a file")
 def test_an_error_that_quotes_letters_of_a_damaged_file_is_one_line(tmp_path, frame):
     path = tmp_path / "a.exr"

@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("comparisons", "figures", "gradients", "meshes", "sky"):
+for name in ("cells", "comparisons", "figures", "gradients", "meshes", "sky"):
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -76,6 +76,21 @@ def test_what_is_missing_names_its_package_in_a_line(line, part, package, tmp_pa
     assert refused.stderr.startswith("resample: error: ")
     assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_mistyped_command_is_told_without_them(tmp_path):
+    refused = alone("resample-volume comparee checker-box", tmp_path)
+    known = 'resample: error: Unknown command "comparee". Did you mean "compare"?\n'
+    assert (refused.stderr, refused.returncode) == (known, 2)
+
+
+@pytest.mark.parametrize("name", ["a.vtu", "a.vtk"])
+def test_a_file_of_cells_names_the_package_that_reads_it(name, tmp_path):
+    head = "# vtk DataFile Version 3.0\ncells\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+    (tmp_path / name).write_text(head if name == "a.vtk" else "<VTKFile/>")
+    refused = alone(f"resample-volume info {name}", tmp_path)
+    assert "pip install hybrid-resample-cells" in refused.stderr
+    assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
 
 
 @pytest.mark.parametrize(("old", "name"), [("differentiable", "LinearWarp"), ("torch", "warp")])

@@ -6,17 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import unit_of_length
+from resample.registry import load, missing
 from resample.types import Doubles
 from resample.words import one_line
 from resample_volume.data.recordings import alone
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.exchange import check_whole
-from resample_volume.files.cells.lattice import points_along
-from resample_volume.files.cells.resampling import pieces_of, resampled
 from resample_volume.files.parsing.headers import check_alone, check_shape
 from resample_volume.files.parsing.sections import ArrayQuery, cells_between, choose, middles
 from resample_volume.files.parsing.texts import is_hounsfield
-from resample_volume.files.xml.vti import arrays_of, image_header
+from resample_volume.files.xml.vti import arrays_of, image_header, points_along
 from resample_volume.types import Volume
 
 TO_LPS = np.diag([-1.0, -1.0, 1.0])  # from RAS, and back
@@ -155,7 +154,9 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
         return _of_image(given, wanted, name)
     if given.IsA("vtkRectilinearGrid"):
         return _of_planes(given, wanted, name)
-    return alone(resampled(pieces_of(given), wanted, (), name, check_alone))
+    if absent := missing("readers", "vtu"):
+        raise ValueError(f"{name} is a grid of cells; {absent}")
+    return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
 
 
 def _of_image(image: Any, wanted: ArrayQuery, name: str) -> Volume:

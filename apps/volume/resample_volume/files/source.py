@@ -48,6 +48,7 @@ OWN = {  # suffixes of readers that are imported only for such files
 HINTS = {  # what to do with files of other kinds
     (".mat",): "save its array as .npy: scipy.io.loadmat and h5py read it",
     (".xdmf", ".xmf", ".pvd", ".exo", ".case", ".foam"): "save it as .vti or .vtu in ParaView",
+    (".vts", ".vtu", ".vtm", ".vthb"): "pip install hybrid-resample-cells has one",
     (".vsi", ".svs", ".scn", ".ndpi"): "save it as OME-TIFF: bioformats2raw and QuPath do",
     (".par", ".rec", ".img.gz", ".hdr.gz"): "save it as .nii.gz: nibabel reads it",
 }

@@ -5,17 +5,16 @@ The form is that of "VTK File Formats" (docs.vtk.org): numbers of binary files a
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from resample.reading.limits import check_size
+from resample.registry import load, missing
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.cells.readers import GRIDS, legacy_grid
-from resample_volume.files.cells.resampling import resampled
 from resample_volume.files.parsing.headers import (
     Check,
     VolumeHeader,
@@ -42,6 +41,7 @@ OTHERS = {
     "polydata": "a surface; write it as PLY or STL and show it with --mesh beside a volume",
     "field": "arrays without a place; write them as image data",
 }
+GRIDS = ("structured_grid", "unstructured_grid")  # of cells
 AXES = ("x_coordinates", "y_coordinates", "z_coordinates")
 
 
@@ -59,14 +59,18 @@ def read_vtk(
 ) -> Recording:
     """Read one array, at points or cells; components are channels, or a color.
 
-    Spacing is for unstructured grids, which are resampled; see `cells.resampling.resampled`.
+    Spacing is for grids of cells, which are resampled; by `hybrid-resample-cells`.
     """
     with path.open("rb") as file:
         found = Sections(file, path.name)
         if found.is_text:
             check_size(path.name, path.stat().st_size)
         if found.dataset in GRIDS:
-            return resampled([legacy_grid(found)], wanted, spacing, name, check)
+            if absent := missing("readers", "vtu"):
+                raise ValueError(f"{found.name} holds a grid of cells; {absent}")
+            grids: Any = load("readers", "vtu")
+            read: Recording = grids.of_sections(found, wanted, spacing, name, check)
+            return read
         if spacing:
             raise ValueError(
                 f"{found.name} is no grid of cells, which spacing of the reader {wanted.reader} is "

@@ -64,6 +64,12 @@ def read_vtr(path: Path, wanted: ArrayQuery, name: str) -> Volume:
     return made._replace(length=known.length)
 
 
+def points_along(data: Any) -> tuple[int, ...]:
+    """Return points along x, y, z of a structured grid, in a way that all VTK versions support."""
+    first, last = np.reshape(data.GetExtent(), (3, 2)).T.tolist()
+    return tuple(b - a + 1 for a, b in zip(first, last, strict=True))
+
+
 def grid_of(path: Path, reader_name: str) -> Any:
     """Read a file by a reader of VTK's."""
     try:

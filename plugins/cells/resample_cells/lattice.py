@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from resample.memory import available_memory
 from resample.reading.native import suppressed_output
 from resample.types import Doubles
+from resample_volume.files.xml.vti import points_along
 
 MOST = 1 << 28  # voxels that are made unless steps are given
 MOST_ALONG = 1 << 20  # voxels along a side, if steps are given
@@ -259,9 +260,3 @@ def _grid(axes: list[Doubles]) -> Doubles:
     """Return points (N, 3) x, y, z of planes z, y, x; x is fastest."""
     z, y, x = np.meshgrid(*axes, indexing="ij")
     return np.stack([x.ravel(), y.ravel(), z.ravel()], axis=-1)
-
-
-def points_along(data: Any) -> tuple[int, ...]:
-    """Return points along x, y, z of a structured grid, in a way that all VTK versions support."""
-    first, last = np.reshape(data.GetExtent(), (3, 2)).T.tolist()
-    return tuple(b - a + 1 for a, b in zip(first, last, strict=True))

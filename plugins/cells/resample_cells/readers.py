@@ -8,7 +8,6 @@ They are read here, not by VTK, which would open whatever they name.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree import ElementTree
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import check_items, check_size, neighbour
 from resample.reading.texts import check_xml_file
+from resample_cells.resampling import pieces_of, resampled
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import Check, OneOfAll, accept_any, existing_file, stem
 from resample_volume.files.parsing.sections import (
@@ -31,7 +31,6 @@ from resample_volume.files.parsing.texts import Numbers, steps_of
 from resample_volume.files.xml.vti import UNSTRUCTURED, grid_of
 from resample_volume.types import Recording
 
-GRIDS = ("structured_grid", "unstructured_grid")
 Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
 READERS = {  # class of VTK's, by suffix
     ".vti": "vtkXMLImageDataReader",
@@ -42,17 +41,8 @@ READERS = {  # class of VTK's, by suffix
 KIB = 1024
 
 
-def require_vtk(name: str) -> None:
-    """Reject a file if VTK is not installed."""
-    if find_spec("vtkmodules") is None:
-        raise ValueError(
-            f"{name} holds a grid of cells, which VTK resamples; pip install 'hybrid-resample[vtk]'"
-        )
-
-
 def legacy_grid(found: Sections) -> Any:
     """Read a file to a data set of VTK's."""
-    require_vtk(found.name)
     is_structured = found.dataset == "structured_grid"
     grid, cells = (_structured if is_structured else _unstructured)(found)
     points = grid.GetNumberOfPoints()
@@ -180,7 +170,6 @@ def read_grid(path: Path) -> Any:
 
 def read_pieces(path: Path) -> list[Any]:
     """Read all volumetric pieces that a file lists; surfaces are left out."""
-    require_vtk(path.name)
     names = list(_names(path))
     check_items(path.name, len(names), "pieces")
     pieces, held = [], 0
@@ -229,8 +218,6 @@ class _Cells(OneOfAll):
         steps_of(self.spacing)
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        from resample_volume.files.cells.resampling import resampled
-
         wanted, steps = ArrayQuery(self.array, self.part, self.kind), steps_of(self.spacing)
         pieces = self._pieces(existing_file(path))
         return resampled(pieces, wanted, steps, stem(path, self.suffixes), check)
@@ -254,6 +241,18 @@ class Vtu(_Cells):
 
     suffixes = (".vtu",)
     kind = "vtu"
+
+    @staticmethod
+    def of_sections(
+        found: Sections, wanted: ArrayQuery, spacing: tuple[float, ...], name: str, check: Check
+    ) -> Recording:
+        """Read a legacy file, which is open, of structured or unstructured cells."""
+        return resampled([legacy_grid(found)], wanted, spacing, name, check)
+
+    @staticmethod
+    def of_dataset(given: Any, wanted: ArrayQuery, name: str, check: Check) -> Recording:
+        """Convert a data set of VTK's, or blocks of them."""
+        return resampled(pieces_of(given), wanted, (), name, check)
 
 
 @dataclass(frozen=True)

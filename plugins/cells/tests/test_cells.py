@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from resample.reading.limits import SETTING
+from resample_cells import lattice
+from resample_cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.cells import lattice
-from resample_volume.files.cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume.files.parsing.sections import Sections
 from resample_volume.files.readers import Vtk
 from resample_volume.files.source import describe, open_volume
@@ -497,23 +497,6 @@ def test_ends_of_cells_are_found_in_all_forms(packed, mode, encoding, tmp_path):
         at = content.rindex(np.int64(4 * 959).tobytes() + last) + 8
         path.write_bytes(content[:at] + np.int64(1 << 40).tobytes() + content[at + 8 :])
         refused(Vtu("density"), path, "that unpack to .* over the limit")
-
-
-@pytest.mark.parametrize("name", ["a.vts", "a.vtm", "a.vtk"])
-def test_without_vtk_its_extra_is_named(name, tmp_path, monkeypatch):
-    import sys
-
-    if name == "a.vtm":
-        path = tmp_path / name
-        path.write_text("<VTKFile/>")
-    elif name == "a.vtk":
-        path = tmp_path / name
-        path.write_text(WHOLE)
-    else:
-        path = written(curved(), tmp_path / name, "vtkXMLStructuredGridWriter")
-    monkeypatch.setitem(sys.modules, "vtkmodules", None)
-    monkeypatch.setitem(sys.modules, "vtkmodules.vtkIOXML", None)
-    refused(open_volume, path, r"VTK.*; pip install 'hybrid-resample\[vtk\]'")
 
 
 @pytest.mark.parametrize("count", [(2.6, 3), (2.4, 2), (3.4, 3), (3.6, 4)])

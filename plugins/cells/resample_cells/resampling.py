@@ -8,19 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory import require_memory
-from resample_volume.files.cells.lattice import (
+from resample_cells.lattice import (
     NAME,
     Error,
     Leaf,
     Raster,
     lattice_of,
     mean_cell,
-    points_along,
     probed,
 )
 from resample_volume.files.parsing.headers import Check, check_shape, header, recording
 from resample_volume.files.parsing.sections import ArrayQuery, Named, choose, of_parts, part_of
-from resample_volume.files.xml.vti import arrays_of
+from resample_volume.files.xml.vti import arrays_of, points_along
 from resample_volume.types import Recording
 
 ANY = -1  # number of corners

@@ -1,1 +1,0 @@
-"""Unstructured and multiblock grids, resampled onto a lattice by VTK."""

@@ -1,0 +1,1 @@
+"""Grids of cells of VTK's, resampled onto a lattice: `.vts`, `.vtu`, `.vtm`, legacy `.vtk`."""
