@@ -41,7 +41,7 @@ SYNONYMS = {
     "isovalue iso-value isosurface": "iso",
     "mode algorithm renderer": "method projection",
     "out output-file outfile outpath out-file dest destination save write o": "output",
-    "percent ratio": "factor size",
+    "factor percent ratio scale": "factor size",
     "point-radius radius pointsize splat-size": "point-size",
     "projection-from source-projection input-projection": "from source-projection",
     "projection-to target-projection output-projection": "to target-projection",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.console import say
 from resample.files.writing import check_end, refused
 from resample.reading.limits import check_unpacked
 
@@ -20,6 +21,9 @@ CHOICES = {"movflags": "faststart"}
 # Formats that contain the film itself: playlists may refer to any file.
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
 READING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
+# Codecs of sound and subtitles that MP4 holds; other sound becomes AAC.
+HELD = ("aac", "ac3", "alac", "eac3", "flac", "mov_text", "mp3", "opus")
+EARLIEST = -0.2  # s before the first picture; coders of sound need what is just before it
 FRAME_BYTES = 16  # bytes per pixel in memory: red, green, blue and alpha in float32
 QUALITY = {"crf": "18", "preset": "medium"}
 
@@ -88,6 +92,50 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
     codec_context.color_primaries = ColorPrimaries.BT709
     codec_context.color_trc = ColorTrc.IEC61966_2_1
     return stream
+
+
+def other_tracks(path: Path, film: "OutputContainer") -> Iterator[tuple[float, Any]]:
+    """Add the sound and subtitles of a film (path) to a new one, and give their packets.
+
+    Packets of `HELD` are copied, other sound is encoded anew; subtitles of other codecs are left
+    out, which is said. Tracks are added when the first packet is asked for.
+
+    Result: packets for the new film, each with its time in seconds from the first picture.
+    """
+    with opened_film(path) as source:
+        pictures, made = source.streams.video[0], dict[Any, Any]()
+        start = float((pictures.start_time or 0) * (pictures.time_base or 0))
+        for stream in (*source.streams.audio, *source.streams.subtitles):
+            codec: Any = stream.codec_context
+            if codec is not None and codec.name in HELD:
+                made[stream] = film.add_stream_from_template(stream)
+            elif codec is not None and stream.type == "audio":
+                made[stream] = film.add_stream("aac", rate=codec.rate, layout=codec.layout.name)
+            else:
+                name = "an unknown codec" if codec is None else codec.name
+                say(f"{path.name}: {stream.type} of {name} is not copied")
+        for packet in source.demux(list(made)) if made else ():
+            for each in _remade(packet, made[packet.stream], start):
+                second = float(each.pts * each.time_base)
+                if second >= EARLIEST:
+                    yield second, each
+
+
+def _remade(packet: Any, track: Any, start: float) -> list[Any]:
+    """Return a packet for another film that begins at a time of its own, s; encoded if need be."""
+    is_last = packet.dts is None
+    if packet.stream.codec_context.name in HELD:
+        if is_last:
+            return []
+        late = round(start / packet.time_base)
+        packet.pts, packet.dts = packet.pts - late, packet.dts - late
+        packet.stream = track
+        return [packet]
+    made = []
+    for frame in packet.decode():
+        frame.pts -= round(start / frame.time_base)
+        made += track.encode(frame)
+    return made + (track.encode(None) if is_last else [])
 
 
 def film_picture(levels: NDArray[np.uint8], stream: Any) -> Any:

@@ -29,6 +29,7 @@ from resample.files.films import (
     new_film,
     new_stream,
     opened_film,
+    other_tracks,
 )
 from resample.files.formats import (
     SUFFIXES,
@@ -67,6 +68,12 @@ class Frames(NamedTuple):
     pages: tuple[int, ...] | None = None  # for TIFF: directories that are pictures
     encoding: str = "auto"  # of integers in pages, see `resample.files.images.open_file`
     plays: int = 0  # how often an animation is shown; 0: without end
+    has_tracks: bool = False  # sound or subtitles
+
+    def tell_tracks(self, target: Path) -> None:
+        """Say that a target has no sound and subtitles, if the film has some."""
+        if self.has_tracks and target.suffix.lower() != ".mp4":
+            say(f"{self.path.name}: sound and subtitles are copied to .mp4 alone")
 
     def read(self) -> Iterator[Picture]:
         """Read pictures one after the other."""
@@ -90,7 +97,7 @@ def _frames_of(path: Place, encoding: str) -> Frames | None:
         return None
     suffix = path.suffix.lower()
     if suffix in FILMS:
-        return Frames(path, _film_times(path))
+        return _film(path)
     if suffix in ANIMATED and (suffix not in (".png", ".apng") or is_animated_png(path)):
         seconds, plays = _animated_times(path)
         return Frames(path, seconds, plays=plays) if len(seconds) > 1 else None
@@ -101,6 +108,7 @@ def _frames_of(path: Place, encoding: str) -> Frames | None:
 def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
     """Reject a target that `write_frames` would reject, before any work is done."""
     suffix, is_animated = path.suffix.lower(), frames.path.suffix.lower() in ANIMATED
+    frames.tell_tracks(path)
     if look.quality is not None:
         raise ValueError(f"{path}: a quality is of files of one picture; leave it out")
     if suffix in TIFF:
@@ -115,15 +123,12 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
         check_codecs(path)
 
 
-def write_frames(
-    path: Path,
-    pictures: Iterable[Picture],
-    seconds: Sequence[float],
-    look: WriteOptions,
-    plays: int = 0,
-) -> None:
-    """Write a sequence of pictures to one file; `plays` as in `Frames`, which films have not."""
-    suffix = path.suffix.lower()
+def write_frames(path: Path, pictures: Iterable[Picture], film: Frames, look: WriteOptions) -> None:
+    """Write pictures to one file, with the times of a film, and its sound where it is an MP4.
+
+    Films of MP4 are opaque: black is behind them, unless there is another background.
+    """
+    suffix, seconds = path.suffix.lower(), film.seconds
     if suffix in TIFF:
         write_pages(path, pictures, look)
         return
@@ -131,9 +136,9 @@ def write_frames(
     shades = itertools.islice(screens, len(seconds))
     with replacing(path) as temporary:
         if suffix == ".mp4":
-            _write_film(temporary, shades, seconds)
+            _write_film(temporary, shades, film)
         else:
-            _ANIMATED[suffix](temporary, shades, seconds, plays)
+            _ANIMATED[suffix](temporary, shades, seconds, film.plays)
 
 
 def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
@@ -192,12 +197,11 @@ def _shades(levels: NDArray[np.uint8]) -> Picture:
     return Picture(data, kind._replace(channels=("R", "G", "B", "A")))
 
 
-def _film_times(path: Path) -> tuple[float, ...]:
-    """Display times of a film's frames, as far as its packets have them."""
+def _film(path: Path) -> Frames:
+    """Open a film, with the display times of its frames as far as packets have them."""
     with opened_film(path) as film:
         stream = film.streams.video[0]
-        if film.streams.audio:
-            say(f"{path.name}: sound is not copied")
+        has_tracks = bool(film.streams.audio or film.streams.subtitles)
         seen = stream.codec_context
         colors = coded_colors((seen.color_primaries, seen.color_trc))
         lost = [f"colors are taken for sRGB, not {colors}"] if colors else []
@@ -212,9 +216,9 @@ def _film_times(path: Path) -> tuple[float, ...]:
     last = float(1 / rate) if rate else USUAL
     known = sorted(float(time * base) for time in times if time is not None)
     if len(known) < len(times):
-        return (last,) * len(times)
-    gaps = np.maximum(np.diff(known), SHORTEST)
-    return tuple(float(gap) for gap in gaps) + (last,) * bool(known)
+        return Frames(path, (last,) * len(times), has_tracks=has_tracks)
+    gaps = np.maximum(np.diff(known), SHORTEST).tolist()
+    return Frames(path, (*gaps, *(last,) * bool(known)), has_tracks=has_tracks)
 
 
 def _film_frames(path: Path) -> Iterator[Picture]:
@@ -247,10 +251,9 @@ def _screen(path: Path, picture: Picture, look: WriteOptions, *, tells: bool) ->
         picture = as_srgb(picture)
     if tells:
         tell_colors(path, picture.about, is_guessed=look.is_light)
-    if look.background is not None:
-        picture = flattened(picture, look.background)
-    if path.suffix.lower() == ".mp4" and picture.kind.has_alpha:
-        raise ValueError(f"{path}: films have no transparency; give --background black")
+    is_opaque = path.suffix.lower() == ".mp4" and picture.kind.has_alpha
+    if look.background is not None or is_opaque:
+        picture = flattened(picture, look.background or (0.0, 0.0, 0.0))
     colors = len(picture.kind.channels) - picture.kind.has_alpha
     if colors not in (1, 3) or picture.about.number:
         raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
@@ -333,17 +336,23 @@ def _with_palette(levels: NDArray[np.uint8]) -> Any:
     return shown
 
 
-def _write_film(path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float]) -> None:
-    """Encode frames with their start times."""
+def _write_film(path: Path, frames: Iterable[NDArray[np.uint8]], source: Frames) -> None:
+    """Encode frames with their start times, beside the sound and subtitles of their film."""
     first, rest = _peeked(frames)
-    begins = np.concatenate([[0.0], np.cumsum(seconds)])
+    begins = [0.0, *itertools.accumulate(source.seconds)]
     with new_film(path) as film:
-        stream = new_stream(film, _rate(seconds), first.shape[:2])
+        stream = new_stream(film, _rate(source.seconds), first.shape[:2])
         stream.codec_context.time_base = Fraction(1, TICKS)
+        beside = other_tracks(source.path, film) if source.has_tracks else iter(())
+        waiting = next(beside, None)
         for n, levels in enumerate(rest):
             picture = film_picture(levels, stream)
-            picture.pts, picture.time_base = round(float(begins[n]) * TICKS), Fraction(1, TICKS)
+            picture.pts, picture.time_base = round(begins[n] * TICKS), Fraction(1, TICKS)
             film.mux(stream.encode(picture))
+            # Sound goes beside the pictures that it is heard with; it ends with the last one.
+            while waiting is not None and waiting[0] < begins[n + 1]:
+                film.mux(waiting[1])
+                waiting = next(beside, None)
         film.mux(stream.encode(None))
 
 

@@ -21,7 +21,7 @@ from resample.files.images import BufferedJpeg
 from resample.files.painted import DepthSlab, write_deep
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
-from resample.files.sequences import write_frames
+from resample.files.sequences import Frames, write_frames
 from resample.files.writing import check_end, load_arrays, refused, store_arrays, write_json
 from resample.measuring.compare import contact_sheet, write_screen
 from resample.outofcore.windows import keep_tile
@@ -73,7 +73,7 @@ def rows(path: Path) -> None:
 
 
 def frames(path: Path) -> None:
-    write_frames(path, SHADES, [0.1, 0.2, 0.1], WriteOptions())
+    write_frames(path, SHADES, Frames(Path("in.gif"), (0.1, 0.2, 0.1)), WriteOptions())
 
 
 def film(path: Path) -> None:

@@ -672,7 +672,7 @@ def test_what_is_taken_for_light_is_told(one, tmp_path, capsys):
 def test_an_animation_is_shown_as_often_as_its_source(one, tmp_path):
     copied: Copied = one.write(tmp_path)
     frames = frames_of(copied.source)
-    write_frames(copied.target, frames.read(), frames.seconds, WriteOptions(), frames.plays)
+    write_frames(copied.target, frames.read(), frames, WriteOptions())
     plays = next(n for n in PLAYS if one.case.startswith(str(n or "endless")))
     with Image.open(copied.target) as image:
         told = PLAYS[plays][SUFFIXES.index(copied.target.suffix)]

@@ -199,19 +199,69 @@ def test_what_a_film_does_not_show_stays_clear():
     assert not alpha[:, 16:].any()
 
 
-def test_sound_is_left_out_and_it_is_said(capsys):
-    with av.open("in.mp4", "w") as target:
-        stream, sound = target.add_stream("libx264", rate=10), target.add_stream("aac", rate=8000)
+def film_with_sound(name: str, codec: str, *, late: float = 0.0) -> np.ndarray:
+    """Write three frames at 10 per second with a rising tone; return its samples at 8 kHz.
+
+    All times of the film are `late` seconds later.
+    """
+    tone = np.sin(np.linspace(0, 15, 2400) ** 2).astype(np.float32) / 2
+    with av.open(name, "w") as target:
+        stream, sound = target.add_stream("libx264", rate=10), target.add_stream(codec, rate=8000)
         stream.width, stream.height, stream.pix_fmt = 32, 24, "yuv420p"
-        for image in frames():
-            target.mux(stream.encode(av.VideoFrame.from_image(image)))
-        silence = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), "fltp", "mono")
-        silence.sample_rate = 8000
-        target.mux(sound.encode(silence))
+        sound.layout = "mono"
+        for n, image in enumerate(frames()):
+            picture = av.VideoFrame.from_image(image)
+            picture.pts, picture.time_base = round(late * 10) + n, Fraction(1, 10)
+            target.mux(stream.encode(picture))
+        heard = av.AudioFrame.from_ndarray(tone[None], "fltp", "mono")
+        heard.sample_rate, heard.time_base, heard.pts = 8000, Fraction(1, 8000), round(late * 8000)
+        target.mux(sound.encode(av.AudioResampler(sound.format, "mono", 8000).resample(heard)[0]))
         target.mux(stream.encode(None))
         target.mux(sound.encode(None))
-    assert ended("warp", "in.mp4", "-o", "out.mp4", *SAME) == 0
-    assert capsys.readouterr().err == "resample: in.mp4: sound is not copied\n"
+    return tone
+
+
+def heard_in(name: str) -> tuple[str, np.ndarray]:
+    """Codec of a film's sound, and its samples at 8 kHz from 0.1 s before the first picture on."""
+    with av.open(name) as film:
+        stream = film.streams.audio[0]
+        found = list(film.decode(stream))
+        turned = av.AudioResampler("fltp", "mono", 8000)
+        parts = [each.to_ndarray()[0] for one in found for each in turned.resample(one)]
+        begin = 800 + round(float(found[0].time) * 8000)
+        whole = np.concatenate([np.zeros(max(0, begin)), *parts, np.zeros(4000)])
+        return stream.codec_context.name, whole[max(0, -begin) :]
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"), [("in.mp4", "aac"), ("in.mov", "pcm_s16le"), ("in.mkv", "flac")]
+)
+def test_sound_stays_beside_the_pictures_it_is_heard_with(name, codec, capsys):
+    tone = film_with_sound(name, codec, late=0.5)
+    assert ended("warp", name, "-o", "out.mp4", *SAME) == 0
+    assert capsys.readouterr().err == ""
+    kept, heard = heard_in("out.mp4")
+    assert kept == ("aac" if codec.startswith("pcm") else codec)
+    lags = range(-400, 401, 4)
+    alike = [np.corrcoef(heard[800 + lag :][:1500], tone[:1500])[0, 1] for lag in lags]
+    assert max(alike) > 0.95
+    assert abs(lags[int(np.argmax(alike))]) <= 16  # samples: 2 ms
+
+
+def test_a_target_without_sound_says_so(capsys):
+    film_with_sound("in.mp4", "aac")
+    assert ended("warp", "in.mp4", "-o", "out.webp", *SAME) == 0
+    said = "resample: in.mp4: sound and subtitles are copied to .mp4 alone\n"
+    assert capsys.readouterr().err == said
+
+
+def test_films_are_opaque_and_black_where_nothing_is():
+    animate("in.webp")
+    assert ended("warp", "in.webp", "--matrix", "1,0,16,0,1,0,0,0,1", "-o", "out.mp4") == 0
+    with av.open("out.mp4") as film:
+        levels = next(film.decode(video=0)).to_ndarray(format="rgb24")
+    assert levels[:, :14].max() < 24
+    assert levels[:, 18:].min() > 230
 
 
 @pytest.mark.parametrize("listed", ["ffconcat version 1.0\nfile b.mp4\n", "#EXTM3U\nb.mp4\n"])

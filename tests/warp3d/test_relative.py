@@ -174,17 +174,17 @@ def test_both_pictures_stand_in_one(given):
 
 
 def test_holes_stay_holes_in_both_pictures():
-    beside = two_eyes("--eyes", "0.8", "--layout", "side-by-side")
+    beside = two_eyes("--eyes", "0.8", "--layout", "side-by-side", "--no-fill")
     assert beside.shape == (24, 64, 4)
     assert (beside[:, :32, 3] == 1).all()
     assert beside[:, 32:, 3].min() == 0
-    mixed = two_eyes("--eyes", "0.8", "--layout", "anaglyph")
+    mixed = two_eyes("--eyes", "0.8", "--layout", "anaglyph", "--no-fill")
     np.testing.assert_allclose(mixed[..., 3], beside[:, 32:, 3], atol=1e-6)
     assert (mixed[..., :3] <= mixed[..., 3:] + 1e-6).all()
 
 
 def test_an_anaglyph_of_gray_pictures_is_red_and_cyan():
-    given = ["gray.png", "z.npy", "--depth-kind", "z", *SEEN, "--eyes", "0.8", "--fill"]
+    given = ["gray.png", "z.npy", "--depth-kind", "z", *SEEN, "--eyes", "0.8"]
     assert ended("stereo", *given, "--layout", "anaglyph", "-o", "out.exr") == 0
     mixed = read_image("out.exr")
     np.testing.assert_allclose(mixed[..., 0], read_image("gray.png")[..., 0], atol=1e-6)
@@ -199,12 +199,45 @@ def test_the_picture_of_a_lens_is_straightened_beside_its_partner():
     np.testing.assert_allclose(both[:, :32], both[:, 32:], atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("file", "options", "kind"),
+    [
+        ("levels.png", [], ["--depth-kind", "relative"]),
+        ("fine.png", [], ["--depth-kind", "relative"]),
+        ("mm.png", [], ["--depth-kind", "z", "--depth-scale", "1000"]),
+        ("mm.png", ["--depth-scale", "1000"], ["--depth-kind", "z"]),
+        ("levels.png", ["--disparity-scale", "16"], ["--depth-kind", "pair"]),
+        ("z.npy", ["--eyes", "0.1"], ["--depth-kind", "z"]),
+        ("z.npy", [], ["--depth-kind", "pair"]),
+    ],
+)
+def test_the_kind_of_depth_is_recognised_and_said(file, options, kind, capsys):
+    z = np.load("z.npy")
+    cv2.imwrite("levels.png", (1000 / z).astype(np.uint8))
+    cv2.imwrite("fine.png", (240_000 / z).astype(np.uint16))
+    cv2.imwrite("mm.png", (1000 * z).astype(np.uint16))
+    given = ["stereo", "color.png", file, *options]
+    assert ended(*given, "-o", "assumed.png") == 0
+    said = capsys.readouterr().err
+    assert (" ".join(kind) in said) == (not options or options[0] == "--eyes")
+    assert ended(*given, *kind, "-o", "told.png") == 0
+    np.testing.assert_array_equal(read_image("assumed.png"), read_image("told.png"))
+
+
+def test_eyes_that_see_the_same_picture_are_told(capsys):
+    np.save("rel.npy", np.load("rel.npy") / 37)
+    assert ended("stereo", "color.png", "rel.npy", "-o", "out.png") == 0
+    assert (
+        "the eyes see the same picture: disparities are at most 0.25 px" in capsys.readouterr().err
+    )
+
+
 @pytest.mark.some(3)
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--eyes", "0.1"], "--eyes needs depth, by --depth-kind"),
-        (["--zero-plane", "2"], "--zero-plane needs depth"),
+        (["--depth-kind", "pair", "--eyes", "0.1"], "--eyes needs depth, by --depth-kind"),
+        (["--depth-kind", "pair", "--zero-plane", "2"], "--zero-plane needs depth"),
         (["--depth-kind", "relative", "--depth-scale", "9"], "relative depth has no scale"),
         (
             ["--depth-kind", "z", "--near", "9"],

@@ -63,7 +63,7 @@ def panorama(tmp_path, monkeypatch):
     write_image("pano.exr", color)
     np.save("length.npy", length)
     return ["stereo", "pano.exr", "length.npy", "--depth-kind", "z", "--refine", "none",
-            "--source-projection", "equirectangular", "--eyes", APART]  # fmt: skip
+            "--no-fill", "--source-projection", "equirectangular", "--eyes", APART]  # fmt: skip
 
 
 @pytest.mark.sweep
@@ -123,7 +123,7 @@ def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, given):
     words = [*square(60, 24), "--eyes", 0.4, "--layout", "vr180", "--size", "180", "--from", given]
     assert ended(*words, "-o", "out.exr") == 0
     both = read_image("out.exr")
-    assert both.shape == (180, 360, 4)
+    assert both.shape == (180, 360, 3)
     x, y, z = (60 - 40) / 40 * 2.0, (24 - 30) / 40 * 2.0, 2.0
     for picture, at in ((both[:, :180], 0), (both[:, 180:], 0.4)):
         right = x - (at if given == "left" else at - 0.4)
@@ -152,7 +152,7 @@ def test_vr180_is_black_beside_the_source(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = square(40, 30)
     write_image("c.exr", np.ones((60, 80, 3), np.float32))
-    assert ended(*words, "--layout", "vr180", "--size", "64", "--fill", "-o", "out.png") == 0
+    assert ended(*words, "--layout", "vr180", "--size", "64", "-o", "out.png") == 0
     both = read_image("out.png")
     assert both.shape == (64, 128, 3)
     assert both[:, :8].max() == both[:4].max() == 0

@@ -27,8 +27,8 @@ from resample_warp3d.command.choices import (
     Travel,
 )
 from resample_warp3d.command.filming.choices import FilmInput
+from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.command.stereo import PairDepth, Parallax
 from resample_warp3d.command.target import Aim, TargetCamera
 
 app = CommandLine(
@@ -38,7 +38,7 @@ app = CommandLine(
         "and split into parts where they grow.\n\n"
         "For example:\n\n"
         "    resample-warp3d render sample:room --move 0.3,0,0 -o moved.png\n"
-        "    resample-warp3d stereo sample:room --layout anaglyph --fill -o red-cyan.png\n"
+        "    resample-warp3d stereo sample:room --layout anaglyph -o red-cyan.png\n"
         "    resample-warp3d view sample:room\n"
     ),
     version=installed_version,
@@ -54,9 +54,10 @@ WRITTEN, EXTRAS, TRAVEL = Written.usual(), Extras.usual(), Travel.usual()
 TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX, FILMING = PairDepth.usual(), Parallax.usual(), FilmInput.usual()
+STEREO_WARPING = StereoWarping.usual()
 DEMO = {
     "moved.png": "render sample:room --fill",
-    "anaglyph.png": "stereo sample:room --layout anaglyph --fill",
+    "anaglyph.png": "stereo sample:room --layout anaglyph",
     "sway.gif": "animate sample:room:size=180 --frames 24 --fps 12",
 }
 
@@ -171,7 +172,7 @@ def stereo(
         Literal["left", "right"], OptionTopic.APPEARANCE, Parameter(name="--from")
     ] = "left",
     filming: Annotated[FilmInput, flags.Flat] = FILMING,
-    warping: Annotated[DepthWarping, flags.Flat] = WARPING,
+    warping: Annotated[StereoWarping, flags.Flat] = STEREO_WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     holes: flags.Target = None,
     coverage: flags.Target = None,
@@ -180,8 +181,8 @@ def stereo(
 
     For example:
 
-        resample-warp3d stereo sample:room --fill -o right.png
-        resample-warp3d stereo sample:room --layout anaglyph --fill -o red-cyan.png
+        resample-warp3d stereo sample:room -o right.png
+        resample-warp3d stereo sample:room --layout anaglyph -o red-cyan.png
         resample-warp3d stereo sample:room --layout side-by-side -o pair.png
 
     Parameters
@@ -215,28 +216,38 @@ def stereo(
     from resample_warp3d.command.filming.films import FilmWriting, stereo_film
     from resample_warp3d.command.inputs import DepthReader, read_pair, read_views
     from resample_warp3d.command.rendering import check_memory, mention_holes
-    from resample_warp3d.command.stereo import Eyes, StereoRendering
+    from resample_warp3d.command.stereo import StereoRendering
     from resample_warp3d.command.writing import check_extras, write_extras
+    from resample_warp3d.depth.files import read_depth
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
-    is_pair = meaning.depth_kind == "pair"
-    reader = None if is_pair else DepthReader.checked(eye.guessed(), meaning)
+    if warping.unmixed:  # filling would mix colors
+        warping = warping.model_copy(update={"fill": False})
     warping.built()
     look, around = written.options(), parallax.is_around(eye)
     pair = StereoRendering(parallax, fraction, given, warping, around)
     writing = FilmWriting(output, look, filming, extras)
-    if stereo_film(picture, depth, writing, reader, pair, disparity_scale):
+    footage = writing.footage(picture, depth)
+    if meaning.depth_kind == "auto":
+        raw = read_depth(depth) if footage is None else footage.depths[0]
+        of_pair = disparity_scale is not None
+        meaning = parallax.recognised(meaning, raw, depth, is_around=around, of_pair=of_pair)
+        parallax.check(meaning, eye)
+    is_pair = meaning.depth_kind == "pair"
+    reader = None if is_pair else DepthReader.checked(eye.guessed(), meaning)
+    if footage is not None:
+        stereo_film(footage, writing, reader, pair, disparity_scale)
         return
     check_extras(extras)
     formats.check_output(output, look, transparent=not warping.fill)
     check_targets(output, holes, coverage)
     session = Session()
     if reader is None:
-        taken, eyes = read_pair(picture, depth, disparity_scale), Eyes(1.0, 0.0)
+        taken = read_pair(picture, depth, disparity_scale)
     else:
         taken = read_views(reader, picture, depth)
-        eyes = pair.eyes([taken])
+    eyes = pair.eyes([taken], is_pair=is_pair)
     check_memory(taken.views, pair.shape(taken), output)
     made = pair.render(session, taken, eyes)
     if not warping.fill:

@@ -206,7 +206,7 @@ def warp_file(
     check_targets(output)
     with progress_bar("warping") if shows else nullcontext() as progress:
         pictures = _warped_frames(session, frames, output, job, progress)
-        write_frames(output, pictures, frames.seconds, job.options, frames.plays)
+        write_frames(output, pictures, frames, job.options)
     return {"frames": len(frames.seconds), "seconds": session.times()}
 
 

@@ -1,28 +1,25 @@
-"""Pictures for two eyes: options, eye distance, layouts, rendering."""
+"""Pictures for two eyes: eye distance, layouts, rendering."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.cameras.pixels import directions, pixel_centers
-from resample.command.flags import SIZE, OptionTopic
 from resample.command.intrinsics import Shape
 from resample.command.session import Session
-from resample.command.settings import Choices, height_and_width
 from resample.console import say
 from resample.files.pictures import Picture
 from resample.types import Doubles, Floats
 from resample_warp3d.command.animation import stepped
-from resample_warp3d.command.choices import Depth, DepthWarping, Joint
+from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs
+from resample_warp3d.command.parallax import Parallax
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared, shifted
-from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.types import Hole, Warped
@@ -31,103 +28,8 @@ from resample_warp3d.wide import CameraModel, StereoPanorama
 LARGEST = 4096  # px of an eye's picture around, unless its size is given
 COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
 COMFORT_AROUND = math.radians(2.0)  # default parallax of the nearest things to the farthest
+SEEN = 1.0  # px of disparity, of which some is needed to see depth
 STRAY = 0.01  # share of the depth at each end that may exceed this parallax
-
-
-class PairDepth(Depth):
-    """Meaning of the depth's or disparity's numbers for a stereo pair."""
-
-    depth_kind: Annotated[
-        Literal["pair", "z", "ray", "inverse", "disparity", "relative", "relative-z"],
-        Field(
-            description="z along the camera's axis, ray length, inverse (1 / z), or disparity of a "
-            "calibrated pair, where 0, NaN and inf are unknown; or a network's output: relative, "
-            "larger is nearer, or relative-z, larger is farther; or pair, the disparity of a "
-            "rectified pair in px."
-        ),
-    ] = "pair"  # type: ignore[assignment]  # one more kind
-
-
-class Parallax(Choices):
-    """Geometry and layout of a stereo pair."""
-
-    heading: ClassVar[str] = "Stereo"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
-
-    eyes: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            description="Distance between the eyes, scene units. [default: such that parallax is "
-            "at most 1.5 % of the width; for vr180 and panoramas 2 degrees]",
-        ),
-    ] = None
-    zero_plane: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            description="Distance of zero parallax, scene units. [default: the median of the "
-            "depth; "
-            "infinite for vr180 and panoramas]",
-        ),
-    ] = None
-    layout: Annotated[
-        Literal[
-            "one", "side-by-side", "half-side-by-side", "top-bottom", "half-top-bottom", "anaglyph",
-            "vr180",
-        ],
-        Field(
-            description="Output: the other eye's picture alone, or both: the left one at the "
-            "left, on top, or in red; half: each squeezed by 2, together as large as one; vr180: "
-            "the half sphere ahead of each eye, side by side."
-        ),
-    ] = "one"  # fmt: skip
-    size: Annotated[
-        str | None,
-        Field(
-            description=f"{SIZE} Of each eye's picture, for vr180 (a square) and panoramas. "
-            "[default: as fine as the source]"
-        ),
-    ] = None
-
-    def is_around(self, eye: SourceCamera) -> bool:
-        """Whether eyes have pictures of directions: for vr180 and panoramas."""
-        return self.layout == "vr180" or eye.source_projection == "equirectangular"
-
-    def shape(self) -> Shape | None:
-        """Return height and width of each eye's picture, px, if given."""
-        if self.size is None:
-            return None
-        height, width = height_and_width(self.size)
-        if self.layout == "vr180" and width != height:
-            raise ValueError(f"--size {self.size}: each eye of vr180 has a square, such as 2048")
-        if self.layout != "vr180" and width != 2 * height:
-            raise ValueError(f"--size {self.size}: a panorama is twice as wide as high")
-        return height, width
-
-    def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
-        """Refuse options that do not go together."""
-        if self.is_around(eye):
-            if eye.source_projection == "orthographic":
-                raise ValueError("vr180 needs a pinhole, a lens or a panorama")
-            if meaning.depth_kind == "pair":
-                raise ValueError("vr180 and panoramas need depth, by --depth-kind")
-            if self.zero_plane is not None:
-                raise ValueError(
-                    "--zero-plane belongs to flat pictures; the eyes of vr180 and panoramas are "
-                    "parallel"
-                )
-            self.shape()
-            return
-        eye.check_pinhole("stereo")
-        if self.size is not None:
-            raise ValueError("--size belongs to --layout vr180 and panoramas; leave it out")
-        if meaning.depth_kind != "pair":
-            return
-        for name in ("eyes", "zero_plane"):
-            if getattr(self, name) is not None:
-                option = name.replace("_", "-")
-                raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
 
 
 class Eyes(NamedTuple):
@@ -136,6 +38,17 @@ class Eyes(NamedTuple):
     gain: float
     zero: float
     apart: float = 0.0  # distance between the eyes, scene units; 0: unknown
+
+    @classmethod
+    def of_pair(cls, taken: Sequence[Inputs]) -> "Eyes":
+        """Return the eyes of a rectified pair; say if its disparities hardly move anything."""
+        most = max(float(inputs.views[0].image.nearness.max(initial=0.0)) for inputs in taken)
+        if most < SEEN:
+            say(
+                f"the eyes see the same picture: disparities are at most {most:.2g} px; depth of "
+                "other kinds needs --depth-kind, such as relative or z"
+            )
+        return cls(1.0, 0.0)
 
     @classmethod
     def of(cls, taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
@@ -204,8 +117,10 @@ class StereoRendering:
         """Position of the new eye to the right, in eye distances."""
         return self.fraction if self.given == "left" else -self.fraction
 
-    def eyes(self, taken: Sequence[Inputs]) -> Eyes:
+    def eyes(self, taken: Sequence[Inputs], *, is_pair: bool) -> Eyes:
         """Choose the eyes for a picture, or some of a film, and report them."""
+        if is_pair:
+            return Eyes.of_pair(taken)
         return (Eyes.around if self.is_around else Eyes.of)(taken, self.parallax)
 
     def shape(self, taken: Inputs) -> Shape:

@@ -20,7 +20,7 @@ from resample_warp3d.command.filming.sources import FilmSources, rectified, with
 from resample_warp3d.command.filming.targets import FilmTarget
 from resample_warp3d.command.inputs import DepthReader, Inputs
 from resample_warp3d.command.rendering import check_memory, joined, joining_of
-from resample_warp3d.command.stereo import Eyes, StereoRendering
+from resample_warp3d.command.stereo import StereoRendering
 from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Warped
@@ -106,16 +106,13 @@ def _from_aim(
 
 
 def stereo_film(
-    color: str, depth: str, writing: FilmWriting, reader: DepthReader | None,
-    stereo: StereoRendering, disparity_scale: float | None = None,
-) -> bool:  # fmt: skip
-    """Write a film for two eyes; False for a picture.
+    footage: Footage, writing: FilmWriting, reader: DepthReader | None, stereo: StereoRendering,
+    disparity_scale: float | None = None,
+) -> None:  # fmt: skip
+    """Write a film for two eyes.
 
     `reader`: of depth; None: disparity of a rectified pair, in `disparity_scale` values per px.
     """
-    footage = writing.footage(color, depth)
-    if footage is None:
-        return False
     target = FilmTarget(writing.output, footage, writing.options)
     target.check(transparent=not stereo.warping.fill)
     session = Session()
@@ -126,7 +123,7 @@ def stereo_film(
         ranges = _ranges(session, footage, reader, writing.filming)
         read = with_depth(footage, reader, ranges)
     film = FilmSources(session, footage, read, ranges, stereo.warping)
-    eyes = Eyes(1.0, 0.0) if reader is None else stereo.eyes(_surveyed(film))
+    eyes = stereo.eyes(_surveyed(film), is_pair=reader is None)
 
     def pictures(progress: Progress | None) -> Iterator[Picture]:
         for n in range(len(footage)):
@@ -142,7 +139,6 @@ def stereo_film(
 
     with session.stage("film", bar="rendering") as progress:
         target.write(pictures(progress))
-    return True
 
 
 def _ranges(

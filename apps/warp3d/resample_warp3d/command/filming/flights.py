@@ -12,6 +12,7 @@ from resample.command import workers
 from resample.command.films import write_shared
 from resample.command.session import Session
 from resample.command.settings import Sharing
+from resample.console import say
 from resample.files.animations import Levels, Shots, fingerprint
 from resample.lazy import installed_version
 from resample.types import Doubles
@@ -122,6 +123,8 @@ def write_flight(
     """Write a film of a camera that moves in a film."""
     session, travel, target = Session(), writing.travel, writing.target
     footage.check_apart(writing.output)
+    if footage.frames.has_tracks:
+        say(f"{footage.color}: sound and subtitles are not copied to a film that plays it anew")
     if depths is not None:
         footage.check_apart(depths.folder)
     with session.stage("align", bar="aligning depth") as progress:

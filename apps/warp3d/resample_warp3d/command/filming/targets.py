@@ -54,13 +54,13 @@ class FilmTarget:
             check_frames(self.path, self.footage.frames, self.options)
             return
         self.footage.check_apart(self.files.folder)
+        self.footage.frames.tell_tracks(self.path)
         check_output(Path(self.files.name), self.options, transparent=transparent)
 
     def write(self, pictures: Iterable[Picture]) -> None:
         """Write the pictures; nothing is left if one cannot be made."""
         if self.files is None:
-            film = self.footage.frames
-            write_frames(self.path, pictures, film.seconds, self.options, film.plays)
+            write_frames(self.path, pictures, self.footage.frames, self.options)
             return
         with self.files.appearing():
             for n, picture in enumerate(pictures):
