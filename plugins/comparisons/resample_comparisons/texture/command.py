@@ -50,7 +50,7 @@ def compare(
     truth_filter
         Pixel filter of the truth: the pixel's area, or a Gaussian of 0.5 px.
     linear
-        Average linear light, or the encoded values.
+        Average linear light, or encoded values.
     edge
         What lies beyond the picture's edges. Not measured.
     size
