@@ -45,19 +45,6 @@ HEADERS = {
 }
 
 
-def require_parts() -> None:
-    """Reject serving if the extra is not installed."""
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
-    except ImportError as error:
-        raise ValueError(
-            f"the viewer needs {error.name}, which is not installed: "
-            "pip install 'hybrid-resample[view]'"
-        ) from None
-
-
 def application(
     view: Viewable,
     token: str,
@@ -160,7 +147,6 @@ def served(
 
     Yields: host with its port, and the token.
     """
-    require_parts()
     (listening, hosts), token = _listening(host, 0), secrets.token_urlsafe(24)
     server = _server(application(view, token, hosts, shown))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
@@ -205,7 +191,6 @@ def _host(name: str, port: int) -> str:
 
 def show(view_of: Callable[[], Viewable], page: Serving) -> None:
     """Serve the view that a function opens, at the address of a command's options."""
-    require_parts()
     view = view_of()
     view.check()
     say_notes()
@@ -219,7 +204,6 @@ def serve(view: Viewable, *, host: str = LOOPBACK, port: int = 0, browser: bool 
     can reach it. `port`: port; 0: any free port. `browser`: Open the page in the browser. Raises
     ValueError: the extra is not installed. Raises OSError: the port is taken.
     """
-    require_parts()
     if host.strip("[]") not in OWN:
         say(f"anyone who reaches {host} and learns the address can view, and read, your files")
     (listening, hosts), token = _listening(host, port), secrets.token_urlsafe(24)

@@ -10,13 +10,9 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import pytest
 from cyclopts import App
 from numpy.typing import NDArray
 from PIL import Image
-
-pytest.importorskip("starlette", reason="pip install 'hybrid-resample[view]'")
-
 from websockets.sync.client import ClientConnection, connect
 
 from resample.view import server
