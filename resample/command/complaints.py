@@ -1,9 +1,11 @@
 """Say in one line what is wrong with a command line, and what to do about it."""
 
 import re
+import sys
 from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING
 
 from cyclopts import (
@@ -75,6 +77,16 @@ def explained(error: BaseException) -> str:
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{visible(', '.join(map(repr, error.unused_tokens)))}: {_of_too_many(error)}"
     return one_line(error)
+
+
+def with_own_pip(text: str) -> str:
+    """Name the pip of the running Python in a text, where the one on the PATH is another's."""
+    python, found = Path(sys.executable), which("pip")
+    if not python.name or (found and Path(found).parent == python.parent):
+        return text
+    folder = Path.cwd()
+    shown = python.relative_to(folder) if python.is_relative_to(folder) else python
+    return text.replace("pip install", f"{shown} -m pip install")
 
 
 def meant(given: str, known: Collection[str]) -> str | None:

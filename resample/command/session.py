@@ -55,9 +55,9 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         say(f"error: {complaint}")
         status = USER_ERROR
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
-        from resample.command.complaints import explained
+        from resample.command.complaints import explained, with_own_pip
 
-        say(f"error: {explained(error)}")
+        say(f"error: {with_own_pip(explained(error))}")
         status = USER_ERROR
     raise SystemExit(status)
 

@@ -4,7 +4,8 @@ import pytest
 
 from resample import registry
 from resample.cli import app as core
-from resample.command.complaints import SYNONYMS, meant
+from resample.command import complaints
+from resample.command.complaints import SYNONYMS, meant, with_own_pip
 from tests.commands import ended, refused
 
 APPS = {"resample": core} | {name: registry.load("apps", name) for name in registry.names("apps")}
@@ -146,7 +147,7 @@ def test_a_folder_where_a_file_is_wanted_names_files_in_it(tmp_path, capsys):
         ),
         (
             "volume render empty -o a.png",
-            "empty holds no slices; give a folder of .dcm, .tif or .png files, or a file",
+            "empty holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a file",
         ),
         (
             "volume render checker-box --mesh mixed -o a.png",
@@ -182,3 +183,21 @@ def test_names_of_files_keep_one_line(tmp_path, capsys):
     (tmp_path / "engine\n.nhdr").write_text("")
     assert ended(APPS["volume"], "render", "engin.nhdr", "-o", "a.png") == 2
     assert capsys.readouterr().err.endswith("did you mean engine\\n.nhdr?\n")
+
+
+@pytest.mark.parametrize(
+    ("pip", "python", "told"),
+    [
+        ("a/bin/pip", "a/bin/python", "pip install x"),
+        ("other/bin/pip", "a/bin/python", "a/bin/python -m pip install x"),
+        (None, "a/bin/python", "a/bin/python -m pip install x"),
+        ("other/bin/pip", "/b/bin/python", "/b/bin/python -m pip install x"),
+    ],
+)
+def test_what_is_to_be_installed_is_so_for_the_python_that_runs(
+    pip, python, told, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.executable", str(tmp_path / python))
+    monkeypatch.setattr(complaints, "which", lambda _: pip and str(tmp_path / pip))
+    assert with_own_pip("vtk is missing; pip install x") == f"vtk is missing; {told}"
