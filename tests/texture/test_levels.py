@@ -44,7 +44,8 @@ def test_where_nothing_shrinks_levels_alone_are_interpolated(matrix):
 def test_where_pixels_cover_several_texels_light_alone_is_averaged(scale):
     matrix = np.diag([scale, scale, 1.0])
     shown = warp(photo(), matrix, (12, 16)).image
-    np.testing.assert_array_equal(shown, warp(photo(), matrix, (12, 16), linear_light=True).image)
+    choices = {"linear_light": True, "interpolation": "area-spline:limit=levels"}
+    np.testing.assert_array_equal(shown, warp(photo(), matrix, (12, 16), **choices).image)
 
 
 def test_checks_of_half_the_light_are_bright_from_afar():

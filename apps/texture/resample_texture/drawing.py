@@ -151,6 +151,7 @@ def _drawn_whole(
         return _drawn_complex(image, drawing, _drawn_whole)
     is_sum = adds(drawing.method)
     if not is_sum and light_for(linear_light, image.dtype) == "pixels":
+        drawing = drawing._replace(method=in_levels(drawing.method))
         share = share_of_levels(drawing.method, drawing.geometry, drawing.shape, image.shape[:2])
         if share.any():
             return _drawn_in_levels(image, drawing, share, alpha)
@@ -173,8 +174,8 @@ def _drawn_in_levels(
     if image.dtype == np.uint8 and not encoding.is_straight and not drawing.as_light:
         share = spared(share, texels, drawing.geometry, drawing.shape)
     is_stored, is_alone = image.dtype.name in LEVELS, bool((share == 1.0).all())
-    interpolating: Any = in_levels(drawing.method)
-    averaging: Any = drawing.method
+    interpolating: Any = drawing.method
+    averaging = interpolating
     if share.size > 1 and hasattr(averaging, "partly"):  # tiles that need one of them alone
         interpolating = interpolating.partly(share[..., 0] > 0.0)
         averaging = averaging.partly(share[..., 0] < 1.0)
