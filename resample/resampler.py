@@ -177,6 +177,40 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             scene = self._scene(known, camera.view(), (height, width), look, clip)
             return self._developed(*self._painter.paint(scene, known, progress))
 
+    def paint_rows(
+        self,
+        fields: LatticeField | list[LatticeField],
+        camera: AnyCamera,
+        rows: tuple[int, int],
+        *,
+        height: int,
+        width: int,
+        threads: int | None = None,
+        progress: Progress | None = None,
+        clip: ArrayLike | None = None,
+    ) -> Frame:
+        """Rows of a picture of fields, with the bits that the whole picture has there.
+
+        Parameters
+        ----------
+        fields, camera, height, width, threads, progress, clip
+            As of a call.
+        rows
+            First row, and the one after the last, px.
+
+        Raises
+        ------
+        ValueError
+            As a call does; or the rows are no rows of the picture.
+        """
+        check_call(camera, height, width, threads)
+        check_sort_of(self, fields)
+        if not 0 <= rows[0] < rows[1] <= height:
+            raise ValueError(f"rows {rows} are not within a picture of {height}")
+        every = fields if isinstance(fields, list) else [fields]
+        with limited(threads):
+            return self._gathered(every, camera.view(), (height, width), clip, progress, rows)
+
     def plan(
         self,
         samples: Samples | Field | LatticeField,
@@ -464,15 +498,19 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         size: tuple[int, int],
         clip: ArrayLike | None,
         progress: Progress | None,
+        rows: tuple[int, int] | None = None,
     ) -> Frame:
-        """Picture of fields that rays go through."""
+        """Picture of fields that rays go through, or rows of it."""
         from resample.painting.rays import RayPainter
 
         fields = [kernel_field(field) for field in fields]
         style = style_of(self, fields[0].lattice, fields[0].classifier)
         rays, step = self.order if isinstance(self.order, Rays) else Rays(), self.order.thickness
         painter = RayPainter(style, self._tables, step, rays.quality, rays.interpolation, clip)
-        return self._developed(*painter.paint(fields, view, size, progress))
+        painted, counts = painter.paint(fields, view, size, progress, rows or (0, size[0]))
+        if rows is not None:
+            painted = painted.cut((0, rows[0], size[1], rows[1]))
+        return self._developed(painted, counts)
 
     def _shaped(
         self,

@@ -133,11 +133,11 @@ def gathered(
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(each)
     if labels is not None:
-        known = numbered(known, labels.numbers, volume.values.shape)
+        known = numbered(known, labels.numbers, volume.values)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
         looks, beside = _of_either(looks, two), 2
-        known = numbered(known, partial(_higher, volume, two), volume.values.shape)
+        known = numbered(known, partial(_higher, volume, two), volume.values)
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
