@@ -101,7 +101,6 @@ ProjectionName = Literal[
     "composite", "maximum", "average", "additive", "first-hit", "minimum", "xray"
 ]
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
-WHOLE = SUMS  # every pixel depends on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
 
 
@@ -350,16 +349,3 @@ def check_scaled(choice: PaintChoices) -> None:
             f"samples of a scale each are {', '.join(scaled)} of exact footprint, not "
             f"{choice.primitive} of {choice.footprint or technique.own_footprint}"
         )
-
-
-def check_in_windows(choice: PaintChoices, *, is_field: bool) -> None:
-    """Refuse choices that take all of a picture together, and those that are for fields."""
-    is_by_rays = choice.order.summing is Summing.RAYS
-    if is_by_rays or choice.projection in WHOLE:
-        raise ValueError(
-            f"{'the order rays' if is_by_rays else choice.projection} cannot be painted window "
-            "by window; leave the window out, or take another projection of samples in "
-            "another order"
-        )
-    if not is_field and choice.projection is not Projection.COMPOSITE:
-        raise ValueError(f"the projection {choice.projection} needs a field's classifier")
