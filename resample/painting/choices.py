@@ -210,17 +210,16 @@ class PaintChoices:
 
     @cached_property
     def _painter(self) -> "SamplePainter":
-        """Who paints samples: the primitive's own painter, or the one that the order asks for."""
-        own = technique_of(self.primitive).painter
+        """Who paints samples: the primitive's own painter, that of the order, or the usual one."""
+        own = technique_of(self.primitive).painter or getattr(self.order, "painter", None)
         if own is not None:
-            return own(self)
-        if self.order.summing is Summing.POINTS:
-            from resample.painting.splats import StreamedPainter
+            painter: SamplePainter = own(self)
+            return painter
+        if self.order.summing is not Summing.POINTS:
+            raise ValueError(f"the order {self.order} has no painter of samples")
+        from resample.painting.splats import StreamedPainter
 
-            return StreamedPainter(self.reconstruction, self.point_filter)
-        from resample.painting.slabs import SummedPainter
-
-        return SummedPainter(self.reconstruction)
+        return StreamedPainter(self.reconstruction, self.point_filter)
 
     @property
     def point_filter(self) -> PixelFilter:

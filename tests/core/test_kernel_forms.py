@@ -10,13 +10,14 @@ from resample.engine.ellipsoids.run_bounds import break_runs, outline_runs
 from resample.engine.mixtures.deferred import find_spacings, paint_runs
 from resample.engine.rays.coefficients import find_bounds, find_coefficients
 from resample.engine.rays.painting import paint_rays
-from resample.engine.slabs.painting import paint_summed_runs
 from resample.engine.subpixels import grid, grid_of
 from resample.painting.choices import Primitive
 from resample.painting.preparing import style_of
 from resample.painting.splines import spline_of
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.types import Classifier, Lamp, LatticeField, Style
+from resample_comparisons.volume.kernels.slabs.painting import paint_summed_runs
+from resample_comparisons.volume.painting import ImageSheets
 from tests.core.test_windows import HEIGHT, WIDTH, camera, cloud
 from tests.kernels import compiled_only, specialisations
 from tests.samples import CAMERAS, SIDE, block, field_cloud

@@ -7,8 +7,9 @@ import pytest
 
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.generated import vessel_tree

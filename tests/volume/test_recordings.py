@@ -8,8 +8,8 @@ import SimpleITK
 
 from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb
-from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.transfer import from_points
 from resample_volume.data.recordings import (
     linear_colors,

@@ -1,6 +1,6 @@
 """Paint sheets, slabs and fields in runs of neighbours; tiles project only runs that they show.
 
-See `resample.engine.slabs.painting`. Splats with exact footprints take a faster path.
+See `resample_comparisons.volume.kernels.slabs`. Splats of exact footprint take a faster path.
 """
 
 import math
@@ -44,9 +44,9 @@ from resample.types import (
 from resample.watching import Progress
 
 if TYPE_CHECKING:
-    from resample.engine.slabs.blends import Blend
-    from resample.engine.slabs.integrals import Integral
-    from resample.engine.slabs.painting import Summed
+    from resample_comparisons.volume.kernels.slabs.blends import Blend
+    from resample_comparisons.volume.kernels.slabs.integrals import Integral
+    from resample_comparisons.volume.kernels.slabs.painting import Summed
 
 # Minimum of sub-pixels per side of a pixel where all tiles have one resolution: sums must fit, and
 # surfaces must end sharply.
@@ -72,7 +72,7 @@ class SummedPainter:
     def _by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Painter of sums, on tiles that are as fine as the projection needs."""
         from resample.engine.mixtures.deferred import find_spacings
-        from resample.engine.slabs.painting import Ways, paint_summed_runs
+        from resample_comparisons.volume.kernels.slabs.painting import Ways, paint_summed_runs
 
         scene = _as_fine(scene, plan_of(scene).least)
         mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
@@ -93,8 +93,8 @@ class SummedPainter:
 
 def _columns_of(scene: PreparedScene, least: Single) -> int:
     """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
-    from resample.engine.slabs.sums import NARROW
     from resample.engine.subpixels import grid_of
+    from resample_comparisons.volume.kernels.slabs.sums import NARROW
 
     return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
 
@@ -132,16 +132,16 @@ def _runs_of(scene: PreparedScene, samples: Samples) -> tuple[Runs, str]:
 
 def _is_narrow(scene: PreparedScene, finest: int) -> bool:
     """Whether rows of tiles with so many sub-pixels per side of a pixel fit in a narrow ring."""
-    from resample.engine.slabs.sums import NARROW
+    from resample_comparisons.volume.kernels.slabs.sums import NARROW
 
     return (1 + 2 * scene.tables.pixel_margin) * finest <= NARROW
 
 
 def _sums_of(scene: PreparedScene) -> "Summed":
     """Sums of a planned scene."""
-    from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
-    from resample.engine.slabs.sums import Narrow, Wide
     from resample.engine.subpixels import grid_of
+    from resample_comparisons.volume.kernels.slabs.painting import ALL, PARTS, WHOLES, Summed
+    from resample_comparisons.volume.kernels.slabs.sums import Narrow, Wide
 
     layers, finest = scene.layers, grid_of(plan_of(scene).least, scene.style)
     ring = Narrow if _is_narrow(scene, finest) else Wide
@@ -166,7 +166,7 @@ def _keyed(scene: PreparedScene, runs: Runs) -> Runs:
 
 def _blend_of(scene: PreparedScene, *, is_mixed: bool) -> "Blend":
     """Compositing of sums; mixtures are already tinted."""
-    from resample.engine.slabs.blends import Colors, Mixed, Values
+    from resample_comparisons.volume.kernels.slabs.blends import Colors, Mixed, Values
 
     style, look = scene.style, scene.classifier
     if look is None:
@@ -190,7 +190,11 @@ def _blend_of(scene: PreparedScene, *, is_mixed: bool) -> "Blend":
 
 
 def _integral_of(scene: PreparedScene, reconstruction: Reconstruction) -> "Integral":
-    from resample.engine.slabs.integrals import Product, Smooth, TabulatedIntegral
+    from resample_comparisons.volume.kernels.slabs.integrals import (
+        Product,
+        Smooth,
+        TabulatedIntegral,
+    )
 
     whole, density = footprint_profile(reconstruction), density_profile(reconstruction)
     factors = product_profile(reconstruction)

@@ -42,29 +42,6 @@ from resample.engine.mixtures.keys import end_of_sheet, sort_by_depth
 from resample.engine.mixtures.models import POINT
 from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
-from resample.engine.slabs.blends import Blend, Colors, Mixed, Values
-from resample.engine.slabs.colors import composite_colors
-from resample.engine.slabs.fields import (
-    STATES,
-    develop,
-    new_state,
-    resolve_value,
-    take_in_values,
-)
-from resample.engine.slabs.integrals import WORK, Integral
-from resample.engine.slabs.points import add_point
-from resample.engine.slabs.splats import OpenSlabs, Tools, add_splats, slant_of
-from resample.engine.slabs.sums import (
-    Canvas,
-    Ring,
-    Slab,
-    SphereCut,
-    aligned,
-    empty,
-    empty_slab,
-    new_sums,
-    no_dirt,
-)
 from resample.engine.subpixels import Home, grid, laid_out, pixel_weights
 from resample.types import (
     ADDITIVE,
@@ -78,6 +55,29 @@ from resample.types import (
     Stage,
     Tally,
     Tiles,
+)
+from resample_comparisons.volume.kernels.slabs.blends import Blend, Colors, Mixed, Values
+from resample_comparisons.volume.kernels.slabs.colors import composite_colors
+from resample_comparisons.volume.kernels.slabs.fields import (
+    STATES,
+    develop,
+    new_state,
+    resolve_value,
+    take_in_values,
+)
+from resample_comparisons.volume.kernels.slabs.integrals import WORK, Integral
+from resample_comparisons.volume.kernels.slabs.points import add_point
+from resample_comparisons.volume.kernels.slabs.splats import OpenSlabs, Tools, add_splats, slant_of
+from resample_comparisons.volume.kernels.slabs.sums import (
+    Canvas,
+    Ring,
+    Slab,
+    SphereCut,
+    aligned,
+    empty,
+    empty_slab,
+    new_sums,
+    no_dirt,
 )
 
 PARTS, WHOLES, ALL = range(3)  # slabs cut splats; sheets of whole splats; one sum of all
