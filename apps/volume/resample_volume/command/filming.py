@@ -151,7 +151,7 @@ def _read(
     """
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if is_chunked(times) and not (is_alone and can_stream(script.appearance, resampler)):
+    if is_chunked(times) and not (is_alone and can_stream(resampler)):
         times = read_as_whole(times, script.source)
     if is_chunked(times):
         count, *_, deep, down, across = times.values.shape

@@ -37,7 +37,7 @@ from resample_volume.classification.transfer import (
     tabulated,
     visible_places,
 )
-from resample_volume.data.memory import require_memory
+from resample_volume.data.memory import require_beside
 from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
@@ -118,7 +118,8 @@ def gathered(
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     count = _visible_count(volume, transfer, data_range, resampler)
     if transfer.needs_gradient:
-        require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
+        what = f"slopes of {count} voxels of {volume.name}"
+        require_beside(volume.values, BYTES_PER_SLOPE * count, what)
         seen = _visible(volume, transfer, data_range, resampler)
         shape = (64, shape[1])
         steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))

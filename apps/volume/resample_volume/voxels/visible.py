@@ -16,7 +16,7 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.memory import require_memory
+from resample_volume.data.memory import require_beside, require_memory
 from resample_volume.data.parts import kernel_layers, side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
 from resample_volume.data.values import Stored, as_array, values_of
@@ -312,6 +312,6 @@ def _visible(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candi
         index = visible_places(transfer, value, data_range)
         parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
-        require_memory(size * count, f"{volume.name} with {count} visible voxels")
+        require_beside(volume.values, size * count, f"{volume.name} with {count} visible voxels")
     place, found = map(np.concatenate, zip(*parts, strict=True))
     return Candidates(place, found, NO_SLOPE)
