@@ -122,6 +122,12 @@ def test_what_is_beside_the_file_has_to_fit(rng):
         as_array(in_bricks(volume, 100_000))
 
 
+def test_voxels_that_are_painted_have_to_fit(rng):
+    volume = in_bricks(blobs(np.uint8, rng), 420_000)
+    with pytest.raises(ValueError, match=r"blobs with \d+ visible voxels need .* MiB are left"):
+        render(volume, Appearance("1..150", classification="pre"), size=SIZE)
+
+
 def test_a_disk_without_room_is_said_before_anything_is_read(rng, monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10, 10, 0))

@@ -1,14 +1,15 @@
 """Volumes as fields for ray casting."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.mapped import array_like
+from resample.memory.mapped import array_like, is_in_file
 from resample.outofcore.caching import memo_of
+from resample.outofcore.passes import DIGIT, counts_by_digit, ranked
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.rays import thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
@@ -37,7 +38,7 @@ from resample_volume.classification.transfer import (
     tabulated,
     visible_places,
 )
-from resample_volume.data.memory import require_beside
+from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
@@ -57,6 +58,8 @@ from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
     lattice_of,
+    steep_between,
+    steep_rank,
     steepness,
     unit_of,
 )
@@ -118,11 +121,14 @@ def gathered(
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     count = _visible_count(volume, transfer, data_range, resampler)
     if transfer.needs_gradient:
-        what = f"slopes of {count} voxels of {volume.name}"
-        require_beside(volume.values, BYTES_PER_SLOPE * count, what)
-        seen = _visible(volume, transfer, data_range, resampler)
         shape = (64, shape[1])
-        steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
+        parts = partial(_visible, volume, transfer, data_range, resampler)
+        if is_in_file(volume.values):
+            steep = _steepness_of_parts(volume, parts, gradient)
+        else:
+            require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
+            seen = np.concatenate(list(parts()))
+            steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
     each = [transfer]
     if labels is not None:
         from resample_volume.classification.labels import Ruled
@@ -377,14 +383,37 @@ def _visible_count(
 
 def _visible(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
-) -> NDArray[np.int64]:
-    """Return flat indices of the voxels visible themselves, not only by interpolation."""
-    found, start = [], 0
+) -> Iterator[NDArray[np.int64]]:
+    """Yield flat indices of the voxels visible themselves, not only by interpolation, by slabs."""
+    start = 0
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
-        found.append(_visible_places(value, transfer, data_range, resampler) + start)
+        yield _visible_places(value, transfer, data_range, resampler) + start
         start += value.size
-    return np.concatenate(found)
+
+
+def _steepness_of_parts(
+    volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str
+) -> float:
+    """Return `steepness` of the voxels of parts, without holding all their gradients.
+
+    Lengths are not negative, so they sort as their bits do.
+    """
+
+    def counted(prefix: int, digit: int) -> NDArray[np.int64]:
+        total = np.zeros(1 << DIGIT, np.int64)
+        for seen in parts():
+            length = np.linalg.norm(gradients_at(volume, seen, gradient), axis=1)
+            total += counts_by_digit(length.astype(np.float32).view(np.uint32), prefix, digit)
+        return total
+
+    count = sum(seen.size for seen in parts())
+    if not count:
+        return 0.0
+    first, share = steep_rank(count)
+    bits = ranked([first, min(first + 1, count - 1)], counted, 2)
+    low, high = np.array(bits, np.uint32).view(np.float32).tolist()
+    return steep_between(low, high, share)
 
 
 def _visible_places(
