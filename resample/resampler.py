@@ -66,7 +66,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     reconstruction
         Kernel around every sample, by name or as an object.
     order
-        Order of compositing, by name, such as `image-sheets:thickness=1`, or as an object.
+        Order of compositing, by name, such as `every-sample:key=distance`, or as an object.
     threshold
         A sample is a point when neighbours are at most this many sub-pixels apart on screen;
         None takes the primitive's own.

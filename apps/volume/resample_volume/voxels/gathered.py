@@ -123,12 +123,7 @@ def gathered(
     if transfer.needs_gradient:
         shape = (64, shape[1])
         parts = partial(_visible, volume, transfer, data_range, resampler)
-        if is_in_file(volume.values):
-            steep = _steepness_of_parts(volume, parts, gradient)
-        else:
-            require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
-            seen = np.concatenate(list(parts()))
-            steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
+        steep = _steepness_of(volume, parts, gradient, count)
     each = [transfer]
     if labels is not None:
         from resample_volume.classification.labels import Ruled
@@ -392,13 +387,17 @@ def _visible(
         start += value.size
 
 
-def _steepness_of_parts(
-    volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str
+def _steepness_of(
+    volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str, count: int
 ) -> float:
-    """Return `steepness` of the voxels of parts, without holding all their gradients.
+    """Return `steepness` of the voxels of parts; of values in a file not all gradients are held.
 
     Lengths are not negative, so they sort as their bits do.
     """
+    if not is_in_file(volume.values):
+        require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
+        every = np.concatenate(list(parts()))
+        return steepness(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
 
     def counted(prefix: int, digit: int) -> NDArray[np.int64]:
         total = np.zeros(1 << DIGIT, np.int64)
@@ -407,7 +406,6 @@ def _steepness_of_parts(
             total += counts_by_digit(length.astype(np.float32).view(np.uint32), prefix, digit)
         return total
 
-    count = sum(seen.size for seen in parts())
     if not count:
         return 0.0
     first, share = steep_rank(count)
