@@ -222,11 +222,6 @@ class BrickArray:
             self.pinned.limit(min(most, self.pinned.most))
 
     @property
-    def pinned_bytes(self) -> int:
-        """Limit of the pinned bricks in bytes."""
-        return 0 if self.pinned is None else self.pinned.most
-
-    @property
     def bytes_each(self) -> int:
         """Bytes of a brick."""
         return prod(map(min, self.side, self.shape)) * self.dtype.itemsize

@@ -95,7 +95,7 @@ def test_bricks_are_read_where_a_file_of_others_has_none_of_them(rng, tmp_path, 
     monkeypatch.setattr(bricks.shared, "token", b"of another machine")
     assert pickle.loads(pickle.dumps(bricks)).shared is None
     bricks.pin_bricks(0)
-    assert (bricks.shared, bricks.pinned_bytes) == (None, 0)
+    assert (bricks.shared, bricks.pinned.most) == (None, 0)
 
 
 def test_bricks_are_not_shared_where_no_file_can_be_written(tmp_path, monkeypatch):

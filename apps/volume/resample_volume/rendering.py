@@ -75,9 +75,6 @@ if TYPE_CHECKING:
     from resample_volume.media.lattices import CommonLattice
     from resample_volume.surfaces.meshes import SceneMesh
 
-NOTHING = np.zeros((0, 3), np.float32)
-NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
-
 Visible: TypeAlias = Voxels | FieldVoxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what a renderer gets
 Fit = Literal["visible", "volume"]  # what cameras orbit
