@@ -23,7 +23,7 @@ PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
                 allowed,
                 marks=pytest.mark.sweep,
             )
-            for size, allowed in ((512, 128), (512, 320), (1024, 640), (1024, 1024))
+            for size, allowed in ((512, 192), (512, 320), (1024, 768), (1024, 1024))
         ),
     ],
 )

@@ -226,7 +226,7 @@ def as_array(volume: Volume) -> Volume:
             f"{amount(beside * 4 // 3)} of memory and a file for the rest; "
             f"{amount(bricks.memory)} are allowed: give more memory or a coarser level"
         )
-    most = 3 * pages // 4  # some more are in memory until the others are released
+    most = pages // 2  # more are in memory until others are released
     values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
     LOG.info(
         "%s is needed as a whole and does not fit in %s of memory: it and its field are in a "
