@@ -1,7 +1,7 @@
 """Volumes larger than memory: `python -m benchmarks.scale`, or `make demo-scale`.
 
 A sparse volume is generated as OME-Zarr, box by box, and rendered within a memory budget: by a
-fresh process, and by several that share the windows of the picture. A small one is rendered in
+fresh process, and by several that share its rows. A small one is rendered in
 memory too. All results must have the same bits.
 """
 
@@ -25,9 +25,7 @@ from resample.memory import GIB, bytes_of
 from resample_volume.files.stores.statistics_cache import RECENT
 
 if TYPE_CHECKING:
-    from resample.outofcore.windows import Budget
     from resample.types import Frame
-    from resample_volume.media.appearance import Appearance
     from resample_volume.types import Volume
 
 LOOK, CAMERA = "60/#804020/0,120/#e0a060/0.5,240/white/0.9", Orbit(30.0, 20.0)
@@ -118,15 +116,13 @@ def rendered(job: Job) -> dict[str, Any]:
     from resample_volume.command.inputs import prepared
     from resample_volume.data.bricks import Bricks
     from resample_volume.files.source import generate
-    from resample_volume.media.appearance import Appearance, Classification
     from resample_volume.rendering import render
 
-    look = Appearance(LOOK, classification=Classification.PRE)
-    render(generate("checker-box:size=16"), look, size=(32, 32))  # compiles or loads kernels
+    render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # compiles or loads kernels
     base, start, busy = _peak(), time.perf_counter(), _busy()
     source = ReadOptions(memory=f"{job.memory / 1000:.3f}kB")
     volume = prepared(source, str(job.path), streamed=job.how != "memory")
-    frame, windows = _shared(volume, job) if job.how == "workers" else _alone(volume, job)
+    frame = _shared(volume, job) if job.how == "workers" else _alone(volume, job)
     digest = hashlib.sha256()
     for part in (frame.rgba, frame.depth, frame.coverage):
         digest.update(np.ascontiguousarray(part).tobytes())
@@ -138,7 +134,6 @@ def rendered(job: Job) -> dict[str, Any]:
         "peak": max(_peak(), worker),
         "added": _peak() - base + workers,
         "voxels": frame.statistics.samples,
-        "windows": windows,
         "bricks": int(np.prod(values.count)) if in_bricks else 0,
         "reads": values.reads if in_bricks else 0,
         "seconds": time.perf_counter() - start,
@@ -147,48 +142,33 @@ def rendered(job: Job) -> dict[str, Any]:
     }
 
 
-def _alone(volume: "Volume", job: Job) -> "tuple[Frame, int]":
-    """Picture by this process, from all visible voxels at once if they fit."""
-    from resample.resampler import Resampler
-    from resample_volume.media.appearance import Appearance, Classification
+def _alone(volume: "Volume", job: Job) -> "Frame":
+    """Picture by this process."""
+    from resample_volume.media.appearance import BY_DEFAULT, Appearance
     from resample_volume.rendering import Subject
-    from resample_volume.voxels.streaming import TooManyVoxelsError
-    from resample_volume.windows import Budget
 
-    look = Appearance(job.look, classification=Classification.PRE)
-    try:
-        subject = Subject.of(volume, look, around=volume)
-    except TooManyVoxelsError:
-        return _windowed(volume, look, Budget(job.memory))
+    subject = Subject.of(volume, Appearance(job.look), BY_DEFAULT, around=volume)
     camera = subject.camera(CAMERA, SIDE, SIDE)
-    seen = subject.samples_for(camera)
-    return Resampler()(seen, camera, height=SIDE, width=SIDE), 1
+    return BY_DEFAULT(subject.samples_for(camera), camera, height=SIDE, width=SIDE)
 
 
-def _windowed(volume: "Volume", look: "Appearance", spent: "Budget") -> "tuple[Frame, int]":
-    """Picture by windows."""
-    from resample_volume.windows import paint_streamed, streamed_subject
-
-    media, size = [(volume, look)], (SIDE, SIDE)
-    subject = streamed_subject(media)
-    return paint_streamed(media, subject, subject.camera(CAMERA, *size), size, spent)
-
-
-def _shared(volume: "Volume", job: Job) -> "tuple[Frame, int]":
+def _shared(volume: "Volume", job: Job) -> "Frame":
     """Picture by several processes, each with its part of the memory."""
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
-    from resample_volume.media.appearance import Appearance
-    from resample_volume.windows import Budget
+    from resample_volume.command.bands import SharedScene, painted_by
+    from resample_volume.media.appearance import BY_DEFAULT, Appearance
+    from resample_volume.voxels.framing import ball_around, centered
 
-    with (
-        tempfile.TemporaryDirectory(dir=job.path.parent) as folder,
-        at_work(Sharing(workers=job.workers)) as crew,
-    ):
+    whole, _ = centered(volume)
+    camera = CAMERA.around(ball_around(whole), SIDE, SIDE)
+    with at_work(Sharing(workers=job.workers)) as crew:
         if crew is None:
             raise RuntimeError("there are no workers")
-        spent = Budget(job.memory // crew.tasks, crew.threads, Path(folder), crew.executor)
-        return _windowed(volume, Appearance(job.look), spent)
+        scene = SharedScene(
+            [(volume, Appearance(job.look))], BY_DEFAULT, "volume", camera, (SIDE, SIDE)
+        )
+        return painted_by(crew, scene)
 
 
 def _busy() -> float:
@@ -204,11 +184,10 @@ def _peak() -> int:
 
 def _facts(told: dict[str, Any]) -> str:
     reads = f", {told['bricks']} bricks, {told['reads']} reads" if told["bricks"] else ""
-    shared = f", {told['windows']} windows" if told["windows"] > 1 else ""
     return (
         f"{told['seconds']:.1f} s ({told['busy']:.1f} s of CPU), RSS {told['peak'] / MIB:.0f} MiB, "
-        f"{told['added'] / MIB:.0f} of all the picture's, {told['voxels']} visible voxels{shared}"
-        f"{reads}, hash {told['hash']}"
+        f"{told['added'] / MIB:.0f} of all the picture's, {told['voxels']} samples{reads}"
+        f", hash {told['hash']}"
     )
 
 

@@ -46,7 +46,7 @@ ELSEWHERE = {
     "hybrid-resample-comparisons": {
         "commands": "points.compare texture.compare volume.compare warp3d.compare",
         "methods": "area bilinear cubic lanczos4 oiio opencv-supersample",
-        "orders": "axis-sheets",
+        "orders": "axis-sheets image-sheets",
         "peers": "VTK",
         "primitives": "ewa inflate",
         "warps": "ldi mcmillan mcmillan-zbuffer mesh opencv subsample",

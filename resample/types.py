@@ -35,7 +35,7 @@ MOST_COLUMNS = 200
 
 LAST_SHEET = 2e9  # sheet numbers have 32 bits
 
-# Projections of sheets; see `resample.engine.slabs.fields`.
+# Projections of sheets; see `resample_comparisons.volume.kernels.slabs.fields`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM = range(6)
 
 

@@ -129,10 +129,10 @@ class Resampling(Choices):
     order: Annotated[
         str | None,
         Field(
-            description="Compositing order: every-sample, axis-sheets, or image-sheets:thickness=1."
-            " Fields and their projections are cast along rays:step=1,sharpness=1,quality=best (or "
-            "usual, or fast), or take image-sheets. Maxima and minima stay within the range of the "
-            "voxels around, except with rays:interpolation=spline."
+            description="Compositing order: every-sample; axis-sheets and image-sheets:thickness=1 "
+            "of hybrid-resample-comparisons. Fields and their projections are cast along "
+            "rays:step=1,sharpness=1,quality=best (or usual, or fast). Maxima and minima stay "
+            "within the range of the voxels around, except with rays:interpolation=spline."
         ),
     ] = None
     projection: Shown = "composite"

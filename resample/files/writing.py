@@ -176,28 +176,6 @@ def _locked(target: Path, held: ExitStack) -> Path:
         return lock
 
 
-@contextmanager
-def inheriting(target: Path) -> Iterator[list[Path]]:
-    """Take over the folders of killed processes of this machine for the same target.
-
-    They are locked by this process from now on, which can resume their work.
-
-    Yields: the folders. Those that still exist at the end are removed.
-    """
-    found: list[Path] = []
-    with ExitStack() as held:
-        for opened, lock, names in _left(target.parent):
-            path = lock.with_name(_start_of(lock) + target.suffix)
-            is_same = lock.name.startswith(f".{target.stem[:MOST]}.lock-") and path.name in names
-            if is_same and path.is_dir():
-                held.callback(_release, opened, lock)
-                held.callback(_remove, path)
-                found.append(path)
-            else:
-                os.close(opened)
-        yield found
-
-
 def _start_of(lock: Path) -> str:
     """Names of temporary files begin so, of whom holds a lock."""
     return LOCK.sub(r"\1.tmp-\2\3", lock.name)

@@ -30,14 +30,6 @@ def return_freed_memory() -> None:
     _tune_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
-def trim() -> None:
-    """Return all freed memory to the system now, for all threads and array sizes.
-
-    Useful between two stages that both need much memory. No effect without glibc.
-    """
-    _tune_glibc("malloc_trim", 0)
-
-
 def _tune_glibc(name: str, *numbers: int) -> None:
     """Call a function of glibc, if the platform uses it."""
     import ctypes

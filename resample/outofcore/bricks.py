@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from math import prod
 from threading import Lock
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 from uuid import uuid4
 
 import numpy as np
@@ -20,20 +20,6 @@ Box = tuple[slice, ...]  # likewise
 
 SHARE = 8  # memory limit over that of the pinned bricks
 OWN = uuid4().hex  # identifies caches of this process
-
-
-def with_neighbours(is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Dilate a selection of bricks by one brick."""
-    found = np.pad(is_chosen, 1)  # so that nothing wraps around
-    for axis, by in product(range(found.ndim), (-1, 1)):
-        found |= np.roll(found, by, axis)
-    return found[(slice(1, -1),) * found.ndim]
-
-
-def bricks_in_memory(is_needed: NDArray[np.bool_]) -> int:
-    """Return the number of bricks held at once, as slopes need adjacent ones: two layers."""
-    layers = is_needed.reshape(len(is_needed), -1).sum(axis=1)
-    return int((layers[1:] + layers[:-1]).max(initial=layers.max(initial=0)))
 
 
 def spans(count: int, parts: int) -> list[tuple[int, int]]:
@@ -63,48 +49,6 @@ def copy_shared(values: NDArray[Any], box: Box, brick: NDArray[Any], own: Box) -
         for at in (box, own)
     )
     values[to] = brick[of]
-
-
-class BrickRequest(NamedTuple):
-    """Blocks whose elements are requested."""
-
-    side: int  # elements along each axis
-    is_requested: NDArray[np.bool_]  # of blocks
-
-    def has_any(self, box: Box) -> bool:
-        """Return whether any element of a box is requested."""
-        at = (slice(p.start // self.side, (p.stop - 1) // self.side + 1) for p in box)
-        return bool(self.is_requested[tuple(at)].any())
-
-    def holds(self, at: Sequence[NDArray[np.int64]]) -> NDArray[np.bool_]:
-        """Return which elements (N,) are requested, by indices along each axis."""
-        return self.is_requested[tuple(n // self.side for n in at)]
-
-
-class LruCache:
-    """Cache of the most recently used bricks, up to a limit in bytes."""
-
-    def __init__(self, most: int) -> None:
-        self.most, self._size = most, 0
-        self._kept: dict[Step, NDArray[Any]] = {}
-        self._lock = Lock()
-
-    def found(self, index: Step) -> NDArray[Any] | None:
-        """Return a brick if cached, and mark it as the most recent."""
-        with self._lock:
-            values = self._kept.pop(index, None)
-            if values is not None:
-                self._kept[index] = values
-            return values
-
-    def keep(self, index: Step, values: NDArray[Any]) -> None:
-        """Cache a brick, and evict the least recently used."""
-        with self._lock:
-            if index not in self._kept and values.nbytes <= self.most:
-                self._kept[index] = values
-                self._size += values.nbytes
-            while self._size > self.most:
-                self._size -= self._kept.pop(next(iter(self._kept))).nbytes
 
 
 class PinnedCache:
@@ -182,9 +126,6 @@ class BrickArray:
     found: dict[Any, Any] = field(default_factory=dict)  # facts, see `resample.outofcore.caching`
     memory: int | None = None  # memory limit for all that is made of them; None: the machine's
     reads: int = 0  # counts bricks read
-    most_held: int = 0  # peak bytes of bricks in memory together
-    request: BrickRequest | None = None  # blocks whose elements are requested; None: all
-    recent: LruCache | None = None  # cache of bricks
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file
     shared: SharedBricks | None = None  # pinned bricks that other processes have, too
     period: int | None = None  # elements of the first axis at which bricks restart; None: none
@@ -225,12 +166,7 @@ class BrickArray:
 
     def brick(self, index: Step) -> NDArray[Any]:
         """Return the values of a brick."""
-        values = None if self.recent is None else self.recent.found(index)
-        if values is None:
-            values = self.decoded(self._read(index))
-            if self.recent is not None:
-                self.recent.keep(index, values)
-        return values
+        return self.decoded(self._read(index))
 
     def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
         """Return values for those in the file; here the same."""
@@ -266,17 +202,13 @@ class BrickArray:
                     shared.keep(int(np.ravel_multi_index(index, self.count)), values)
             self.shared = shared
 
-    def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> Self:
-        """Return a copy restricted to some blocks; it counts its own reads."""
-        return replace(self.anew(), request=request, recent=recent)
-
     def anew(self) -> Self:
         """Return a copy that counts its own reads."""
-        return replace(self, reads=0, most_held=0, _lock=Lock())
+        return replace(self, reads=0, _lock=Lock())
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs."""
-        return self.__dict__ | {"found": {}, "recent": None, "_lock": None}
+        return self.__dict__ | {"found": {}, "_lock": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state, _lock=Lock())
@@ -288,15 +220,6 @@ class BrickArray:
             self.pinned = PinnedCache(most)
         else:
             self.pinned.limit(min(most, self.pinned.most))
-
-    @property
-    def pinned_bytes(self) -> int:
-        """Limit of the pinned bricks in bytes."""
-        return 0 if self.pinned is None else self.pinned.most
-
-    def hold(self, count: int) -> None:
-        """Record the number of bricks in memory."""
-        self.most_held = max(self.most_held, count * self.bytes_each)
 
     @property
     def bytes_each(self) -> int:

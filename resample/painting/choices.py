@@ -101,7 +101,6 @@ ProjectionName = Literal[
     "composite", "maximum", "average", "additive", "first-hit", "minimum", "xray"
 ]
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
-WHOLE = SUMS  # every pixel depends on all others
 MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
 
 
@@ -211,17 +210,16 @@ class PaintChoices:
 
     @cached_property
     def _painter(self) -> "SamplePainter":
-        """Who paints samples: the primitive's own painter, or the one that the order asks for."""
-        own = technique_of(self.primitive).painter
+        """Who paints samples: the primitive's own painter, that of the order, or the usual one."""
+        own = technique_of(self.primitive).painter or getattr(self.order, "painter", None)
         if own is not None:
-            return own(self)
-        if self.order.summing is Summing.POINTS:
-            from resample.painting.splats import StreamedPainter
+            painter: SamplePainter = own(self)
+            return painter
+        if self.order.summing is not Summing.POINTS:
+            raise ValueError(f"the order {self.order} has no painter of samples")
+        from resample.painting.splats import StreamedPainter
 
-            return StreamedPainter(self.reconstruction, self.point_filter)
-        from resample.painting.slabs import SummedPainter
-
-        return SummedPainter(self.reconstruction)
+        return StreamedPainter(self.reconstruction, self.point_filter)
 
     @property
     def point_filter(self) -> PixelFilter:
@@ -350,16 +348,3 @@ def check_scaled(choice: PaintChoices) -> None:
             f"samples of a scale each are {', '.join(scaled)} of exact footprint, not "
             f"{choice.primitive} of {choice.footprint or technique.own_footprint}"
         )
-
-
-def check_in_windows(choice: PaintChoices, *, is_field: bool) -> None:
-    """Refuse choices that take all of a picture together, and those that are for fields."""
-    is_by_rays = choice.order.summing is Summing.RAYS
-    if is_by_rays or choice.projection in WHOLE:
-        raise ValueError(
-            f"{'the order rays' if is_by_rays else choice.projection} cannot be painted window "
-            "by window; leave the window out, or take another projection of samples in "
-            "another order"
-        )
-    if not is_field and choice.projection is not Projection.COMPOSITE:
-        raise ValueError(f"the projection {choice.projection} needs a field's classifier")

@@ -10,12 +10,13 @@ import numpy as np
 
 from resample.painting.runs import (
     RUN_EXTENT,
+    Output,
+    RunPainter,
     breaks,
     paint_at_once,
     plan_of,
     planned,
 )
-from resample.painting.scenes.cuts import Between, Output, RunPainter
 from resample.painting.scenes.plans import POINTS, PicturePlan
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
 from resample.profiles.orders import Summing
@@ -68,20 +69,6 @@ def _are_points(scene: PreparedScene, most: float) -> bool:
     return bool(most * finest <= style.threshold)
 
 
-def plan_of_points(scene: PreparedScene, samples: Samples) -> PicturePlan:
-    """Plan of samples as if all were points."""
-    return plan_of(planned(scene, POINTS, _outlined(scene, samples), MOST_COLUMNS))
-
-
-def suits_points(scene: PreparedScene, plan: PicturePlan) -> bool:
-    """Whether all samples of a plan are points, and their filter is suitable."""
-    from resample.engine.subpixels import grid_of
-
-    finest = grid_of(plan.least, scene.style)
-    is_seen = plan.visible > 0 and _are_points(scene, plan.most)
-    return is_seen and _form_of(scene, plan, finest) is not None
-
-
 def _form_of(scene: PreparedScene, plan: PicturePlan, finest: int) -> Spread | None:
     """Filter of points; None if the filter, rows, sheets or crowds do not fit."""
     from resample.engine.points.outlines import TOO_WIDE
@@ -122,7 +109,6 @@ def _power_of_two(number: float) -> float:
 
 def points_by_runs(scene: PreparedScene, profile: Profile) -> RunPainter:
     """Painter of points for a planned scene."""
-    from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.points.outlines import find_point_spacings
     from resample.engine.points.runs import paint_point_runs
     from resample.engine.subpixels import grid_of
@@ -133,16 +119,13 @@ def points_by_runs(scene: PreparedScene, profile: Profile) -> RunPainter:
         raise RuntimeError("a plan of points has a filter that fits")
 
     def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
-        film, _, tally, carried = output
-        paint_point_runs(turn, tiles, runs, stage, profile, form, (film, tally, carried))
+        film, _, tally = output
+        paint_point_runs(turn, tiles, runs, stage, profile, form, (film, tally))
 
     return RunPainter(
-        lambda samples: _outlined(scene, samples),
         lambda tiles, runs: find_point_spacings(tiles, runs, stage),
         paint,
         lambda _, runs: int(runs.known["seen"].sum()),
-        Between.LAYERS,
-        len(KEPT),
     )
 
 
@@ -161,7 +144,7 @@ def paint_points(
     clock = Clock()
     runs = _outlined(scene, samples)
     most = runs.known["most_spacing"].max()
-    if scene.plan is None and not (_are_points(scene, most) and runs.known["seen"].any()):
+    if not (_are_points(scene, most) and runs.known["seen"].any()):
         return None
     scene = planned(scene, POINTS, runs, MOST_COLUMNS)
     plan = plan_of(scene)

@@ -54,12 +54,6 @@ def checked(choice: PaintChoices, samples: Samples | Field) -> tuple[Samples, Cl
     return known, None
 
 
-def no_samples(lattice: Doubles) -> Samples:
-    """Samples of a lattice that are not at hand."""
-    nobody = np.zeros((0, 3), np.float32)
-    return Samples(nobody, nobody, nobody[:, 0], lattice)
-
-
 def prepared(
     choice: PaintChoices,
     tables: Tables,

@@ -62,6 +62,7 @@ SPARSE = 1.5  # px per voxel below which no pixel is interpolated
 FEWEST_RAYS = 2  # per side of a pixel, for voxels smaller than `LARGE`
 NEAREST = 1e-30  # scene units from the eye; smallest distance
 EDGE, OF_EDGES = 0.3, 2  # second difference in linear light of an edge, and rays per side there
+OF_ROWS = 2  # px beyond some rows on which their edges and means depend
 OF_MIDDLE = 0.25  # weight of the ray through the center of such a pixel
 MESH_RAYS = 4  # the same at edges of meshes
 BEND = np.array([1, -2, 1])  # weights of a second difference
@@ -110,8 +111,9 @@ class RayPainter:
         view: View,
         size: tuple[int, int],
         progress: Progress | None,
+        rows: tuple[int, int],
     ) -> tuple[PaintTarget, Statistics]:
-        """Paint fields to a picture (height, width); meshes are those of the first."""
+        """Paint rows of a picture (height, width) of fields; meshes are those of the first."""
         from resample.engine.rays.adaptive_sampling import Evenness
         from resample.engine.rays.painting import Output
 
@@ -126,6 +128,8 @@ class RayPainter:
         if style.projection in EXTREMES and fineness > 1:
             tile = SMALL_TILE
         left, top, right, bottom = _tiles_of(media, view, size, self.tables.pixel_margin, tile)
+        top = max(top, (rows[0] - OF_ROWS) // tile)
+        bottom = max(top, min(bottom, -(-(rows[1] + OF_ROWS) // tile)))
         count = (right - left) * (bottom - top)
         painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
         is_sum = style.projection == ADDITIVE
@@ -155,8 +159,8 @@ class RayPainter:
         rays = count * (tile * fineness) ** 2
         if fineness == 1 and self.quality != "best" and self.tables.pixel_margin == 0:
             edges, middles = _edges_of(painted.film), painted.film.rgba.reshape(-1, 4)
-            if self.quality == "fast":
-                edges = edges[:0]
+            of_rows = (edges >= rows[0] * size[1]) & (edges < rows[1] * size[1])
+            edges = edges[of_rows] if self.quality != "fast" else edges[:0]
             before = middles[edges]
             _mean_from_middles(painted.film)
             again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
@@ -448,9 +452,9 @@ def _is_from_eye(classifier: Classifier, eye: Doubles, view: View) -> bool:
     return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
-def _columnwise(bound: NDArray[np.generic], low: float, per_value: float) -> Floats:
+def _columnwise(bound: NDArray[Any], low: float, per_value: float) -> Floats:
     """Bounds of bricks in columns, computed plane by plane to save memory."""
-    columns = np.empty(bound.shape, np.float32)
+    columns = array_like(bound, bound.shape, np.float32, FIELD)
     for n, plane in enumerate(bound):
         columns[n] = per_value * (plane - low)
     return columns
@@ -551,7 +555,7 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
             if seen.any()
             else np.full(seen.shape, MOST_BRICKS)
         )
-        apart = np.minimum(away, MOST_BRICKS).astype(np.uint8)
+        apart = np.minimum(away, MOST_BRICKS, out=away).astype(np.uint8)
     return BrickBounds(
         apart.reshape(-1),
         np.asarray(bounds.least.reshape(-1), np.float32),

@@ -4,7 +4,6 @@ Splats with exact footprints take a faster path; with other footprints or points
 mixture. See `resample.engine.mixtures.deferred`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,36 +13,23 @@ import numpy as np
 from resample.painting import points
 from resample.painting.runs import (
     RUN_EXTENT,
+    Output,
+    RunPainter,
     breaks,
     paint_at_once,
     plan_of,
     planned,
-    spacings_of,
 )
-from resample.painting.scenes.cuts import Between, Output, RunPainter
-from resample.painting.scenes.planning import (
-    Columns,
-    are_splats_exact,
-    margin_beyond_window,
-    plan_of_all,
-    plan_of_parts,
-)
-from resample.painting.scenes.plans import (
-    MIXTURE,
-    POINTS,
-    SPLATS,
-    PicturePlan,
-    PlansOfPart,
-    SamplesInParts,
-)
+from resample.painting.scenes.plans import MIXTURE, SPLATS
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
 from resample.profiles.filters import PixelFilter, filter_profile
 from resample.profiles.reconstruction import Reconstruction, footprint_pieces, footprint_profile
 from resample.types import (
+    DISC,
+    EXACT,
     MOST_COLUMNS,
     RUN,
     Absorbing,
-    Floats,
     Formula,
     Indices,
     Linear,
@@ -52,7 +38,6 @@ from resample.types import (
     Records,
     Runs,
     Samples,
-    Single,
     Statistics,
     Tabulated,
     Tiles,
@@ -63,6 +48,13 @@ if TYPE_CHECKING:
     from resample.engine.ellipsoids.mixed import Mixture
 
 LONGEST_RUN = 64  # samples
+
+
+def are_splats_exact(scene: PreparedScene) -> bool:
+    """Whether splats have exact footprints, and may occur."""
+    style = scene.style
+    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
+    return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
 
 
 def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
@@ -123,47 +115,28 @@ def paint_splats(
     """
     clock = Clock()
     runs = runs_of(scene, samples, are_mixed=False)
-    if scene.plan is None and may_have_points(scene, runs):
+    if may_have_points(scene, runs):
         return None
     scene = planned(scene, SPLATS, runs, MOST_COLUMNS)
     clock.lap("project")
     return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
 
 
-def plans_of(
-    scene: PreparedScene, samples: Samples, asked: Sequence[str], columns: Columns
-) -> PlansOfPart:
-    """Plans of samples as if all were splats with exact footprints, and as a mixture."""
-    found: list[PicturePlan | None] = []
-    for painter, is_possible in ((SPLATS, are_splats_exact(scene)), (MIXTURE, True)):
-        plan = None
-        if painter in asked and is_possible:
-            runs = runs_of(scene, samples, are_mixed=painter == MIXTURE)
-            most = columns(runs.known["least_spacing"].min())
-            plan = plan_of(planned(scene, painter, runs, most))
-        found.append(plan)
-    return PlansOfPart(found[0], None, found[1])
-
-
 def splats_by_runs(scene: PreparedScene, formula: Formula) -> RunPainter:
     """Painter of splats, or a mixture, for a planned scene."""
-    from resample.engine.ellipsoids.steps import KEPT
     from resample.engine.mixtures.deferred import find_spacings, paint_runs
 
     mixture, stage = mixture_of(scene), scene.stage
     are_mixed = mixture is not None
 
     def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
-        film, _, tally, carried = output
-        paint_runs(turn, tiles, runs, stage, formula, mixture, (film, tally, carried))
+        film, _, tally = output
+        paint_runs(turn, tiles, runs, stage, formula, mixture, (film, tally))
 
     return RunPainter(
-        lambda samples: runs_of(scene, samples, are_mixed=are_mixed),
         lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
         paint,
         lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
-        Between.LAYERS if are_mixed else Between.SPLATS,
-        len(KEPT),
     )
 
 
@@ -204,17 +177,12 @@ def _peak(scene: PreparedScene) -> float:
     return float(scene.tables.footprint.max() * scene.ellipsoid.scale * longest)
 
 
-def _most_columns(_: Single) -> int:
-    return MOST_COLUMNS
-
-
 @dataclass(frozen=True)
 class StreamedPainter:
     """Composites splats one by one, and points in layers."""
 
     reconstruction: Reconstruction
     point_filter: PixelFilter
-    needs_together = None
 
     @cached_property
     def _profiles(self) -> tuple[Profile | None, Pieces | None]:
@@ -226,49 +194,14 @@ class StreamedPainter:
         """Filter of points as a formula, where there is one."""
         return filter_profile(self.point_filter)
 
-    def _formula(self, scene: PreparedScene) -> Formula:
-        return formula_of(scene, *self._profiles)
-
-    def _may_be_points(self, scene: PreparedScene) -> bool:
-        return self._point_profile is not None and points.can_defer_points(scene)
-
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         """As splats if all are, as points if all are, or else as a mixture."""
-        painted, formula = None, self._formula(scene)
-        by = None if scene.plan is None else scene.plan.painter
-        if are_splats_exact(scene) and by in (None, SPLATS):
+        painted, formula = None, formula_of(scene, *self._profiles)
+        if are_splats_exact(scene):
             painted = paint_splats(scene, samples, formula, progress)
-        can_defer = (
-            samples.scale is None and points.can_defer_points(scene) and by in (None, POINTS)
-        )
+        can_defer = samples.scale is None and points.can_defer_points(scene)
         if painted is None and can_defer and self._point_profile is not None:
             painted = points.paint_points(scene, samples, self._point_profile, progress)
         return painted or paint_mixture(scene, samples, formula, progress)
-
-    def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
-        found = plans_of(scene, samples, asked, _most_columns)
-        if POINTS not in asked or not self._may_be_points(scene):
-            return found
-        return found._replace(points=points.plan_of_points(scene, samples))
-
-    def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
-        suits_points = points.suits_points if self._may_be_points(scene) else None
-        return plan_of_all(scene, parts, _most_columns, suits_points)
-
-    def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
-        return plan_of_parts(scene, source, _most_columns)
-
-    def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
-        return margin_beyond_window(scene, plan)
-
-    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        return spacings_of(*self.by_runs(scene), samples)
-
-    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
-        """Painter of points if the plan says so, otherwise of splats or a mixture."""
-        by_points = scene.plan is not None and scene.plan.painter == POINTS
-        if by_points and self._point_profile is not None:
-            return scene, points.points_by_runs(scene, self._point_profile)
-        return scene, splats_by_runs(scene, self._formula(scene))

@@ -18,7 +18,8 @@ MARGINS = (4.0, 13.5)
 FIELD = "the field"
 LEVELS, TINY = 255.0, 1e-300
 PLANES = 16  # planes of blocks that are bounded together
-BYTES_OF_BOUNDS = 0.3  # per sample, temporary memory for the bounds of a picture
+# Per sample, temporary memory for the bounds of a picture, and where these are in a file.
+BYTES_OF_BOUNDS, BYTES_BESIDE_BOUNDS = 0.3, 0.12
 
 
 def spline_of(
@@ -125,7 +126,8 @@ def bytes_of_field(
     `most`: budget of pages in memory for samples in a file; their other bytes do not count.
     """
     held = 2 if kind in SHORT else 4 if kind in AS_THEY_ARE else 8
-    bounds = int(prod(shape) * BYTES_OF_BOUNDS) + _threads(shape, most) * _bytes_of_slab(shape)
+    each = BYTES_OF_BOUNDS if most is None else BYTES_BESIDE_BOUNDS
+    bounds = int(prod(shape) * each) + _threads(shape, most) * _bytes_of_slab(shape)
     return bounds if most is not None else bounds + prod(shape) * held
 
 

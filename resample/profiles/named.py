@@ -60,8 +60,8 @@ class ByName(_Held[T]):
     Examples
     --------
     >>> from resample import Resampler
-    >>> Resampler(order="image-sheets:thickness=2").order
-    ImageSheets(thickness=2)
+    >>> Resampler(order="every-sample:thickness=2").order
+    EverySample(thickness=2, key='depth')
     """
 
     def __init__(self, group: str, default: T) -> None:

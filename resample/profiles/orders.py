@@ -12,7 +12,6 @@ import numpy as np
 from resample.types import LAST_SHEET, Doubles, Floats, Layers, Sheets, View
 from resample.words import number
 
-THINNEST = 1e-3  # voxels; thinner slabs change nothing and take proportionally longer
 QUALITIES = ("best", "usual", "fast")  # of rays
 MONOTONE = "monotone"
 INTERPOLATIONS = (MONOTONE, "spline")  # for maxima and minima
@@ -39,7 +38,7 @@ class CompositingOrder(Protocol):
 
     @property
     def summing(self) -> Summing:
-        """What is summed."""
+        """What is summed; orders of sheets and slabs have a `painter`, made of a choice of all."""
 
     def __call__(self, view: View, lattice: Doubles) -> Layers:
         """Layers of samples with a lattice (3, 3); those of `Summing.SLABS` are layers of depth."""
@@ -65,7 +64,7 @@ class EverySample:
     summing = Summing.POINTS
 
     def __post_init__(self) -> None:
-        _check_thickness(self.thickness)
+        check_thickness(self.thickness)
         if self.key not in ("depth", "distance"):
             raise ValueError(f"samples are ordered by depth or distance, not by {self.key!r}")
 
@@ -74,33 +73,6 @@ class EverySample:
         if self.key == "distance" and view.perspective:
             return layers._replace(axis=(0.0, 0.0, 0.0), offset=0.0, is_around=True)
         return layers
-
-
-@dataclass(frozen=True)
-class ImageSheets:
-    """Slabs of even depth, which cut splats into parts.
-
-    Mueller, Shareef, Huang and Crawfis, High-Quality Splatting on Rectilinear Grids with Efficient
-    Culling of Occluded Voxels, 1999. No bleeding and no popping; every splat is painted once per
-    slab that it meets. Thinner slabs come closer to the integral along the ray.
-
-    Parameters
-    ----------
-    thickness
-        Thickness of a slab, voxels.
-    """
-
-    thickness: float = 1.0
-
-    summing = Summing.SLABS
-
-    def __post_init__(self) -> None:
-        _check_thickness(self.thickness)
-        if self.thickness < THINNEST:
-            raise ValueError(f"slabs of {self.thickness} voxels; {THINNEST} is the least")
-
-    def __call__(self, view: View, lattice: Doubles) -> Layers:
-        return of_depth(view, thickness_of(lattice, self.thickness))
 
 
 @dataclass(frozen=True)
@@ -170,7 +142,8 @@ def _vector(array: Doubles) -> tuple[float, float, float]:
     return (float(array[0]), float(array[1]), float(array[2]))
 
 
-def _check_thickness(thickness: float) -> None:
+def check_thickness(thickness: float) -> None:
+    """Reject a layer without thickness."""
     if not 0 < number("thickness", thickness) < np.inf:
         raise ValueError(f"a layer's thickness must be above 0 voxels, not {thickness}")
 

@@ -12,11 +12,13 @@ from resample.engine.subpixels import grid_of
 from resample.painting import splats as deferred
 from resample.painting.choices import Primitive
 from resample.painting.preparing import style_of
+from resample.painting.runs import dealt, plan_of, planned
+from resample.painting.scenes.plans import MIXTURE
 from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel, footprint_profile
-from resample.types import Samples, Screen
+from resample.types import MOST_COLUMNS, Samples, Screen
 from tests.bits import assert_same
 from tests.records import from_records
 from tests.samples import painter, shuffled
@@ -100,11 +102,14 @@ def test_tiles_are_as_fine_as_their_closest_samples_ask_for(rng):
     position = np.column_stack([*(place * depth / 12.0), depth]).astype(np.float32)
     samples = Samples(position, np.ones_like(position), np.ones(400, np.float32), np.eye(3))
     paint, eye = painter(), Camera.from_intrinsics(12.0, 12.0, 26.0, 21.0, np.eye(4))
-    plan = paint.plan(samples, eye, **SIZE)
-    found = paint.with_spacing(plan, samples, eye).spacing
+    scene = paint._scene(samples, eye.view(), (SIZE["height"], SIZE["width"]))
+    runs = deferred.runs_of(scene, samples, are_mixed=True)
+    scene = planned(scene, MIXTURE, runs, MOST_COLUMNS)
+    by = deferred.splats_by_runs(scene, deferred.formula_of(scene, None, None))
+    found = dealt(scene, runs, by.find_spacings)[0].spacing
     known = paint.footprints(samples, eye, **SIZE)
-    screen = Screen(SIZE["width"], SIZE["height"], plan.margin, np.zeros((4, 4)))
-    tiles = dealt_to_tiles(known, screen, plan.tile)
+    screen = Screen(SIZE["width"], SIZE["height"], scene.screen.margin, np.zeros((4, 4)))
+    tiles = dealt_to_tiles(known, screen, plan_of(scene).tile)
     style = style_of(paint, samples.lattice, None)
     grids = [[grid_of(spacing, style) for spacing in each] for each in (found, tiles.spacing)]
     assert grids[0] == grids[1]

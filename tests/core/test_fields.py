@@ -8,11 +8,11 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.painting.choices import Primitive, Projection
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Lamp, Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive
 from tests.bits import ARRAYS, assert_same
 from tests.samples import CAMERAS as SEEN

@@ -24,8 +24,7 @@ from resample.files.saving import spec_of, write_pages, write_picture, writing_r
 from resample.files.sequences import Frames, write_frames
 from resample.files.writing import check_end, load_arrays, refused, store_arrays, write_json
 from resample.measuring.compare import contact_sheet, write_screen
-from resample.outofcore.windows import keep_tile
-from resample.types import Film, Frame
+from resample.types import Frame
 from resample_figures.volumes import write_numbers
 from resample_volume.classification.files import save_transfer
 from resample_volume.classification.transfer import TransferFunction
@@ -92,10 +91,6 @@ def geometry(path: Path) -> None:
     write_geometry(path, plane(), camera())
 
 
-def window(path: Path) -> None:
-    keep_tile(path.parent, (0, 0, 40, 50), Film(*FRAME[:4]), {})
-
-
 FIRST = ("animation.json", "frame-0000.png")  # that are written for a film
 WRITERS = {
     "a.png": partial(saving.write_png, rgba=NOISE, bits=16),
@@ -114,7 +109,6 @@ WRITERS = {
     **{f"mesh{suffix}": geometry for suffix in (".ply", ".glb")},
     **{f"a{suffix}": volume for suffix in (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")},
     "look.toml": partial(save_transfer, transfer=GRAY),
-    "window-0-0-40-50.npz": window,
     "rows.csv": lambda path: write_numbers(path.parent, "rows", [{"a": 1}], {}),
 }  # fmt: skip
 

@@ -8,17 +8,16 @@ import pytest
 from resample import Camera, Resampler, particles
 from resample.engine.ellipsoids.run_bounds import break_runs, outline_runs
 from resample.engine.mixtures.deferred import find_spacings, paint_runs
-from resample.engine.points.runs import paint_point_runs
 from resample.engine.rays.coefficients import find_bounds, find_coefficients
 from resample.engine.rays.painting import paint_rays
-from resample.engine.slabs.painting import paint_summed_runs
 from resample.engine.subpixels import grid, grid_of
 from resample.painting.choices import Primitive
 from resample.painting.preparing import style_of
 from resample.painting.splines import spline_of
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.types import Classifier, Lamp, LatticeField, Style
-from tests.core.test_steps import Parts, planned
+from resample_comparisons.volume.kernels.slabs.painting import paint_summed_runs
+from resample_comparisons.volume.painting import ImageSheets
 from tests.core.test_windows import HEIGHT, WIDTH, camera, cloud
 from tests.kernels import compiled_only, specialisations
 from tests.samples import CAMERAS, SIDE, block, field_cloud
@@ -146,29 +145,10 @@ def test_spacings_of_tiles_are_found_by_one_kernel() -> None:
     samples, eye = cloud(300, 20.0, 12), camera()
     counts = []
     for primitive in (Primitive.SPLATS, Primitive.EWA):
-        paint = Resampler(primitive=primitive, subpixels=2)
-        plan = paint.plan(samples, eye, height=HEIGHT, width=WIDTH)
-        paint.with_spacing(plan._replace(least=np.float32(0.1)), samples, eye)
+        paint = Resampler(primitive=primitive, threshold=0.0)
+        paint(samples, eye, height=HEIGHT, width=WIDTH)
         counts.append(specialisations(find_spacings))
     assert counts[0] == counts[1]
-
-
-@pytest.mark.some(2)
-@pytest.mark.parametrize(
-    ("choices", "kernel"),
-    [
-        ({"primitive": Primitive.SPLATS}, paint_runs),
-        ({"primitive": Primitive.POINTS}, paint_point_runs),
-        ({"primitive": Primitive.SPLATS, "order": ImageSheets()}, paint_summed_runs),
-    ],
-)
-def test_steps_are_painted_by_the_kernels_of_whole_pictures(choices: Any, kernel: Any) -> None:
-    paint, samples, eye = Resampler(**choices), cloud(300, 20.0, 12), camera()
-    paint(samples, eye, height=HEIGHT, width=WIDTH)
-    before = specialisations(kernel)
-    plan, window = planned(paint, samples), (0, 0, WIDTH, HEIGHT)
-    paint.paint_nearest_first(Parts(samples, paint, 4.0).source, eye, plan, window)
-    assert specialisations(kernel) == before
 
 
 # It compiles what nothing else does; records ask `grid_of`, and kernels `grid`.

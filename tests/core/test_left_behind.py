@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from resample.files import writing
-from resample.files.writing import beside, inheriting, replacing
+from resample.files.writing import beside, replacing
 from tests.processes import PATIENCE
 
 KILLED = """
@@ -169,27 +169,3 @@ def test_names_as_long_as_file_systems_take_can_be_written():
     with replacing(name) as temporary:
         temporary.write_text("whole")
     assert names() == [name]
-
-
-@pytest.mark.skipif(os.name == "nt", reason="there are no locks on Windows")
-def test_folders_of_dead_processes_are_inherited_by_who_writes_the_same():
-    machine = writing._machine()
-    dead = [leave("a.png", f"{machine}-0000000{n}", folder=True) for n in range(2)]
-    others = [
-        leave("a.exr", f"{machine}-00000002", folder=True),
-        leave("b.png", f"{machine}-00000003", folder=True),
-        leave("a.png", "ffffff-00000004", folder=True),
-        leave("a.png", f"{machine}-00000005"),
-    ]
-    for path in dead:
-        (path / "part").write_text(path.name)
-    target = Path("a.png").resolve()
-    with inheriting(target) as found:
-        assert sorted(path.name for path in found) == [path.name for path in dead]
-        with inheriting(target) as none:
-            assert none == []
-        with beside(target) as new:
-            assert all(path.is_dir() for path in found)
-            found[0].rename(new)
-            assert Path(new, "part").read_text() in [path.name for path in dead]
-    assert [path.exists() for path in (*dead, *others)] == [False, False, False, False, True, False]

@@ -22,8 +22,9 @@ from resample.profiles.interpolation import (
     InterpolatingGaussian,
     Nearest,
 )
-from resample.profiles.orders import EverySample, ImageSheets, Rays
+from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
+from resample_comparisons.volume.painting import ImageSheets
 from resample_meshes.rendering import MeshStyle
 from resample_points.painting.gaussians import GaussianAppearance
 from resample_points.painting.rendering import Shading

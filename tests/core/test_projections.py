@@ -16,11 +16,11 @@ from resample.painting.choices import (
     Projection,
     footprints_of,
 )
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive
 from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, painter
 

@@ -6,10 +6,11 @@ import pytest
 from resample.cameras.models import Orthographic
 from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
-from resample.profiles.orders import EverySample, ImageSheets, Rays
+from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, LatticeField, Samples
+from resample_comparisons.volume.painting import ImageSheets
 from tests.samples import DARK, POSE
 
 CAMERA = Orthographic(2.0, 2.0, 8.0, 8.0, POSE)

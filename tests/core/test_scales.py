@@ -6,10 +6,10 @@ import pytest
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.painting.choices import Primitive, footprints_of
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.types import Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive, sheared
 from tests.bits import assert_same
 from tests.samples import painter, reordered, shuffled

@@ -10,10 +10,10 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
 from resample.measuring.quality import psnr
 from resample.painting.choices import Primitive
-from resample.profiles.orders import EverySample, ImageSheets, Summing, layers_of, sheets_of
+from resample.profiles.orders import EverySample, Summing, layers_of, sheets_of
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import painter, shuffled

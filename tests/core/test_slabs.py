@@ -10,7 +10,7 @@ from scipy.special import erf
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Opacity, Primitive, footprints_of
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import (
     BSplineKernel,
     GaussianKernel,
@@ -18,7 +18,7 @@ from resample.profiles.reconstruction import (
     partial_table,
 )
 from resample.types import Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import POSE, block, cloud, painter, shuffled

@@ -14,7 +14,6 @@ from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.mixtures import models
 from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
-from resample.engine.slabs import steps as slab_steps
 from resample.engine.vectors import (
     column,
     combine,
@@ -27,6 +26,7 @@ from resample.engine.vectors import (
 )
 from resample.engine.windows import footprints as pixels
 from resample.types import Absorbing, Linear, Place
+from resample_comparisons.volume.kernels.slabs import steps as slab_steps
 from tests.kernels import run_in_python
 
 

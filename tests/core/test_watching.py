@@ -13,9 +13,9 @@ from resample import Cancel, CancelledError, cancellable
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.engine import jit
 from resample.painting.choices import Primitive, Projection
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from resample_points import Cloud, render_cloud
 from resample_texture import BackwardMap, Homography, warp
 from resample_volume.classification.transfer import from_points

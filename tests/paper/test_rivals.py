@@ -11,11 +11,11 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.measuring.quality import rms
 from resample.painting.choices import Footprint, Primitive, footprints_of
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import GaussianKernel, variance
 from resample.resampler import Resampler
 from resample.types import Samples
-from resample_comparisons.volume.painting import EWA_VARIANCE, AxisSheets
+from resample_comparisons.volume.painting import EWA_VARIANCE, AxisSheets, ImageSheets
 from tests import naive
 from tests.benchmarks.splat_scenes import CRUST, checker_box, checker_truth, distant, object_psnr
 from tests.samples import cloud, painter

@@ -16,7 +16,8 @@ from resample.painting.shaped.ellipsoids import (
     paint_ellipsoid_parts,
     paint_ellipsoids,
 )
-from resample.profiles.orders import EverySample, ImageSheets, Rays
+from resample.profiles.orders import EverySample, Rays
+from resample_comparisons.volume.painting import ImageSheets
 from tests.shaped import twin
 
 SIZE = (36, 44)

@@ -23,7 +23,7 @@ PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
                 allowed,
                 marks=pytest.mark.sweep,
             )
-            for size, allowed in ((512, 128), (512, 320), (1024, 512), (1024, 1024), (2048, 1024))
+            for size, allowed in ((512, 192), (512, 320), (1024, 768), (1024, 1024))
         ),
     ],
 )
@@ -34,5 +34,5 @@ def test_a_fresh_process_holds_no_more_than_is_allowed(size, allowed, tmp_path):
     told = measured(Job(path, allowed * MIB, "streamed", LOOK))
     assert told["voxels"] > 0.03 * size**2 * 256
     assert told["added"] <= allowed * MIB + PICTURE
-    if size >= 512 and told["windows"] == 1:
+    if size >= 512:
         assert told["reads"] <= 1.5 * told["bricks"]

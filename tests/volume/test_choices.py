@@ -5,8 +5,9 @@ from pydantic import ValidationError
 from resample.cameras.viewpoints import Orbit
 from resample.command.settings import Resampling
 from resample.painting.choices import MEASURING, Primitive, Projection
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.labels import Rule
 from resample_volume.classification.materials import spread

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_channels, read_image
-from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_comparisons.volume.compare import thickest, variants
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume import cli
 from resample_volume.files.generated import checker_box, vessel_tree
 from tests import commands

@@ -1,7 +1,6 @@
 """What paints a volume if nothing is said of it: rays, or voxels where these cannot be."""
 
 import json
-from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,18 +9,15 @@ import numpy as np
 import pytest
 
 from resample.cameras.viewpoints import Orbit
-from resample.command.session import Session
 from resample.files.images import read_image
 from resample.painting.rays import spacing_of
 from resample.resampler import Resampler
-from resample_volume import Appearance, Scene, as_volume, render
+from resample_volume import Appearance, as_volume, render
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.cli import app
-from resample_volume.command.rendering import scene_of
 from resample_volume.files.generated import vessel_tree
 from resample_volume.media.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
-from resample_volume.voxels.streaming import TooManyVoxelsError
 from resample_volume.voxels.visible import lattice_of
 from tests import commands
 from tests.volume.of_voxels import of_voxels
@@ -50,9 +46,8 @@ def test_a_volume_is_a_field_along_rays(volume, look):
     [
         (TREE, Appearance(gradient="sobel")),
         (TREE._replace(values=TREE.values * 1e40), Appearance("gray")),
-        (in_bricks(TREE, (8, 8, 8), memory=30_000), Appearance("100..200")),
     ],
-    ids=["gradients of voxels", "huge", "more than memory holds"],
+    ids=["gradients of voxels", "huge"],
 )
 def test_voxels_are_painted_where_rays_cannot_be(volume, look):
     found = render(volume, look, size=SIZE)
@@ -60,34 +55,6 @@ def test_voxels_are_painted_where_rays_cannot_be(volume, look):
     voxels = render(volume, replace(look, classification="pre"), size=SIZE)
     assert np.array_equal(found.rgba, voxels.rgba)
     assert found.rgba.any()
-
-
-TOLD = "memory does not hold the volume as a field: voxels are painted (classify pre)"
-
-
-@pytest.mark.parametrize("transfer", ["250..255", "0/white/0.1,255/white/0.1"])
-def test_that_memory_does_not_hold_a_field_is_said_before_voxels_are_read(transfer, capsys):
-    media = [(in_bricks(TREE, (4, 4, 4), memory=10_000), Appearance(transfer))]
-    is_dense = pytest.raises(TooManyVoxelsError) if "0.1" in transfer else nullcontext()
-    with is_dense:
-        scene_of(Session(), media, BY_DEFAULT)
-    assert capsys.readouterr().err.count(TOLD) == 1
-
-
-@pytest.mark.parametrize(
-    ("volume", "look", "resampler"),
-    [
-        (in_bricks(TREE, (4, 4, 4)), Appearance("250..255"), BY_DEFAULT),
-        (in_bricks(TREE, (4, 4, 4), memory=10_000), of_voxels("250..255"), Resampler()),
-        (TREE, Appearance(gradient="sobel"), BY_DEFAULT),
-    ],
-    ids=["rays", "voxels", "gradients of voxels"],
-)
-def test_of_memory_that_is_not_why_voxels_are_painted_nothing_is_said(
-    volume, look, resampler, capsys
-):
-    scene_of(Session(), [(volume, look)], resampler)
-    assert TOLD not in capsys.readouterr().err
 
 
 def test_several_volumes_are_fields():
@@ -105,14 +72,6 @@ def test_a_renderer_of_samples_paints_voxels():
 def test_a_store_has_the_bits_of_an_array():
     found = render(in_bricks(TREE, (8, 8, 8)), size=SIZE)
     assert np.array_equal(found.rgba, render(TREE, size=SIZE).rgba)
-
-
-def test_previews_are_of_voxels():
-    scene = Scene(TREE)
-    found, voxels = (
-        scene.render(look, size=SIZE, quality="preview") for look in ("auto", of_voxels())
-    )
-    assert np.array_equal(found.rgba, voxels.rgba)
 
 
 @pytest.mark.sweep

@@ -7,9 +7,9 @@ import pytest
 
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
-from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Field, Frame
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferFunction, from_points

@@ -1,6 +1,5 @@
 """A look at all values that processes share finds what one process finds, bit by bit."""
 
-import json
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -144,36 +143,15 @@ def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys
     monkeypatch.setattr(statistics_cache, "LEAST", 0)
     stored(tmp_path, noise((40, 24, 16), "uint8"))
     common = ["render", "noise.zarr", "--size", "24", "--transfer", "150..190"]
-    common += ["--classify", "pre", "--fit", "volume"]
+    common += ["--fit", "volume"]
     assert ended(app, *common, "-o", "one.exr") == 0
     for file in Path().glob(".noise.zarr.survey-*"):
         file.unlink()
     executors = hired(monkeypatch)
     assert ended(app, *common, "--workers", "2", "-o", "two.exr") == 0
-    assert len(executors[0].maps) == 3  # the look, the survey and the windows
+    assert len(executors[0].maps) == 2  # the survey and the rows
     assert np.array_equal(read_image("one.exr"), read_image("two.exr"))
-    assert "by 2 processes" in capsys.readouterr().err
+    assert "shared by 2 processes" in capsys.readouterr().err
     assert ended(app, *common[:-1], "visible", "--workers", "2", "-o", "c.exr") == 0
     assert ended(app, *common[:-1], "visible", "-o", "d.exr") == 0
     assert np.array_equal(read_image("c.exr"), read_image("d.exr"))
-
-
-@pytest.mark.some(1)
-@pytest.mark.parametrize(
-    ("words", "is_said"),
-    [([], True), (["--order", "rays"], True), (["--method", "hybrid"], False)],
-    ids=["auto", "rays", "voxels"],
-)
-def test_workers_paint_voxels_and_say_so(words, is_said, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    stored(tmp_path, noise((20, 12, 8), "uint8"))
-    common = ["render", "noise.zarr", "--size", "16", "--transfer", "150..190"]
-    assert ended(app, *common, "--classify", "pre", "-o", "one.exr") == 0
-    hired(monkeypatch)
-    capsys.readouterr()
-    shared = [*words, "--workers", "2", "--stats", "two.json", "-o", "two.exr"]
-    assert ended(app, *common, *shared) == 0
-    told = "workers paint voxels (classify pre), not rays through the field"
-    assert (told in capsys.readouterr().err) == is_said
-    assert np.array_equal(read_image("one.exr"), read_image("two.exr"))
-    assert json.loads(Path("two.json").read_text())["classify"] == "pre"

@@ -8,10 +8,10 @@ import pytest
 from resample.cameras.models import Camera
 from resample.measuring.quality import largest
 from resample.painting.choices import Footprint, Projection
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import GaussianKernel
 from resample.resampler import Resampler
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from resample_comparisons.volume.raycasting import Casting, cast_rays
 from resample_volume.classification.presets import load_transfer
 from resample_volume.files.generated import vessel_tree

@@ -9,7 +9,6 @@ import pytest
 from benchmarks.sparse import Bubbles
 from resample.files import writing
 from resample.files.writing import replacing
-from resample.outofcore.caching import LARGE, LARGEST, _content_of, _place_of
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import statistics_cache
@@ -129,24 +128,3 @@ def test_pictures_of_sparse_volumes_decode_few_bricks_twice(tmp_path):
         reads.append(volume.values.reads)
     assert reads[0] - 8**3 == reads[1] < 0.6 * 8**3  # walls are thick beside such bricks
     assert np.array_equal(frames[0].rgba, frames[1].rgba)
-
-
-@pytest.mark.parametrize(
-    ("count", "is_large"), [(LARGE - 1, False), (LARGE, False), (LARGE + 1, True)]
-)
-def test_a_large_array_is_known_by_its_address_and_a_small_one_by_its_values(count, is_large):
-    assert LARGE == 64 * 1024
-    array = np.zeros(count, np.uint8)
-    assert (_place_of(array) == id(array)) is is_large
-    assert (_place_of(array) is None) is not is_large
-
-
-@pytest.mark.parametrize("missing", [0, 1])
-def test_an_array_of_up_to_64_mib_is_a_key_for_other_commands(missing):
-    assert LARGEST == 64 * 1024**2
-    array = np.broadcast_to(np.uint8(0), LARGEST + 1 - missing)  # takes no memory
-    if missing:
-        assert _content_of(array) is None
-    else:
-        with pytest.raises(ValueError, match="too large"):
-            _content_of(array)

@@ -7,8 +7,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification

@@ -8,8 +8,8 @@ import SimpleITK
 
 from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb
-from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.transfer import from_points
 from resample_volume.data.recordings import (
     linear_colors,
@@ -20,7 +20,6 @@ from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
 from resample_volume.files.source import open_recording, open_volume, read_labels
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
-from resample_volume.media.lattices import common_lattice, onto
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.visible import classify
 from tests.volume.of_voxels import of_voxels
@@ -277,19 +276,6 @@ def test_what_colors_cannot_be_is_refused(colors, tmp_path):
     for shape in ((4, 4, 4, 2), (4, 4, 4, 5)):
         with pytest.raises(ValueError, match=r"a volume is an array \(Z, Y, X\)"):
             as_volume(np.zeros(shape))
-
-
-def test_colors_are_resampled_weighed_by_their_opacities():
-    values = np.zeros((8, 8, 8, 4), np.uint8)
-    values[2:6, 2:6, 2:6] = (255, 0, 0, 200)
-    fine = as_volume(np.zeros((16, 16, 16)))._replace(spacing=np.full(3, 0.5))
-    volume = as_volume(values)
-    found = onto(volume, common_lattice([fine, volume]))
-    seen = found.values > 8
-    np.testing.assert_allclose(found.colors[seen], [[1, 0, 0]] * seen.sum(), atol=1e-4)
-    looks = Appearance(classification="pre"), Appearance(ALL, classification="pre")
-    mixture = Subject.of_several(list(zip((volume, fine), looks, strict=True))).voxels
-    assert len(mixture.parts) == 2
 
 
 # Pages of pictures

@@ -16,7 +16,6 @@ from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Classification
-from resample_volume.outofcore.dense import check_windows
 from resample_volume.surfaces.plane_meshes import Section
 from tests import commands
 
@@ -120,11 +119,6 @@ def test_what_is_no_slab_is_refused_without_a_volume(text, complaint):
             given(text)
     with pytest.raises(ValueError, match=complaint):
         AppearanceChoices(slab=text).renderer(Resampling())
-
-
-def test_a_slab_across_the_view_is_not_painted_window_by_window():
-    with pytest.raises(ValueError, match="give its direction in the scene, as in 20,10,0,0,1"):
-        check_windows([(layers(), Appearance(slab="2/4"))])
 
 
 # The command line

@@ -1,5 +1,6 @@
 """Several volumes on the same rays: their sizes, their sums, and what does not matter."""
 
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -9,16 +10,15 @@ import pytest
 from resample import Resampler
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
-from resample.painting.splines import bytes_of_field
 from resample.profiles.orders import Rays
 from resample_volume import Appearance, Light, cli, render
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.transfer import from_points
 from resample_volume.files.source import write_volume
-from resample_volume.media import appearance
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from tests import commands
+from tests.volume.test_glances import hired
 from tests.volume.test_media import decibel
 
 ended = partial(commands.ended, cli.app)
@@ -94,6 +94,37 @@ def test_commands_show_channels_and_other_files_at_their_size(tmp_path, monkeypa
         alpha = read_image(name)[..., 3]
         per = 198 / (2 * 24 * np.sqrt(3))
         assert diameters(alpha, per) == pytest.approx((36, 36), abs=0.4)
+
+
+def test_bricks_and_workers_give_the_bits_of_volumes_in_memory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hired(monkeypatch)
+    monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
+    cube = ball(18, (80, 80, 80), (0.5, 0.5, 0.5))
+    cube.values[:3] = -900
+    for name, volume in {"ball": cube, "other": cube._replace(values=cube.values - 9)}.items():
+        write_volume(Path(f"{name}.nrrd"), volume)
+        assert ended("convert", f"{name}.nrrd", f"{name}.ome.zarr", "--chunk", 32) == 0
+    look = "-0.01,white,0 0.01,white,1"
+    common = ("--no-shading", "--size", 200, "--camera", "front", "--fov", 0, "--transfer", look)
+    pictures = []
+    for suffix, more in (
+        ("nrrd", ()),
+        ("ome.zarr", ("--memory", "6MB")),
+        ("ome.zarr", ("--memory", "18MB", "--workers", 2)),
+    ):
+        words = (f"ball.{suffix}", "--also", f"other.{suffix}:transfer=0,red,0 1,red,0.4")
+        for fit in ("volume", "visible"):
+            assert ended("render", *words, *common, *more, "--fit", fit, "-o", "a.exr") == 0
+            pictures.append(read_image("a.exr"))
+        assert ended("animate", *words, *common, *more, "--frames", 2, "-o", "film") == 0
+        pictures.append(read_image("film/frame-0001.png"))
+        shutil.rmtree("film")
+    per = 198 / (2 * 20 * np.sqrt(3))
+    assert diameters(pictures[0][..., 3], per) == pytest.approx((36, 36), abs=0.4)
+    for found in (pictures[3:6], pictures[6:]):
+        for one, wanted in zip(found, pictures[:3], strict=True):
+            assert np.array_equal(one, wanted)
 
 
 def test_films_and_color_bars_have_several_volumes(tmp_path, monkeypatch):
@@ -273,15 +304,6 @@ def test_one_volume_takes_light_from_another():
     (above, below), (bright, dark) = halves
     assert below == pytest.approx(above, rel=0.05)
     assert dark < 0.7 * bright
-
-
-def test_volumes_that_do_not_fit_as_fields_are_painted_as_voxels(media, monkeypatch):
-    several = media[:2]
-    sizes = [bytes_of_field(v.values.shape, v.values.dtype) for v, _ in several]
-    for free, is_of_field in ((sum(sizes), True), (sum(sizes) - 1, False)):
-        monkeypatch.setattr(appearance, "available_memory", lambda free=free: free)
-        assert all(Subject.of(*medium).is_of_field for medium in several)
-        assert Subject.of_several(several).is_of_field == is_of_field
 
 
 def test_a_list_of_volumes_is_ray_cast(media):

@@ -91,7 +91,7 @@ def test_a_film_of_a_store_is_that_of_a_file(kind, words, capsys):
     for name, film in (("a.npy", "a"), ("a.zarr", "b")):
         assert ended("animate", name, *FILM, *words, "-o", film) == 0
     assert frames("a") == frames("b")
-    is_streamed = words[:1] not in (["--projection"], ["--classify"]) and "--also" not in words
+    is_streamed = words[:1] != ["--projection"] and "--also" not in words
     told = "a: 3 times of 16 x 13 x 18 voxels are read one after the other, brick by brick"
     assert (told in capsys.readouterr().err) == is_streamed
 
@@ -144,13 +144,12 @@ def test_all_times_are_looked_at_once_and_then_what_is_seen_of_each():
 
 
 @pytest.mark.sweep
-def test_times_that_do_not_fit_in_memory_are_painted_window_by_window(capsys):
+def test_times_that_do_not_fit_in_memory_have_the_same_frames(capsys):
     beats("uint8", shape=LONG)
-    words = [*LARGE, "--method", "hybrid", "--transfer"]
+    words = [*LARGE, "--transfer"]
     dense, few = "0/white/0.02,240/red/0.5", ["--memory", "2500kB"]
     assert ended("animate", "a.npy", *words, dense, "-o", "a") == 0
     assert ended("animate", "a.zarr", *words, dense, *few, "-o", "b") == 0
-    assert "frames are painted window by window" in capsys.readouterr().err
     assert frames("a") == frames("b")
     Path("b/frame-0002.png").unlink()
     assert ended("animate", "a.zarr", *words, dense, *few, "-o", "b", "--resume") == 0
@@ -236,14 +235,6 @@ def test_rays_that_become_voxels_beside_another_volume_are_shared_out(name):
     )
     assert len(found) == 4
     assert found == wanted
-
-
-def test_times_that_memory_does_not_hold_as_fields_are_said_to_be_voxels(capsys):
-    beats("uint8")
-    words = ["a.zarr", *FILM, "--transfer", "150..160", "-o", "a"]
-    assert ended("animate", *words, "--memory", "11kB") == 0
-    told = "memory does not hold the volume as a field: voxels are painted (classify pre)"
-    assert capsys.readouterr().err.count(told) == 1
 
 
 @pytest.mark.sweep

@@ -11,9 +11,7 @@ from resample.outofcore import bricks as caches
 from resample.outofcore.bricks import PinnedCache
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.bricks import Bricks
-from resample_volume.rendering import Subject
 from resample_volume.types import Volume
-from tests.volume.of_voxels import of_voxels
 
 SIDE = (4, 4, 4)
 
@@ -70,7 +68,7 @@ def test_a_shelf_that_gives_way_keeps_nothing_more(rng):
     bricks.pin_bricks(10_000)
     bricks.whole()
     bricks.pin_bricks(20_000)
-    assert bricks.pinned_bytes == 10_000
+    assert bricks.pinned.most == 10_000
     bricks.pin_bricks(100)
     assert bricks.pinned.size == 64
     bricks.whole()
@@ -92,15 +90,3 @@ def test_other_processes_have_shelves_of_their_own(monkeypatch):
     assert two.found((0, 0, 1)) is None
     pickle.loads(pickle.dumps(PinnedCache(100, ("another command", "1"))))
     assert list(caches._CACHES) == [("another command", "1")]
-
-
-@pytest.mark.sweep
-def test_a_shelf_gives_way_to_visible_voxels(rng):
-    values = rng.integers(1, 100, (32, 32, 32)).astype(np.uint8)
-    bricks, read = counted(values)
-    bricks.memory = 100 * values.size + 20_000  # 100 bytes for each voxel, and some bricks
-    bricks.pin_bricks(30_000)
-    volume = Volume(bricks, np.ones(3), np.zeros(3), np.eye(3), "full")
-    Subject.of(volume, of_voxels("0..100"))
-    assert bricks.pinned_bytes < 30_000
-    assert len(read) < 2 * 8**3

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from resample.types import Floats
 from resample_volume.data import parts
 from resample_volume.data.kernels.gradients import BRICK, brick_order, find_gradients
 from resample_volume.files.parsing.headers import KEPT
-from resample_volume.voxels.streaming import slopes_at
+from resample_volume.types import Volume
+from resample_volume.voxels.visible import gradients_at
 from tests.kernels import compiled_only, specialisations
 
 GRADIENTS = ["central", "sobel"]
@@ -28,6 +30,12 @@ def values_of(kind: str) -> NDArray[Any]:
     if kind == "float32":
         values[values < 20] = np.nan
     return values
+
+
+def slopes(values: NDArray[Any], index: NDArray[np.int64], gradient: str) -> Floats:
+    direction = np.linalg.inv(TURN).T  # of which steps from voxel to voxel are columns
+    volume = Volume(values, np.ones(3), np.zeros(3), direction, "turned")
+    return gradients_at(volume, index, gradient)
 
 
 def asked(order: str) -> NDArray[np.int64]:
@@ -54,8 +62,8 @@ def test_slopes_do_not_depend_on_type_layout_and_parts(
     for kind in KEPT:
         values = values_of(kind)
         wide = values.astype(np.float64)
-        truth = slopes_at(wide, index, gradient, TURN)
-        found = slopes_at(layout(values), index, gradient, TURN)
+        truth = slopes(wide, index, gradient)
+        found = slopes(layout(values), index, gradient)
         np.testing.assert_array_equal(found, truth, err_msg=kind)
 
 
@@ -64,14 +72,14 @@ def test_slopes_do_not_depend_on_type_layout_and_parts(
 def test_slopes_of_all_types_are_found_by_two_forms_of_a_kernel(gradient: str) -> None:
     index = asked("array")
     for kind in ("float32", "float64"):
-        slopes_at(values_of(kind), index, gradient, TURN)
+        slopes(values_of(kind), index, gradient)
     before = specialisations(find_gradients)
     for kind in KEPT:
         for layout in LAYOUTS.values():
-            slopes_at(layout(values_of(kind)), index, gradient, TURN)
+            slopes(layout(values_of(kind)), index, gradient)
     assert specialisations(find_gradients) == before
 
 
 def test_of_no_voxels_there_are_no_slopes() -> None:
     nobody = np.zeros(0, np.int64)
-    assert slopes_at(values_of("uint8"), nobody, "central", TURN).shape == (0, 3)
+    assert slopes(values_of("uint8"), nobody, "central").shape == (0, 3)

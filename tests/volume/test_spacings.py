@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from resample.painting.choices import Primitive
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume import Appearance, Volume, render
 
 SIZE = (24, 20)

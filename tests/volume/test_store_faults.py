@@ -236,7 +236,7 @@ def test_bars_count_bricks_and_say_how_much_time_is_left(form, values, monkeypat
     assert f"{len(shares)}/{len(shares)}" in terminal.getvalue()
     assert "0:00:00" in terminal.getvalue()
     assert ended("render", "c.zarr", "--time", "0", *COMMANDS["render"]) == 0
-    for bar in ("scanning bricks", "reading visible bricks"):
+    for bar in ("scanning bricks", "reading bricks"):
         assert bar in terminal.getvalue()
 
 

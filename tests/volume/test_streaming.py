@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from resample.memory import available_memory, bytes_of, physical_memory
 from resample_volume.classification.surveys import survey, without_padding
@@ -16,12 +14,6 @@ from resample_volume.rendering import Subject, render
 from resample_volume.scenes import Scene
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
-from resample_volume.voxels.streaming import (
-    BYTES_PER_VOXEL,
-    TooManyVoxelsError,
-    visible_bricks,
-)
-from resample_volume.voxels.visible import classify
 from tests.volume.of_voxels import of_voxels
 
 SIZE = (40, 36)
@@ -61,12 +53,6 @@ def same_frames(found, given):
         assert np.array_equal(getattr(found, name), getattr(given, name)), name
 
 
-def same_voxels(found, given):
-    for part, whole in zip(found, given, strict=True):
-        assert part.dtype == whole.dtype
-        assert np.array_equal(part, whole)
-
-
 @pytest.mark.sweep
 @pytest.mark.parametrize("side", SIDES)
 def test_pictures_are_the_same_for_any_size_of_bricks(side, volume):
@@ -104,34 +90,6 @@ def test_labels_hold_in_bricks(volume, tmp_path):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "float32",
-        *(
-            pytest.param(
-                kind,
-                marks=pytest.mark.sweep,
-            )
-            for kind in ("int8", "int16", "int32", "uint16", "float64")
-        ),
-    ],
-)
-@pytest.mark.parametrize("side", SIDES)
-def test_voxels_of_every_type_are_those_of_an_array_in_its_order(kind, side, volume, rng):
-    values = (volume.values.astype(np.float64) / 2).astype(kind)
-    if values.dtype.kind == "f":
-        values[rng.random(values.shape) < 0.02] = np.nan
-        values[7, 8, 9], values[0, 0] = np.inf, -np.inf
-    whole = volume._replace(values=values)
-    for gradient in ("central", "sobel", None):
-        transfer = from_points([(30, (1, 0, 0), 0.0), (70, (1, 1, 0), 0.6)])
-        given = classify(whole, transfer, gradient=gradient)
-        assert len(given.position) > 500
-        same_voxels(classify(in_bricks(whole, side), transfer, gradient=gradient), given)
-
-
-@pytest.mark.sweep
 @pytest.mark.parametrize("kind", ["int16", "float32"])
 def test_padding_is_left_out_of_bricks_too(kind, volume):
     values = volume.values.astype(kind) - 20
@@ -149,106 +107,10 @@ def test_padding_is_left_out_of_bricks_too(kind, volume):
     same_frames(render(streamed, look, size=SIZE), render(whole, look, size=SIZE))
 
 
-@pytest.mark.sweep
-@settings(max_examples=15)
-@given(
-    shape=st.tuples(*[st.integers(2, 30)] * 3),
-    side=st.tuples(*[st.integers(1, 34)] * 3),
-    share=st.sampled_from([0.0, 0.02, 0.4, 1.0]),
-    gradient=st.sampled_from(["central", "sobel", None]),
-)
-def test_any_shape_in_any_bricks_gives_the_same_voxels(shape, side, share, gradient):
-    rng = np.random.default_rng(sum(shape))
-    values = np.where(rng.random(shape) < share, rng.integers(90, 250, shape), 3).astype(np.uint8)
-    whole = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "any")
-    found = classify(in_bricks(whole, side), SOLID, gradient=gradient)
-    same_voxels(found, classify(whole, SOLID, gradient=gradient))
-
-
 # What is read
 
 
-def sparse(side=8, *, is_even=False):
-    """Volume of 8³ bricks in which one in the middle and one in a corner show something."""
-    values = np.zeros((64, 64, 64), np.uint8)
-    if not is_even:
-        values[::4, ::4, ::4] = 1
-    values[27:30, 28:30, 26:30], values[61:, 62:, 63:] = 200, 150
-    return in_bricks(Volume(values, np.ones(3), np.zeros(3), np.eye(3), "sparse"), (side,) * 3)
-
-
-def test_each_brick_is_read_once_where_its_slopes_matter_and_never_elsewhere():
-    volume = sparse()
-    chosen = visible_bricks(volume.values, SOLID, (0.0, 200.0))
-    assert chosen == [(3, 3, 3), (7, 7, 7)]
-    volume.values.read.boxes.clear()
-    classify(volume, SOLID)
-    read = volume.values.read.boxes
-    assert len(read) == len(set(read)) == 27 + 8
-
-
-@pytest.mark.sweep
-def test_bricks_of_a_single_value_are_not_read_again():
-    volume = sparse(is_even=True)
-    assert volume.values.statistics.greatest.max() == 200
-    volume.values.read.boxes.clear()
-    given = volume._replace(values=as_array(sparse(is_even=True)).values)
-    same_voxels(classify(volume, SOLID), classify(given, SOLID))
-    assert len(volume.values.read.boxes) == 2
-
-
-def test_without_slopes_bricks_beside_are_not_read():
-    volume = sparse()
-    assert volume.values.statistics.greatest.max() == 200
-    volume.values.read.boxes.clear()
-    classify(volume, SOLID, gradient=None)
-    assert len(volume.values.read.boxes) == 2
-
-
-def test_a_picture_reads_all_bricks_once_and_those_that_are_seen_once_more():
-    volume = sparse()
-    render(volume, of_voxels(SOLID), size=(16, 16))
-    assert len(volume.values.read.boxes) == 8**3 + 27 + 8
-
-
-@pytest.mark.sweep
-def test_bricks_that_are_held_together_are_two_layers_at_most(volume):
-    streamed = in_bricks(volume._replace(values=np.full((64, 40, 40), 150, np.uint8)), (8, 8, 8))
-    classify(streamed, SOLID)
-    layer = 5 * 5 * 8**3
-    assert streamed.values.most_held <= 2 * layer + 20 * 8**3
-
-
 # Memory
-
-
-def test_voxels_that_do_not_fit_are_refused_with_a_remedy(volume):
-    with pytest.raises(
-        ValueError, match=r"blobs with \d+ visible voxels or more needs .* MiB are allowed"
-    ):
-        render(in_bricks(volume, (8, 8, 8), memory=100_000), of_voxels())
-
-
-@pytest.mark.parametrize("beside", [0, 1 << 16])
-def test_bytes_that_do_not_fit_are_refused_before_they_are_read_again(volume, beside):
-    visible = int((volume.values > 80).sum())
-    memory = BYTES_PER_VOXEL * visible + beside  # nothing, or a layer, for bricks beside each other
-    streamed = in_bricks(volume, (16, 16, 16), memory=memory)
-    streamed.values.statistics  # noqa: B018
-    reads = streamed.values.reads
-    with pytest.raises(TooManyVoxelsError, match=f"blobs with {visible} visible voxels or more"):
-        render(streamed, of_voxels("80.5/white/0,81/white/0.5,255/white/0.9"))
-    assert streamed.values.reads == reads
-
-
-def test_floats_are_refused_once_so_many_are_visible_that_they_do_not_fit(volume):
-    """How many they are is not known before they are read."""
-    floats = volume._replace(values=volume.values.astype(np.float32))
-    visible = int((volume.values > 80).sum())
-    streamed = in_bricks(floats, (8, 8, 8), memory=BYTES_PER_VOXEL * visible)
-    with pytest.raises(TooManyVoxelsError, match=r"blobs with (\d+) visible voxels") as told:
-        render(streamed, of_voxels("80.5/white/0,81/white/0.5,255/white/0.9"))
-    assert 0 < int(str(told.value).split()[2]) <= visible
 
 
 def test_what_needs_the_whole_volume_is_refused_where_that_does_not_fit(volume):

@@ -8,10 +8,10 @@ import pytest
 from resample.cameras.models import Orthographic
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Projection
-from resample.profiles.orders import EverySample, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.resampler import Resampler
 from resample.types import Field, Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.media.appearance import Appearance, Classification

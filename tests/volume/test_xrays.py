@@ -13,9 +13,10 @@ from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb, to_srgb
 from resample.files.images import read_channels, read_image
 from resample.painting.choices import Projection
-from resample.profiles.orders import ImageSheets, Rays
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample.types import Frame
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command import rendering
 from resample_volume.command.choices import AppearanceChoices, Projecting

@@ -11,11 +11,11 @@ from resample.cameras.poses import look_at
 from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
-from resample.profiles.orders import EverySample, ImageSheets, Rays
+from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
 from resample.types import Classifier, Field, Lamp, LatticeField, Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 
 SIDE = 24  # px
 LATTICE = 12  # samples per side

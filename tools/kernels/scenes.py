@@ -28,8 +28,7 @@ def volumes() -> Iterator[str]:
             yield VOLUME.format(f"{dtype}.npy {more}")
     for dtype in ("uint8", "int16", "uint16", "float32"):
         for projection in ("maximum", "minimum", "average", "additive", "first-hit --iso 90"):
-            sheets = [] if projection == "minimum" else ["--order image-sheets"]
-            for more in ("", "--camera 30/20/0.2", *sheets):
+            for more in ("", "--camera 30/20/0.2"):
                 yield VOLUME.format(f"{dtype}.npy --projection {projection} {more}")
     for method in ("hybrid", "points", "splats", "paper", "inflate", "ewa"):
         for more in (
@@ -37,19 +36,15 @@ def volumes() -> Iterator[str]:
             "--fov 0",
             "--camera 30/20/0.1",
             "--camera 30/20/6",
-            "--order axis-sheets",
-            "--order image-sheets:thickness=1",
             "--color-by primitive",
         ):
-            if not (method == "paper" and more.startswith("--order")):  # it has no sheets
-                yield VOLUME.format(f"uint8.npy --method {method} {more}")
+            yield VOLUME.format(f"uint8.npy --method {method} {more}")
     for more in (
         *(f"--footprint {name}" for name in ("corrected", "small-angle", "affine", "disc")),
         *(f"--subpixels {count}" for count in (1, 2, 3)),
         "--classify pre --fov 0",
         "--classify pre --camera 30/20/0.2",
         "--kernel bspline",
-        "--kernel bspline --order image-sheets",
         "--filter gaussian:sigma=0.6",
         "--opacity linear",
         "--transfer bone --window 90/120",
@@ -59,7 +54,6 @@ def volumes() -> Iterator[str]:
         "--classify pre --depth-cue 0.4 --clip 1/0/-1",
         "--classify pre --gradient-opacity 0.1/0.5",
         "--classify pre --shadows --light 1/-1/2",
-        "--classify post --order image-sheets",
         "--classify post --camera 30/20/0.2",
         "--classify post --fov 0",
         "--classify post --light 1/-1/2 --shadows",

@@ -117,7 +117,7 @@ def render(
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with execution_context(picture.threads, sharing, output) as context:
+    with execution_context(picture.threads, sharing) as context:
         check_targets(output, stats)
         with session.stage("read"):
             shown = media(

@@ -10,7 +10,6 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
 from resample.console import progress_bar
-from resample.memory import amount
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.orders import Summing
@@ -19,7 +18,6 @@ from resample.types import (
     NO_TRIANGLES,
     Doubles,
     Field,
-    Floats,
     Frame,
     LatticeField,
     Samples,
@@ -35,7 +33,7 @@ from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.classification.transfer import Transfer
 from resample_volume.data.recordings import how
 from resample_volume.data.spacings import in_unit, mm_of, unit_of_space
-from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of, with_bricks
+from resample_volume.data.values import as_array, as_arrays, is_streamed
 from resample_volume.media.appearance import (
     BY_DEFAULT,
     Appearance,
@@ -66,9 +64,7 @@ from resample_volume.voxels.framing import (
 )
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
-from resample_volume.voxels.streaming import REMEDY, TooManyVoxelsError
 from resample_volume.voxels.visible import (
-    BYTES_PER_VOXEL,
     Voxels,
     classify,
     finite_range,
@@ -77,13 +73,9 @@ from resample_volume.voxels.visible import (
 
 if TYPE_CHECKING:
     from resample_volume.media.lattices import CommonLattice
-    from resample_volume.media.mixing import MixedMedia
     from resample_volume.surfaces.meshes import SceneMesh
 
-NOTHING = np.zeros((0, 3), np.float32)
-NO_VOXELS = Voxels(NOTHING, NOTHING, NOTHING[:, 0], NOTHING, np.eye(3))
-
-Visible: TypeAlias = "Voxels | FieldVoxels | Gathered | list[Gathered] | MixedMedia"
+Visible: TypeAlias = Voxels | FieldVoxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what a renderer gets
 Fit = Literal["visible", "volume"]  # what cameras orbit
 Fitted = Fit | Literal["picture"]  # as `visible`, then zoomed and panned to fill the picture
@@ -113,43 +105,8 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     return Placement(moved, whole, middle, np.concatenate(cuts))
 
 
-def _onto(volume: Volume, lattice: "CommonLattice", parts: Sequence[Voxels]) -> Volume:
-    """Resample a volume onto a lattice, if it fits in memory; errors as of `onto`."""
-    from resample_volume.media.lattices import bytes_onto, first_in, onto
-
-    allowed = values_of(volume.values).memory
-    if allowed and first_in(volume, lattice) is None:
-        size = bytes_onto(volume, lattice) + _bytes_of(parts)
-        if size > allowed:
-            raise TooManyVoxelsError(
-                f"{volume.name} on the finest lattice needs {amount(size)}, "
-                f"{amount(allowed)} are allowed; {REMEDY}"
-            )
-    return onto(volume, lattice)
-
-
-def _bytes_of(parts: Sequence[Voxels]) -> int:
-    """Return the bytes of voxels until they are painted."""
-    return BYTES_PER_VOXEL * sum(len(part.position) for part in parts)
-
-
-def _beside(parts: Sequence[Voxels], volume: Volume) -> Volume:
-    """Limit a chunked volume to the memory others leave; its voxels count twice for mixing."""
-    allowed = values_of(volume.values).memory
-    if allowed is None:
-        return volume
-    bricks = bricks_of(volume).within(None)
-    bricks.memory = max(1, (allowed - _bytes_of(parts)) // 2)
-    return with_bricks(volume, bricks)
-
-
 def resampled_appearance(volume: Volume, look: Appearance) -> Appearance:
     """Return the look that a volume keeps when it is resampled."""
-    if look.labels is not None:
-        raise ValueError(
-            f"labels belong to the voxels of {volume.name}, which is resampled onto a finer "
-            "volume's lattice; show it alone"
-        )
     transfer = transfer_of(volume, look)
     unit = unit_of(transfer, volume)
     return replace(look, transfer=Windowed(transfer, finite_range(volume.values), unit))
@@ -170,7 +127,7 @@ def shown_together(
         radius = resampler.reconstruction.radius
         shown.append(shown_by(volume, framing, clip, radius, resampler.iso))
     coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))
-    return coarsest._replace(position=np.concatenate([one.position for one in shown]))
+    return coarsest._replace(parts=lambda: chain.from_iterable(one.parts() for one in shown))
 
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
@@ -273,14 +230,12 @@ def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
     return placed(meshes, middle)
 
 
-def lit_samples(
-    voxels: Voxels, light: Light | None, camera: AnyCamera, steepest: Floats | None = None
-) -> Samples:
-    """Return samples with the light that voxels send to a camera; `steepest` as of `shade`."""
+def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Samples:
+    """Return samples with the light that voxels send to a camera."""
     view = camera.view()
     if view.perspective:
-        return shade(voxels, light, eye=_eye(view), steepest=steepest)
-    return shade(voxels, light, view=view.rotation[2], steepest=steepest)
+        return shade(voxels, light, eye=_eye(view))
+    return shade(voxels, light, view=view.rotation[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,12 +269,12 @@ class Subject:
         ((volume, appearance),), resampler = decided([(volume, appearance)], resampler)
         scene, middle = centered(volume)
         clip = planes(scene, appearance.crop, appearance.cuts)
+        scene = as_array(scene)
         voxels: Visible
         tone = AS_IT_IS
         if appearance.classification is Classification.POST or (
             resampler.projection is not Projection.COMPOSITE
         ):
-            scene = as_array(scene)
             measured, look, tone = _measured(scene, appearance, resampler.projection)
             transfer = _field_transfer(measured, look, resampler)
             if resampler.order.summing is Summing.RAYS:
@@ -339,7 +294,7 @@ class Subject:
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
-        shown: Placed
+        shown: Placed | FramedVoxels
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
             shown = shown_together([(scene, appearance)], clip, resampler)
         else:
@@ -354,7 +309,8 @@ class Subject:
         """Classify several volumes of one scene; extinctions add up where they overlap.
 
         Each is placed by its origin, spacing and direction. Light, crop (of its voxels), clip and
-        depth cue are those of the first; each has its own transfer function, gradient and labels.
+        depth cue are those of the first; each has its own transfer function and labels. Those that
+        stay in their files share the memory limit.
         Cameras orbit what is visible, or all of the volumes.
         """
         if len(media) == 1:
@@ -363,31 +319,8 @@ class Subject:
         check_several(media, resampler)
         media, resampler = decided(media, resampler)
         place = placement(media)
-        if media[0][1].classification is Classification.POST:
-            return cls._of_fields(place, resampler, fit)
-        from resample_volume.media.mixing import mixed, with_light
-
-        whole, appearance = place.lattice, place.media[0][1]
-        clip, scene = place.clip, whole.volume()
-        radius = resampler.reconstruction.radius
-        parts: list[Voxels] = []
-        for volume, look in place.media:
-            there = _onto(volume, whole, parts)
-            own = look if there is volume else resampled_appearance(volume, look)
-            own = replace(own, transfer=transfer_of(there, own), light=appearance.light)
-            found = visible_voxels(_beside(parts, there), own)
-            parts.append(faced(keep(found, clip, radius), clip))
-        every = mixed(parts, whole)
-        if appearance.light is not None and appearance.light.is_blocked:
-            every = with_light(every, appearance.light)
-        ball = ball_around(scene) if fit == "volume" else sphere_around(every, scene)
-        return cls(every, appearance, ball, place.middle, clip)
-
-    @classmethod
-    def _of_fields(cls, place: Placement, resampler: Resampler, fit: Fit) -> "Subject":
-        """Prepare several volumes as fields for rays; see `of_several`."""
         scene, clip, looks = place.lattice.volume(), place.clip, [look for _, look in place.media]
-        volumes = [as_array(volume) for volume, _ in place.media]
+        volumes = as_arrays([volume for volume, _ in place.media])
         fields = []
         meshes = [mesh for look in looks for mesh in look.meshes]
         for volume, look in zip(volumes, looks, strict=True):
@@ -490,13 +423,6 @@ class Subject:
         if isinstance(self.voxels, Voxels):
             across = faced(self.voxels, self._across(camera))
             samples = lit_samples(across, light, camera)
-            return samples if cue is None else cued(samples, camera, cue, near, far)
-        if not isinstance(self.voxels, Gathered | FieldVoxels | list):
-            from resample_volume.media.mixing import added
-
-            parts = [faced(part, self._across(camera)) for part in self.voxels.parts]
-            colors = [lit_samples(part, light, camera).color for part in parts]
-            samples = added(self.voxels, colors)
             return samples if cue is None else cued(samples, camera, cue, near, far)
         view = camera.view()
         viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])

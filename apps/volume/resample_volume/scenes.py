@@ -21,7 +21,7 @@ from resample_volume.classification.labels import Labels
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.values import as_array, values_of
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, Classification, of_voxels, resampler_for
+from resample_volume.media.appearance import Appearance, resampler_for
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, resampled_appearance, warn_of_nothing
@@ -239,7 +239,7 @@ class Scene(AnyScene):
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
         if is_preview:
-            appearance, paint = self._quickly(appearance, paint)
+            paint = self._quickly(paint)
         with memoizing(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
@@ -279,15 +279,11 @@ class Scene(AnyScene):
         kept = replace(kept, labels=labels, crop=None, clip=cuts, slab=slab, planes=pictures)
         return self._coarse, kept
 
-    def _quickly(self, look: Appearance, paint: Resampler) -> tuple[Appearance, Resampler]:
-        """Return look and renderer of previews: voxels by default; the renderer is reused."""
-        is_auto = look.classification is Classification.AUTO
-        is_auto = is_auto and not look.scene_objects
-        if is_auto and paint.projection is Projection.COMPOSITE:
-            look, paint = replace(look, classification=Classification.PRE), of_voxels(paint)
+    def _quickly(self, paint: Resampler) -> Resampler:
+        """Return the renderer of previews, which is reused."""
         if paint.subpixels is not None:
-            return look, paint
-        return look, self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
+            return paint
+        return self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
 
 
 def merged(volume: Volume, per: int) -> Volume:

@@ -17,8 +17,8 @@ The same from the command line, with curves over a whole turn:
 import numpy as np
 from PIL import Image
 
-from resample_comparisons.volume.painting import AxisSheets
-from resample.profiles.orders import EverySample, ImageSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
+from resample.profiles.orders import EverySample
 from resample.resampler import Resampler
 from resample_volume import Appearance, Light, open_volume, render
 

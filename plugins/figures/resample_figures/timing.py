@@ -15,10 +15,9 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.viewpoints import Orbit, Sphere
 from resample.measuring.compare import milliseconds, plain
 from resample.painting.choices import Primitive
-from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
-from resample_comparisons.volume.painting import AxisSheets
+from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from resample_comparisons.volume.peers import Peer, VtkRenderer
 from resample_figures.volumes import (
     FigureVolume,

@@ -49,7 +49,6 @@ from resample.engine.ellipsoids.rows import (
 )
 from resample.engine.ellipsoids.run_bounds import CHUNKS
 from resample.engine.ellipsoids.runs import finest_of, home_of, in_order, is_run_open, may_be_finer
-from resample.engine.ellipsoids.steps import Carried, checkpoint, leave_out, resume
 from resample.engine.ellipsoids.work_queue import (
     WorkQueue,
     enlarged,
@@ -308,13 +307,12 @@ def _paint_tile(
     formula: Formula,
     mixture: Mixture | None,
     ground: TileTarget,
-    output: tuple[Tally, Carried],
-) -> bool:
-    """Paint a tile's runs nearest first, until all is opaque; return whether it is not.
+    tally: Tally,
+) -> None:
+    """Paint a tile's runs nearest first, until all is opaque.
 
     The order of samples is that of all runs together.
     """
-    tally, carried = output
     setup = outline_setup(stage, margin_of(mixture, stage))
     rows, open_groups, sheet, limits = ground
     # Sort the runs by key, and start with an empty pool.
@@ -322,11 +320,9 @@ def _paint_tile(
     work_queue, queue, is_any_open = new_queue(8 * TAKEN), (0, 0, np.uint64(0)), True
     shown = (window, open_groups)
     while is_any_open and (queue[1] < members.size or queue[0] > 0):
-        # Queue samples of the nearest runs, and drop those that do not belong to this step.
+        # Queue samples of the nearest runs.
         work_queue = enlarged(work_queue, queue[0])
-        before = queue[0]
         queue = take_runs(work_queue, queue, members, runs, setup, shown, mixture, None)
-        queue = (leave_out(work_queue.waiting, before, queue[0], carried), queue[1], queue[2])
         # Project those that no later run can precede, and put them in order.
         queue, count = make_ready(work_queue, queue, members, runs.known)
         form(work_queue, count, runs, setup, window, stage, mixture)
@@ -339,7 +335,6 @@ def _paint_tile(
     # Composite the last sheet of points.
     if mixture is not None:
         put_behind(sheet, rows, limits.opaque)
-    return is_any_open
 
 
 @parallel_kernel
@@ -351,19 +346,18 @@ def paint_runs(
     stage: Stage,
     formula: Formula,
     mixture: Mixture | None,
-    output: tuple[Film, Tally, Carried],
+    output: tuple[Film, Tally],
 ) -> None:
     """Paint the tiles listed in `tile_order` from the runs that each may show.
 
     `tile_order`: numbers of tiles that have members. `tiles`: their members are runs. `runs`: at
     most BATCH samples in each. `stage`: what all painters share. `formula`: line integrals and
     opacities of the kernel. `mixture`: None: all samples are splats of exact footprint, and no
-    other code is compiled. `output`: film (H, W), filled; a tally (T, 4), filled: points and splats
-    painted by the tiles that hold their centers, 0, and grids; and checkpoints of tiles that are
-    painted step by step. Steps of mixtures end between sheets of points.
+    other code is compiled. `output`: film (H, W), filled; and a tally (T, 4), filled: points and
+    splats painted by the tiles that hold their centers, 0, and grids.
     """
     eye, shape, _ = optics_of(stage)
-    margin, (film, tally, carried) = margin_of(mixture, stage), output
+    margin, (film, tally) = margin_of(mixture, stage), output
     style, tables = stage.style, stage.tables
     for number in tasks(counter, tile_order.size):
         # Lay out the tile, and the margin within which samples may touch it.
@@ -385,13 +379,9 @@ def paint_runs(
         size = (0, 0) if mixture is None else size
         sheet = new_sheet(size[0], size[1], runs.samples.scale is not None)
         ground = (rows, open_rows(height, width), sheet, limits)
-        # Resume the tile, paint it, and checkpoint it.
+        # Paint it.
         members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        resume(rows, height, width, tile, carried)
-        kept = (tally[tile], carried)
-        is_open = _paint_tile(members, runs, window, stage, formula, mixture, ground, kept)
-        canvas = (n, tables.pixel_margin)
-        checkpoint(rows, (height, width), canvas, limits.opaque, tile, is_open, carried)
+        _paint_tile(members, runs, window, stage, formula, mixture, ground, tally[tile])
         # Filter sub-pixels to pixels.
         resolve_rows(rows, n, pixel_weights(tables, n), home, film)
 

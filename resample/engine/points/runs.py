@@ -26,7 +26,6 @@ from resample.engine.ellipsoids.rows import (
     resolve_rows,
 )
 from resample.engine.ellipsoids.runs import home_of, in_order, is_run_open
-from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, in_steps
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.points.cells import (
     LINE,
@@ -153,16 +152,6 @@ def drop_clipped(
         if is_clipped(position, begin + n, eye, planes):
             k = np.uint64(n)
             scratch[k + COLUMN], scratch[k + HOME] = NOWHERE, 0.0
-
-
-@kernel
-def leave_out_sheets(scratch: Doubles, count: int, carried: Carried) -> None:
-    """Drop samples from a batch whose sheets are painted in other steps."""
-    if in_steps(carried):
-        for n in range(count):
-            k = np.uint64(n)
-            if not carried.step.done <= scratch[k + SHEET] < carried.step.due:
-                scratch[k + COLUMN], scratch[k + HOME] = NOWHERE, 0.0
 
 
 @kernel
@@ -299,7 +288,7 @@ def paint_point_runs(
     stage: Stage,
     profile: Profile,
     form: Spread,
-    output: tuple[Film, Tally, Carried],
+    output: tuple[Film, Tally],
 ) -> None:
     """Paint the tiles listed in `tile_order` from the runs that each may show.
 
@@ -309,13 +298,12 @@ def paint_point_runs(
     `tile_order`: numbers of tiles, all of which have members. `tiles`: their members are runs.
     `runs`: at most BATCH samples in each, which span at most SLOTS - 1 sheets. `stage`: as for all
     painters; its layers are of depth, or around the eye. `profile`, `form`: filter of points as a
-    polynomial in the squared distance, and how they are spread. `output`: film (H, W), filled; a
-    tally (T, 4), filled: points painted by the tiles that hold their centers, and grids; and
-    checkpoints of tiles that are painted step by step.
+    polynomial in the squared distance, and how they are spread. `output`: film (H, W), filled; and
+    a tally (T, 4), filled: points painted by the tiles that hold their centers, and grids.
     """
     sight, planes, size = outline_setup(stage, NO_REACH), stage.screen.planes, form.cells
     samples, start, known = runs.samples, runs.start, runs.known
-    film, tally, carried = output
+    film, tally = output
     position, extinction = samples.position.reshape(-1), samples.extinction
     layer, opaque = np.float32(form.layer), np.float32(stage.style.opaque)
     cells = np.zeros(SLOTS * size * size * 8, np.float64)
@@ -330,7 +318,6 @@ def paint_point_runs(
         taps = _taps(form, n)
         ring = Ring(height + 2 * taps, width + 2 * taps, taps)
         dirty = no_dirt(ring)
-        go_on(rows, open_groups, (height, width), opaque, tile, carried)
         in_order(known, members)
         front = _sheet_of(known[members[0]], layer)
         slot, behind, next_look, is_any_open = 0, front - 1, front + OCCLUSION_INTERVAL, True
@@ -353,7 +340,6 @@ def paint_point_runs(
                 place_points(scratch, position, extinction, begin, count, sight, own, form)
                 if planes.shape[0] > 0:
                     drop_clipped(scratch, position, begin, count, sight.optics.eye, planes)
-                leave_out_sheets(scratch, count, carried)
                 _weigh(scratch, X, ACROSS, TOTAL_X, count, taps, profile)
                 _weigh(scratch, Y, DOWN, TOTAL_Y, count, taps, profile)
                 _share_out(scratch, count)
@@ -369,7 +355,4 @@ def paint_point_runs(
             else:
                 empty_sheet(cells, dirty, slot, ring)
             slot, front = (slot + 1) % SLOTS, front + 1
-        canvas = (n, stage.tables.pixel_margin)
-        is_open = is_any_open and close_rows(open_groups, rows, width, opaque)
-        checkpoint(rows, (height, width), canvas, opaque, tile, is_open, carried)
         resolve_rows(rows, n, pixel_weights(stage.tables, n), home, film)

@@ -12,6 +12,7 @@ import numpy as np
 
 from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
+from resample.engine.lighting import length_of
 from resample.engine.lookup import absorbed
 from resample.engine.rays.classifiers import (
     Light,
@@ -43,7 +44,6 @@ from resample.engine.rays.media import (
 )
 from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays, role
-from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import SplineField
 

@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 from resample.engine.jit import inner_step
+from resample.engine.lighting import length_of
 from resample.engine.rays.classifiers import Light, SummedClassifier, highlight_of
 from resample.engine.rays.marching import BrickBounds, SampleSpace
-from resample.engine.slabs.lighting import length_of
 from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
 from resample.types import Doubles, Flags, Reached, SplineField, Tint, Triangles
 

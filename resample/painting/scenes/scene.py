@@ -248,7 +248,6 @@ class PaintTarget(NamedTuple):
     film: Film
     value: Floats  # (H, W) measurements of projected fields; NaN where empty; or (0, 0)
     tally: NDArray[np.int64]  # (T, 4) per tile: points, splats, hidden, sub-pixels per side
-    plan: PicturePlan | None = None  # plan that was used
 
     def statistics(self, samples: int, seconds: dict[str, float]) -> Statistics:
         """Statistics of a rendering of `samples` samples."""
@@ -306,7 +305,6 @@ class PreparedScene:
     layers: Layers
     classifier: Classifier | None  # of a field; None: samples have colors
     plan: PicturePlan | None = None  # of the whole picture; None: computed from the samples
-    window: Window | None = None  # part to paint; None: all
 
     @property
     def stage(self) -> Stage:

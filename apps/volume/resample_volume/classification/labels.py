@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.colors import from_srgb
 from resample.types import Flags, Floats
 from resample_volume.classification.transfer import Color, DataRange, Transfer
-from resample_volume.data.values import Stored, values_of
+from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 
 LISTED = 16  # labels listed in an error message
@@ -47,7 +47,7 @@ class Labels:
     Raises ValueError: the labels are not integers.
     """
 
-    values: Stored  # (Z, Y, X) integers; or bricks of them
+    values: NDArray[Any]  # (Z, Y, X) integers
     rules: Mapping[int, Rule] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class Labels:
 
     def numbers(self, part: slice) -> Flags:
         """Number voxels of some slices (Z, Y, X): 1 without rule, otherwise from 2, cyclically."""
-        values = values_of(self.values).whole()[part]
+        values = self.values[part]
         found = np.ones(values.shape, np.uint8)
         for n, label in enumerate(self.rules):
             found[values == label] = n + 2
@@ -87,7 +87,7 @@ class Labels:
         """
         if not self.rules:
             return color, opacity
-        label = values_of(self.values).at(np.unravel_index(voxel, self.values.shape))
+        label = self.values[np.unravel_index(voxel, self.values.shape)]
         color, opacity = color.copy(), opacity.copy()
         for number, rule in self.rules.items():
             chosen = label == number
@@ -192,5 +192,5 @@ def check_known(labels: Labels) -> None:
             raise ValueError(f"no voxel has the label {label}; there are {some}{more}")
 
 
-def _size(values: Stored) -> str:
+def _size(values: NDArray[Any]) -> str:
     return " x ".join(map(str, values.shape[::-1]))

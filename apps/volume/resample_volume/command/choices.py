@@ -252,7 +252,7 @@ class AppearanceChoices(Choices):
         Field(
             description="Pre: classify voxels, then interpolate colors. Post: interpolate "
             "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
-            "given, and for volumes that do not fit in memory as fields."
+            "given."
         ),
     ] = "auto"
     labels: Annotated[

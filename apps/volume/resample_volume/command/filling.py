@@ -9,7 +9,7 @@ from resample_volume.data.spacings import in_unit, unit_of_space
 from resample_volume.media.appearance import VolumeLayer
 from resample_volume.rendering import Subject, shown_together
 from resample_volume.voxels.fields import FieldVoxels
-from resample_volume.voxels.framing import Placed, filling
+from resample_volume.voxels.framing import FramedVoxels, Placed, filling
 from resample_volume.voxels.gathered import Gathered
 
 
@@ -26,17 +26,16 @@ def filled(
             "zoom-in needs a camera that orbits the volume, such as 30,20,1; leave it out for a "
             "camera at a fixed position"
         )
-    shown: Placed
+    shown: Placed | FramedVoxels
     if not isinstance(subject.voxels, FieldVoxels | Gathered | list):
         shown = subject.voxels
     else:
         unit = unit_of_space(media[0][0])
         placed = ((subject.placed(in_unit(volume, unit)), look) for volume, look in media)
         shown = shown_together(placed, subject.clip, resampler)
-    corner = subject.mesh.corner
-    if not len(shown.position) and not len(corner):
+    found = filling(viewpoint, subject.sphere, shown, size, subject.mesh.corner)
+    if found is viewpoint:
         return viewpoint
-    found = filling(viewpoint, subject.sphere, shown, size, corner)
     turned = (found.azimuth, found.elevation, found.zoom, *found.pan)
     say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
     return found

@@ -1,12 +1,10 @@
 """Films described by their options, so that any process can render their frames."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import prod
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
@@ -15,7 +13,7 @@ from resample.command.session import Session
 from resample.command.settings import Resampling
 from resample.command.workers import StartWorkers
 from resample.console import progress_bar, say
-from resample.files.animations import Frames, Levels, Shots, fingerprint
+from resample.files.animations import Frames, Levels, Shots
 from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
@@ -27,10 +25,10 @@ from resample_volume.command.animation import (
     FrameOptions,
     cameras_of,
     drawing,
-    finished,
     over_time,
     shots,
 )
+from resample_volume.command.animation import frame as frame_of
 from resample_volume.command.choices import Added, AppearanceChoices, Beside, ReadOptions
 from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
 from resample_volume.command.inputs import over_time as read_over_time
@@ -44,22 +42,14 @@ from resample_volume.command.media import (
     times_of,
     with_objects,
 )
-from resample_volume.command.rendering import say_lost_field, say_missed, scene_of
-from resample_volume.command.windows import local_budget
-from resample_volume.data.values import bricks_of, is_streamed, values_of
-from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
+from resample_volume.command.rendering import say_missed, scene_of
+from resample_volume.data.values import bricks_of, is_streamed
+from resample_volume.media.appearance import Appearance, VolumeLayer
 from resample_volume.media.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Fit, Subject
-from resample_volume.types import Recording, Volume
-from resample_volume.voxels.streaming import TooManyVoxelsError
-from resample_volume.voxels.visible import finite_range
-from resample_volume.windows import paint_streamed, streamed_subject
+from resample_volume.types import Recording
 
 Size = tuple[int, int]  # height and width, px
-ROWS, SLOPES = (
-    64,
-    1.25,
-)  # slopes by which looks over gradients differ, up to this multiple of the last
 
 
 class Script(NamedTuple):
@@ -78,8 +68,7 @@ class ReadScene(NamedTuple):
     """The volumes of a script, read."""
 
     shown: list[VolumeLayer]
-    subject: Subject  # without voxels if they do not all fit in memory
-    is_whole: bool
+    subject: Subject
 
 
 class TimesStatistics(NamedTuple):
@@ -117,15 +106,12 @@ def film_of(
         recording = None  # one of its volumes is read by itself
     given = script.beside.annotations(paint.background)
     scene = scene_for(script, paint.size, recording, start_workers)
-    if not scene.is_whole:
-        say("the visible voxels do not fit in memory: frames are painted window by window")
-        say_missed(scene.shown, scene.subject)
     paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
     cameras = cameras_of(scene.subject, flight, paint.size)
     say_missed(scene.shown, scene.subject, cameras[0])
     in_bricks = is_streamed(scene.shown[0][0])
-    is_of_field = scene.subject.is_of_field
-    return ReadyFilm(_shots(scene, cameras, paint, about), cameras, paint, in_bricks, is_of_field)
+    made = shots(scene.subject, cameras, paint, about)
+    return ReadyFilm(made, cameras, paint, in_bricks, scene.subject.is_of_field)
 
 
 def _film_of_times(
@@ -143,7 +129,6 @@ def _film_of_times(
         series = Series.of(times, ready)
     look = appearance_over_time(series, script.appearance, paint.resampler)
     scenes = _scenes(script, series, look, paint.resampler)
-    say_lost_field(scenes.at(0), paint.resampler)
     with progress_bar("scanning all times") as progress:
         course = Course(len(series), scenes.subject, progress)
     known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
@@ -152,10 +137,7 @@ def _film_of_times(
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
     for camera in (None, cameras[0]):
         say_missed(scenes.at(0), course[0], camera)
-    if scenes.dense:
-        say("the visible voxels do not fit in memory: frames are painted window by window")
-        about = {**about, "values": _mark(series.all(), scenes.appearance)}
-    frames = _frames_over(course, scenes, cameras, paint)
+    frames = _frames_over(course, cameras, paint)
     made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
@@ -169,7 +151,7 @@ def _read(
     """
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if is_chunked(times) and not (is_alone and can_stream(script.appearance, resampler)):
+    if is_chunked(times) and not (is_alone and can_stream(resampler)):
         times = read_as_whole(times, script.source)
     if is_chunked(times):
         count, *_, deep, down, across = times.values.shape
@@ -188,7 +170,6 @@ class TimeScenes:
     further: list[VolumeLayer]  # volumes that do not change
     resampler: Resampler
     fit: Fit
-    dense: set[int] = field(default_factory=set)  # times whose visible voxels do not fit
     last: tuple[int, list[VolumeLayer]] | None = None
 
     def at(self, time: int) -> list[VolumeLayer]:
@@ -199,13 +180,8 @@ class TimeScenes:
         return self.last[1]
 
     def subject(self, time: int) -> Subject:
-        """Return the subject of a time; without voxels if these do not fit."""
-        shown = self.at(time)
-        try:
-            return Subject.of_several(shown, self.resampler, self.fit)
-        except TooManyVoxelsError:
-            self.dense.add(time)
-            return streamed_subject(shown, self.fit, self.resampler, local_budget(shown, None))
+        """Return the subject of a time."""
+        return Subject.of_several(self.at(time), self.resampler, self.fit)
 
 
 def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
@@ -216,17 +192,13 @@ def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampl
     return TimeScenes(series, own, further, resampler, script.appearance.fit)
 
 
-def _frames_over(
-    course: Course, scenes: TimeScenes, cameras: Sequence[AnyCamera], paint: FrameOptions
-) -> Frames:
+def _frames_over(course: Course, cameras: Sequence[AnyCamera], paint: FrameOptions) -> Frames:
     """Return a painter of frame numbers over which a changing volume's times are spread."""
     total = len(cameras)
 
     def frame(n: int) -> Levels:
         time = n * course.times // total
-        subject = course[time]
-        scene = ReadScene(scenes.at(time), subject, is_whole=time not in scenes.dense)
-        return frame_of(scene, cameras[n], paint)
+        return frame_of(course[time], cameras[n], paint)
 
     return frame
 
@@ -246,21 +218,15 @@ def scene_for(
     words = (script.source, script.volume, look, script.added, resampler)
     given = media(*words, recording=recording, start_workers=start_workers)
     shown = with_objects(given, objects)
-    try:
-        return ReadScene(
-            shown, scene_of(Session(), shown, resampler, look.fit, size), is_whole=True
-        )
-    except TooManyVoxelsError:
-        subject = streamed_subject(shown, look.fit, resampler, local_budget(shown, None))
-        return ReadScene(shown, subject, is_whole=False)
+    return ReadScene(shown, scene_of(Session(), shown, resampler, look.fit, size))
 
 
 def _frames(
     script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions, threads: int
 ) -> Frames:
     """Return the frames of a script."""
-    scene, paint = scene_for(script, paint.size), replace(paint, threads=threads)
-    return lambda n: frame_of(scene, cameras[n], paint)
+    subject, paint = scene_for(script, paint.size).subject, replace(paint, threads=threads)
+    return lambda n: frame_of(subject, cameras[n], paint)
 
 
 def _frames_of_times(
@@ -279,52 +245,7 @@ def _frames_of_times(
     series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
     scenes = _scenes(script, series, known.appearance, paint.resampler)
     course = Course(len(series), scenes.subject, sphere=known.sphere)
-    return _frames_over(course, scenes, cameras, paint)
-
-
-def frame_of(scene: ReadScene, camera: AnyCamera, paint: FrameOptions) -> Levels:
-    """Paint a frame (H, W, 3) of a scene, sRGB-encoded."""
-    if scene.is_whole:
-        from resample_volume.command.animation import frame
-
-        return frame(scene.subject, camera, paint)
-    by = (camera, paint.size, local_budget(scene.shown, paint.threads), paint.resampler)
-    painted, _ = paint_streamed(scene.shown, scene.subject, *by)
-    return finished(painted, camera, paint)
-
-
-def _shots(
-    scene: ReadScene, cameras: Sequence[AnyCamera], paint: FrameOptions, about: Mapping[str, Any]
-) -> Shots:
-    """Return the frames of a scene, rendered in this process."""
-    if scene.is_whole:
-        return shots(scene.subject, cameras, paint, about)
-    marks = " and ".join(_mark(*medium) for medium in scene.shown)
-    made = shots(scene.subject, cameras, paint, {**about, "values": marks})
-    return made._replace(frame=lambda n: frame_of(scene, cameras[n], paint))
-
-
-def _mark(volume: Volume, look: Appearance) -> str:
-    """Return a key of a volume in bricks and its look."""
-    values = bricks_of(volume)
-    low, high = finite_range(values)
-    transfer = transfer_of(volume, look)
-    slopes = np.linspace(0, SLOPES * transfer.steepest(1.0), ROWS if transfer.needs_gradient else 1)
-    some = np.linspace(low, high, 1 << 12).astype(values.dtype)
-    every, of_each = np.tile(some, slopes.size), np.repeat(slopes.astype(np.float32), some.size)
-    looks = transfer.classify(every, of_each, (low, high), 1.0)
-    marks = [
-        fingerprint(*values.evidence()),
-        fingerprint(*looks),
-        look.gradient,
-        repr(look.gradient_opacity),
-    ]
-    if look.labels is not None:
-        marks += [
-            fingerprint(*values_of(look.labels.values).evidence()),
-            repr(sorted(look.labels.rules.items())),
-        ]
-    return " ".join(marks)
+    return _frames_over(course, cameras, paint)
 
 
 def again(

@@ -55,9 +55,9 @@ def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Ot
     return [one._replace(source=one.source.model_copy(update=memory)) for one in found]
 
 
-def can_stream(look: AppearanceChoices, resampler: Resampler) -> bool:
-    """Return whether a picture needs only the visible voxels of a volume."""
-    return resampler.projection is Projection.COMPOSITE and look.classify != "post"
+def can_stream(resampler: Resampler) -> bool:
+    """Return whether a look needs no array of a volume's values."""
+    return resampler.projection is Projection.COMPOSITE
 
 
 def media(
@@ -79,7 +79,7 @@ def media(
         first = _channels(source, name, look, added.channels, resampler)
         return first + beside(further, look, resampler)
     if recording is None:
-        is_streamed = can_stream(look, resampler)
+        is_streamed = can_stream(resampler)
         try:
             volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
         except SeveralChannelsError:
@@ -100,7 +100,7 @@ def beside(
     """Read the further volumes with their looks."""
     found = []
     for other in further:
-        volume = prepared(other.source, other.name, streamed=can_stream(look, resampler))
+        volume = prepared(other.source, other.name, streamed=can_stream(resampler))
         own = _alone(look, other.appearance.get("transfer", "auto"), other.appearance.get("window"))
         found.append((volume, own.appearance(volume, resampler)))
     return found
@@ -163,7 +163,7 @@ def _channels(
         )
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
-    streamed = channels_in_chunks(source, name) if can_stream(look, resampler) else None
+    streamed = channels_in_chunks(source, name) if can_stream(resampler) else None
     recording = held(source, name) if streamed is None else streamed
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))

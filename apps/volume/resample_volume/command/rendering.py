@@ -6,11 +6,9 @@ values and picture before the scan, and for everything before shading and painti
 (`Bricks`) and mapped files keep their own account.
 """
 
-import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import prod
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,28 +18,22 @@ from resample.cameras.viewpoints import Viewpoint
 from resample.command.session import Session, libraries
 from resample.command.settings import Sharing
 from resample.console import Color, say
-from resample.files.writing import inheriting
 from resample.memory import require
 from resample.memory.mapped import is_in_file
 from resample.painting.choices import SUMS, Projection
-from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
 from resample.watching import told
 from resample_volume.classification.surveys import survey
 from resample_volume.data.values import is_streamed
 from resample_volume.media.appearance import (
-    Classification,
     VolumeLayer,
     check_several,
     check_together,
-    decided,
-    fit_as_fields,
 )
 from resample_volume.rendering import Fit, Fitted, Shaded, Subject, fields_of, painted_with_bar
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
-from resample_volume.voxels.streaming import TooManyVoxelsError
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
@@ -66,9 +58,8 @@ def scene_of(
     if len(media) > 1:
         check_several(media, resampler)
     check_together(resampler, media[0][1].classification, media[0][1].extras)
-    say_lost_field(media, resampler)
-    in_bricks = len(media) == 1 and is_streamed(media[0][0])
-    bar = "reading visible bricks" if in_bricks else "classifying"
+    in_bricks = any(is_streamed(volume) for volume, _ in media)
+    bar = "reading bricks" if in_bricks else "classifying"
     with session.stage("classify", bar=bar) as progress, told(progress if in_bricks else None):
         subject = Subject.of_several(media, resampler, fit)
     check_memory(media, size, subject, fit)
@@ -77,23 +68,6 @@ def scene_of(
     elif subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject
-
-
-def say_lost_field(
-    media: Sequence[VolumeLayer], resampler: Resampler, *, in_windows: bool = False
-) -> None:
-    """Say why voxels are painted, if rays through fields were asked for."""
-    volumes, looks = [volume for volume, _ in media], [look for _, look in media]
-    is_by_rays = resampler.order.summing is Summing.RAYS
-    if not is_by_rays or any(look.classification is not Classification.AUTO for look in looks):
-        return
-    _, painter = decided(media, resampler)
-    if painter.order.summing is Summing.RAYS:
-        if in_windows:
-            say("workers paint voxels (classify pre), not rays through the field")
-    elif any(map(is_streamed, volumes)) and not fit_as_fields(volumes):
-        what = "the volume as a field" if len(media) == 1 else "the volumes as fields"
-        say(f"memory does not hold {what}: voxels are painted (classify pre)")
 
 
 def say_missed(
@@ -191,23 +165,18 @@ class ExecutionContext(NamedTuple):
     threads: int | None
     sharing: Sharing
     start_workers: "StartWorkers | None"  # None: none were asked for
-    output: Path  # several processes may keep windows beside it
-    left: list[Path]  # folders with windows of commands that were killed
 
 
 @contextmanager
-def execution_context(
-    threads: int | None, sharing: Sharing, output: Path
-) -> Iterator[ExecutionContext]:
+def execution_context(threads: int | None, sharing: Sharing) -> Iterator[ExecutionContext]:
     """Provide threads, processes and memory for a picture, until the end of the block."""
     if not sharing.has_workers:
-        yield ExecutionContext(threads, sharing, None, output, [])
+        yield ExecutionContext(threads, sharing, None)
         return
     from resample.command.workers import worker_pools
 
-    target = Path(os.path.realpath(output))
-    with worker_pools(sharing, threads) as start_workers, inheriting(target) as left:
-        yield ExecutionContext(threads, sharing, start_workers, output, left)
+    with worker_pools(sharing, threads) as start_workers:
+        yield ExecutionContext(threads, sharing, start_workers)
 
 
 def to_paint(
@@ -219,18 +188,17 @@ def to_paint(
     size: tuple[int, int],
     context: ExecutionContext,
 ) -> PreparedPicture:
-    """Prepare volumes to be painted; volumes in bricks window by window, if too dense.
+    """Prepare volumes to be painted here, or by workers.
 
-    With workers it is always by windows. The fit `picture` is `visible` with the camera zoomed and
-    panned to fill the picture; that camera is printed.
+    The fit `picture` is `visible` with the camera zoomed and panned to fill the picture; that
+    camera is printed.
     """
-    subject = None
-    if not context.sharing.has_workers:
-        with suppress(TooManyVoxelsError):
-            around: Fit = "visible" if fit == "picture" else fit
-            subject = scene_of(session, media, resampler, around, size)
-    if subject is None:
-        return _in_windows(session, media, resampler, fit, viewpoint, size, context)
+    if context.sharing.has_workers:
+        from resample_volume.command.bands import SharedScene, check_workers, painted_by
+
+        check_workers(media, resampler)
+    around: Fit = "visible" if fit == "picture" else fit
+    subject = scene_of(session, media, resampler, around, size)
     if fit == "picture":
         from resample_volume.command.filling import filled
 
@@ -240,53 +208,13 @@ def to_paint(
 
     def paint(eye: AnyCamera) -> Frame:
         cuts = subject.cuts(eye)
+        crew = None if context.start_workers is None else context.start_workers()
+        if crew is not None:
+            say(f"rows of the picture are shared by {context.sharing.description}")
+            with session.stage("paint", bar="painting"):
+                return painted_by(crew, SharedScene(media, painter, around, eye, size))
         frame = painted(session, painter, seen, eye, size, context.threads, cuts)
         return subject.developed(frame)
-
-    return PreparedPicture(subject, camera, paint)
-
-
-def _in_windows(
-    session: Session,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    fit: Fitted,
-    viewpoint: Viewpoint,
-    size: tuple[int, int],
-    context: ExecutionContext,
-) -> PreparedPicture:
-    """Prepare volumes in bricks, to hold one window's voxels in memory at a time."""
-    from resample_volume.command.windows import check_workers, local_budget, shared
-    from resample_volume.windows import paint_streamed, streamed_subject
-
-    if context.sharing.has_workers:
-        check_workers(media)
-        say_lost_field(media, resampler, in_windows=True)
-    if fit == "picture":
-        raise ValueError(
-            "zoom-in needs all visible voxels in memory, which are too many here; leave it out"
-        )
-    spent = local_budget(media, context.threads)
-    with session.stage("classify", bar="scanning voxels") as progress:
-        subject = streamed_subject(media, fit, resampler, spent, progress)
-    say_missed(media, subject)
-    camera = subject.camera(viewpoint, *size)
-
-    def paint(eye: AnyCamera) -> Frame:
-        if eye is not camera:
-            raise ValueError("slabs of depth cannot be painted window by window; leave --deep out")
-        crew = None if context.start_workers is None else context.start_workers()
-        shown = (eye.view(), size, resampler)
-        with (
-            session.stage("paint", bar="painting windows") as progress,
-            shared(media, shown, spent, crew, context.output, context.left) as budget,
-        ):
-            frame, count = paint_streamed(media, subject, eye, size, budget, resampler, progress)
-        if budget.executor is None:
-            say(f"the visible voxels do not fit in memory: painted in {count} windows")
-        else:
-            say(f"painted in {count} windows by {context.sharing.description}")
-        return frame
 
     return PreparedPicture(subject, camera, paint)
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.outofcore.bricks import BrickArray, BrickRequest, LruCache, Step, is_known_by_its_ends
+from resample.outofcore.bricks import BrickArray, Step, is_known_by_its_ends
 from resample.outofcore.passes import PassContext, in_order
 from resample.types import Doubles
 from resample_volume.data.scanning import BrickStats, are_few, finite_outside, scanned
@@ -69,23 +69,18 @@ class Bricks(BrickArray):
             is_none |= np.isinf(stored)
         return np.where(is_none, np.asarray(by, self.dtype), stored)
 
-    def within(self, request: BrickRequest | None, recent: LruCache | None = None) -> Self:
-        """Return a copy restricted to some blocks; it counts its own reads."""
-        part = super().within(request, recent)
-        part.__dict__["ends"] = self.ends  # of the whole
-        return part
+    def anew(self) -> Self:
+        """Return a copy that counts its own reads, with the known statistics."""
+        known = {"ends", "statistics"} & self.__dict__.keys()
+        copy = super().anew()
+        copy.__dict__.update({name: self.__dict__[name] for name in known})
+        return copy
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs; of the statistics only the ends of bricks."""
         known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
         state = super().__getstate__() | known | {"helpers": None}
         return {name: part for name, part in state.items() if name != "statistics"}
-
-    @property
-    def noted(self) -> int:
-        """Bytes of the statistics, if found or loaded here."""
-        statistics = self.__dict__.get("statistics", ())
-        return sum(np.asarray(part).nbytes for part in statistics if part is not None)
 
     def without(self, padding: Sequence[float], by: Any, _: str = "", /) -> "Bricks":
         """Return a copy in which values for missing ones, and infinite ones, are replaced."""

@@ -6,7 +6,7 @@ by brick asks for `bricks_of`.
 
 import logging
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import Any, Protocol, cast
 
@@ -191,6 +191,19 @@ def is_streamed(volume: Volume) -> bool:
     return streamed(volume.values) is not None
 
 
+def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
+    """Do as `as_array` for the volumes of a scene, which share the memory limit by their sizes."""
+    sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
+    found = []
+    for volume, size in zip(volumes, sizes, strict=True):
+        bricks = streamed(volume.values)
+        if bricks is not None and bricks.memory is not None:
+            share = bricks.memory * size // sum(sizes)
+            bricks = replace(bricks.anew(), memory=share)
+        found.append(as_array(volume if bricks is None else with_bricks(volume, bricks)))
+    return found
+
+
 def as_array(volume: Volume) -> Volume:
     """Return the volume with its values as an array, also if they are bricks.
 
@@ -211,14 +224,15 @@ def as_array(volume: Volume) -> Volume:
         raise ValueError(
             f"{volume.name} is needed as a whole for this, with at least "
             f"{amount(beside * 4 // 3)} of memory and a file for the rest; "
-            f"{amount(bricks.memory)} are allowed: give more memory or a coarser level, or "
-            "render it by classify pre and composite"
+            f"{amount(bricks.memory)} are allowed: give more memory or a coarser level"
         )
-    values = array_in_file(bricks.shape, bricks.dtype, pages, volume.name)
+    most = pages // 2  # more are in memory until others are released
+    values = array_in_file(bricks.shape, bricks.dtype, most, volume.name)
     LOG.info(
         "%s is needed as a whole and does not fit in %s of memory: it and its field are in a "
         "temporary file of %s",
         *(volume.name, amount(bricks.memory), folder()),
     )
     bricks.put_into(values)
+    bricks.pin_bricks(0)  # they are all in the file now
     return volume._replace(values=values)

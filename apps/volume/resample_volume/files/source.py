@@ -16,7 +16,7 @@ from resample_volume.classification.surveys import findings, label_count, survey
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.thresholds import otsu
-from resample_volume.data.values import Stored, is_streamed, values_of
+from resample_volume.data.values import Stored, as_array, bricks_of, is_streamed, values_of
 from resample_volume.files.formats.metaimage import write_metaimage
 from resample_volume.files.formats.nifti import write_nifti
 from resample_volume.files.formats.nrrd import write_nrrd
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
+OF_LABELS = 4  # memory limit of a volume over that of its labels
 OWN = {  # suffixes of readers that are imported only for such files
     "bioio": (".czi", ".lif", ".nd2", ".lsm", ".oib", ".oif", ".dv"),
     "fits": (".fits", ".fit", ".fts", ".fits.gz", ".fits.fz"),
@@ -311,7 +312,7 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     """
     chosen = parse_rules(rules)
     try:
-        found = _volume_of(path, is_streamed(volume))
+        found = _volume_of(path, volume)
         if found.colors is not None:
             raise ValueError("labels are whole numbers, one for each voxel, not colors")
         labels = Labels(found.values, chosen)
@@ -322,10 +323,14 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     return labels
 
 
-def _volume_of(path: str, streamed: bool) -> Volume:
-    """Open the volume of labels, streamed if possible and wanted."""
-    held = open_streamed(path) if streamed else None
-    return open_volume(path) if held is None else volume_at(held, None, None)
+def _volume_of(path: str, volume: Volume) -> Volume:
+    """Read labels beside a volume, of whose memory limit they get a part."""
+    held = open_streamed(path) if is_streamed(volume) else None
+    if held is None:
+        return open_volume(path)
+    found, allowed = volume_at(held, None, None), bricks_of(volume).memory
+    bricks_of(found).memory = None if allowed is None else allowed // OF_LABELS
+    return as_array(found)
 
 
 def write_volume(path: Path, volume: Volume) -> None:

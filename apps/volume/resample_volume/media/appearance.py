@@ -5,9 +5,8 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from resample.memory import available_memory
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.splines import LARGEST, bytes_of_field
+from resample.painting.splines import LARGEST
 from resample.profiles.named import OneOf
 from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
 from resample.resampler import Resampler
@@ -15,7 +14,6 @@ from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
-from resample_volume.data.values import values_of
 from resample_volume.media.arguments import check_kinds, check_transfer, several_of
 from resample_volume.media.xrays import XRay
 from resample_volume.types import Volume
@@ -300,9 +298,9 @@ def decided(
 ) -> tuple[list[VolumeLayer], Resampler]:
     """Resolve `auto` to pre or post in all looks, and return the renderer for them.
 
-    A ray cast field is more accurate at any size on screen. Voxels are painted for volumes that do
-    not fit in memory as fields together, where gradients of voxels are asked for (`sobel`), and
-    beside a volume with the classification pre; but meshes and planes always need rays.
+    A ray cast field is more accurate at any size on screen. Voxels are painted where gradients of
+    voxels are asked for (`sobel`), and for more labels than fields tell apart; but several volumes,
+    meshes and planes always need rays.
 
     `resampler`: renderer; one of samples paints voxels in any case.
     """
@@ -313,8 +311,7 @@ def decided(
         is_of_field = True
     else:
         is_of_field = resampler.order.summing is Summing.RAYS and Classification.PRE not in looks
-        is_of_field = is_of_field and all(_suits_rays(*medium) for medium in media)
-        is_of_field = is_of_field and fit_as_fields([volume for volume, _ in media])
+        is_of_field = is_of_field and (len(media) > 1 or _suits_rays(*media[0]))
         is_of_field = is_of_field or any(look.scene_objects for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
@@ -334,14 +331,6 @@ def _suits_rays(volume: Volume, look: Appearance) -> bool:
     return max(map(abs, finite_range(volume.values))) < LARGEST
 
 
-def fit_as_fields(volumes: Sequence[Volume]) -> bool:
-    """Return whether volumes fit in memory as fields, with their values if they are in files."""
-    every = [values_of(volume.values) for volume in volumes]
-    limits = [values.memory if values.is_streamed else available_memory() for values in every]
-    size = sum(bytes_of_field(each.shape, each.dtype) + each.bytes_to_load for each in every)
-    return all(free is None or size <= free for free in limits)
-
-
 def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
     """Reject several volumes that cannot be shown together."""
     if not media:
@@ -351,17 +340,30 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
             f"several volumes need the projection composite; {resampler.projection} shows the "
             "values of one"
         )
-    kinds = {look.classification for _, look in media}
-    if {Classification.PRE, Classification.POST} <= kinds:
-        raise ValueError(
-            "volumes of one scene have the classifications pre and post; give all of them the same"
-        )
-    first = media[0][1]
-    kind = next((one for one in kinds if one is not Classification.AUTO), first.classification)
-    if kind is Classification.PRE:
-        resampler = of_voxels(resampler)
-    elif kind is Classification.POST and resampler.order.summing is not Summing.RAYS:
-        raise ValueError(
-            f"several volumes of the classification post need the order rays, not {resampler.order}"
-        )
-    check_together(resampler, kind, first.extras)
+    if len(media) > 1:
+        _check_rays(media, resampler)
+    check_together(resampler, media[0][1].classification, media[0][1].extras)
+
+
+def _check_rays(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
+    """Reject what rays through several fields cannot show."""
+    from resample_volume.classification.labels import MOST_RULES
+
+    if resampler.order.summing is not Summing.RAYS:
+        raise ValueError(f"several volumes need the order rays, not {resampler.order}")
+    for volume, look in media:
+        if look.classification is Classification.PRE:
+            raise ValueError(
+                "several volumes are interpolated, then classified; leave the classification pre "
+                "out, or show one of them"
+            )
+        if look.gradient != GRADIENT:
+            raise ValueError(
+                f"gradient {look.gradient} is of the voxels of one volume, and several are fields; "
+                "leave it out"
+            )
+        if look.labels is not None and not look.labels.are_few:
+            raise ValueError(
+                f"{len(look.labels.rules)} labels of {volume.name} have looks; beside other "
+                f"volumes at most {MOST_RULES} may"
+            )

@@ -1,7 +1,7 @@
 """Crop and clip a volume: planes of a box of voxels and planes given by normals."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,86 +71,21 @@ def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
     return those
 
 
-def inside_index(voxels: Voxels, planes: Doubles, radius: float) -> NDArray[np.int64]:
-    """Return the indices that `keep` keeps."""
-    return np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
-
-
-class Steep(NamedTuple):
-    """Extreme gradients of voxels cut by planes, or of a part of them."""
-
-    least: Floats  # (3,) least components of those away from planes; inf if there are none
-    greatest: Floats  # (3,) greatest; -inf
-    near: Floats  # (M, 2) least and greatest length near each plane; inf and -inf
-    longest: np.float32  # length
-
-    @classmethod
-    def of(cls, voxels: Voxels, planes: Doubles) -> "Steep":
-        """Find those of voxels with gradients."""
-        gradient, nothing = voxels.gradient, np.array([np.inf, -np.inf], np.float32)
-        near = np.tile(nothing, (len(planes), 1))
-        if not len(planes):
-            ends = gradient.min(0, initial=np.inf), gradient.max(0, initial=-np.inf)
-            return cls(*ends, near, np.float32(0.0))
-        at, nearest = _near(voxels, planes)
-        length = np.linalg.norm(gradient, axis=1)
-        np.minimum.at(near[:, 0], nearest[at], length[at])
-        np.maximum.at(near[:, 1], nearest[at], length[at])
-        away = np.delete(gradient, at, axis=0)
-        ends = away.min(0, initial=np.inf), away.max(0, initial=-np.inf)
-        return cls(*ends, near, length.max(initial=np.float32(0.0)))
-
-    def merged(self, other: "Steep") -> "Steep":
-        """Merge two parts."""
-        near = [np.minimum(self.near[:, 0], other.near[:, 0])]
-        near += [np.maximum(self.near[:, 1], other.near[:, 1])]
-        return Steep(
-            np.minimum(self.least, other.least),
-            np.maximum(self.greatest, other.greatest),
-            np.stack(near, axis=1),
-            max(self.longest, other.longest),
-        )
-
-    def components(self, planes: Doubles) -> Floats:
-        """Return gradients (N, 3) that include all extreme components after `faced`."""
-        away = np.array([self.least, self.greatest])
-        along = np.repeat(planes[:, :3], 2, axis=0)
-        length = np.maximum(self.near.reshape(-1), np.float32(STEEPER) * self.longest)
-        is_near = np.isfinite(self.near.reshape(-1))
-        facing = along[is_near] * length[is_near, np.newaxis]
-        return np.concatenate([away[np.isfinite(away).all(axis=1)], facing]).astype(np.float32)
-
-
-Steeps = tuple[Steep | None, ...]  # of several volumes; None: nothing is visible of one
-
-
-def steeps_of(parts: Sequence[Voxels], planes: Doubles) -> Steeps:
-    """Return extreme gradients of voxels of several volumes, where they have any."""
-    return tuple(Steep.of(part, planes) if len(part.gradient) else None for part in parts)
-
-
-def merged_steeps(one: Steeps, other: Steeps) -> Steeps:
-    """Merge two parts."""
-    pairs = zip(one, other, strict=True)
-    return tuple(b if a is None else a if b is None else a.merged(b) for a, b in pairs)
-
-
-def faced(voxels: Kept, planes: Doubles, longest: np.float32 | None = None) -> Kept:
+def faced(voxels: Kept, planes: Doubles) -> Kept:
     """Replace gradients near a cut by the cut's normal, keeping their lengths.
 
     A cut through homogeneous tissue meets only noise, whose gradients would make it look rough. So
     it is shaded as a plane: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
     Texture-Based Volume Visualization and Volume Shading, 2003.
 
-    `planes`: (M, 4) as from `planes`. `longest`: length of the longest gradient, if these voxels
-    are a part.
+    `planes`: (M, 4) as from `planes`.
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels
     normal, (near, nearest) = planes[:, :3], _near(voxels, planes)
     length = np.linalg.norm(voxels.gradient, axis=1)
     # Homogeneous regions have no normal.
-    least = np.float32(STEEPER) * (length.max() if longest is None else longest)
+    least = np.float32(STEEPER) * length.max()
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
     across: Kept = voxels._replace(gradient=gradient)  # type: ignore[assignment]

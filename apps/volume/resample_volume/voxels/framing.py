@@ -1,6 +1,6 @@
 """Center volumes at the scene's origin, and find the bounding sphere of visible voxels."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import MARGIN, Orbit, Sphere
 from resample.memory import require_memory
-from resample.types import Doubles, Floats, View
+from resample.memory.mapped import is_in_file
+from resample.types import Doubles, Floats, Indices, View
 from resample_volume.classification.surveys import ends
 from resample_volume.classification.transfer import Transfer, visible_places
 from resample_volume.data.parts import slabs
@@ -46,11 +47,21 @@ class Placed(Protocol):
         """(3, 3) columns are the steps to the neighbours, scene units."""
 
 
-class FramedVoxels(NamedTuple):
-    """Voxels that a camera frames."""
+Parts = Callable[[], Iterable[Floats]]  # positions (N, 3) of some voxels after others, each time
 
-    position: Floats  # (N, 3) scene units
+
+class FramedVoxels(NamedTuple):
+    """Voxels that a camera frames; of a volume in a file they are found anew each time."""
+
+    parts: Parts  # scene units
     lattice: Doubles  # (3, 3) columns are the steps to the neighbours, scene units
+
+
+def parts_of(voxels: "Placed | FramedVoxels") -> Parts:
+    """Return the positions of voxels in parts; of most there is one."""
+    if isinstance(voxels, FramedVoxels):
+        return voxels.parts
+    return partial(iter, (voxels.position,))
 
 
 def shown_by(
@@ -62,24 +73,34 @@ def shown_by(
     voxels.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    places, start, count = [], 0, 0
-    for slab in slabs(volume.values):
-        value = slab.reshape(-1)
-        seen = visible_places(transfer, value, data_range)
-        if iso is not None:
-            seen = np.union1d(seen, np.flatnonzero(value >= iso))
-        places.append(start + seen)
-        start, count = start + value.size, count + seen.size
+    lattice = lattice_of(volume)
+
+    def places() -> Iterator[Indices]:
+        start = 0
+        for slab in slabs(volume.values):
+            value = slab.reshape(-1)
+            seen = visible_places(transfer, value, data_range)
+            if iso is not None:
+                seen = np.union1d(seen, np.flatnonzero(value >= iso))
+            yield start + seen
+            start += value.size
+
+    def placed(place: Indices) -> Floats:
+        position = positions_at(volume, place)
+        return position[inside(position, lattice, planes, radius)] if len(planes) else position
+
+    if is_in_file(volume.values):
+        return FramedVoxels(lambda: map(placed, places()), lattice)
+    found, count = [], 0
+    for seen in places():
+        found.append(seen)
+        count += seen.size
         require_memory(
             BYTES_PER_PLACE * count,
             f"a camera around the {count} or more visible voxels of {volume.name}",
             "fit it to the whole volume (--fit volume), or show less of it",
         )
-    shown = FramedVoxels(positions_at(volume, np.concatenate(places)), lattice_of(volume))
-    if not len(planes):
-        return shown
-    kept = inside(shown.position, shown.lattice, planes, radius)
-    return shown._replace(position=shown.position[kept])
+    return FramedVoxels(partial(iter, (placed(np.concatenate(found)),)), lattice)
 
 
 def corners(volume: Volume) -> Doubles:
@@ -98,42 +119,34 @@ def ball_around(volume: Volume) -> Sphere:
     return Sphere(center, float(np.linalg.norm(corner - center, axis=1).max()))
 
 
-def sphere_around(voxels: Placed, volume: Volume) -> Sphere:
+def sphere_around(voxels: "Placed | FramedVoxels", volume: Volume) -> Sphere:
     """Return the bounding sphere of the visible voxels, or of the volume if there are none.
 
     A few outliers far from all others do not count: they would make the others small.
     """
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
-    position = voxels.position
-    if not position.size:
+    parts = parts_of(voxels)
+    count, low, high = _extent(parts)
+    if not count:
         last = np.array(volume.values.shape[::-1]) - 1
         ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
-        position = ends.astype(np.float32)
-    position = _without_strays(position, voxel)
-    return sphere_of(*bounds(position), voxel, partial(farthest_from, position))
-
-
-def sphere_of(
-    low: Doubles, high: Doubles, voxel: float, farthest: Callable[[Doubles], float]
-) -> Sphere:
-    """Return a bounding sphere of voxels.
-
-    `low`, `high`: (3,) their least and greatest coordinates, scene units. `voxel`: longest step of
-    the lattice, scene units. `farthest`: returns the distance of the farthest voxel from a point.
-    """
+        parts = partial(iter, (ends.astype(np.float32),))
+        count, low, high = _extent(parts)
+    shown = _without_strays(parts, voxel, (count, low, high))
+    if shown is not parts:
+        _, low, high = _extent(shown)
     if not np.abs([low, high]).max() < FARTHEST:
         raise ValueError(
             f"the volume extends from {low} to {high} scene units; {FARTHEST:g} is the limit, so "
             "give another spacing"
         )
     center = (low + high) / 2
-    return Sphere(center, farthest(center) + REACH * voxel)
-
-
-def farthest_from(position: Floats, center: Doubles) -> float:
-    """Return the distance of the farthest of points (N, 3) from a point."""
-    away = position - center.astype(np.float32)
-    return float(np.sqrt(np.einsum("nd,nd->n", away, away).max()))
+    farthest = 0.0
+    for position in shown():
+        away = position - center.astype(np.float32)
+        square = np.einsum("nd,nd->n", away, away).max(initial=np.float32(0.0))
+        farthest = max(farthest, float(np.sqrt(square)))
+    return Sphere(center, farthest + REACH * voxel)
 
 
 NO_CORNERS = np.zeros((0, 3))
@@ -153,37 +166,45 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
 def filling(
     orbit: Orbit,
     sphere: Sphere,
-    shown: Placed,
+    shown: "Placed | FramedVoxels",
     size: tuple[int, int],
     corner: Doubles = NO_CORNERS,
 ) -> Orbit:
-    """Zoom and pan an orbit so that everything visible fills the picture.
+    """Zoom and pan an orbit so that everything visible fills the picture; unchanged if nothing is.
 
     `shown`: visible voxels; outliers as of `sphere_around` do not count. `size`: height and width
     of the picture, px. `corner`: (N, 3) vertices of meshes, which are framed, too.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
-    position = _without_strays(shown.position, voxel) if len(shown.position) else shown.position
-    position = np.concatenate([position, corner.astype(np.float32)])
+    kept = _without_strays(parts_of(shown), voxel)
     view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
-    # Right, down and ahead of the sphere's center, and the radius of kernels.
-    place = (position - sphere.center.astype(np.float32)) @ view.rotation.T.astype(np.float32)
+
+    def places() -> Iterator[Floats]:
+        """Yield places to the right, below and ahead of the sphere's center."""
+        for position in (*kept(), corner.astype(np.float32)):
+            away = position - sphere.center.astype(np.float32)
+            yield away @ view.rotation.T.astype(np.float32)
+
+    count, low, high = _extent(places)
+    if not count:
+        return orbit
+    # The radius of kernels.
     reach, distance = REACH * voxel, float((view.rotation @ sphere.center + view.translation)[2])
     half = np.maximum(np.array(size[::-1]) / 2 - MARGIN, 0.25 * min(size))
     shorter = min(size)
     if not view.perspective:
-        low, high = bounds(place)
         focal = float(view.focal[0])
         zoom = float(np.min(2 * half / (high - low + 2 * reach)[:2] / focal))
         shift = (low + high)[:2] / 2 * focal * zoom / shorter
     else:
         slope = half / view.focal  # of the rays at the picture's sides
-        along = place[:, 2] - reach
-        ends = np.empty((2, 2))
-        for axis in range(2):
-            for n, sign in enumerate((1, -1)):
-                away = (sign * place[:, axis] + reach) / slope[axis]
-                ends[axis, n] = float((away - along).max())
+        ends = np.full((2, 2), -np.inf)
+        for place in places():
+            along = place[:, 2] - reach
+            for axis in range(2):
+                for n, sign in enumerate((1, -1)):
+                    away = (sign * place[:, axis] + reach) / slope[axis]
+                    ends[axis, n] = (away - along).max(initial=ends[axis, n])
         nearest = float(ends.mean(axis=1).max())
         zoom = distance / nearest
         shift = (ends[:, 0] - ends[:, 1]) / 2 * slope * view.focal / nearest / shorter
@@ -191,20 +212,46 @@ def filling(
     return replace(orbit, zoom=zoom * orbit.zoom, pan=pan)
 
 
-def _without_strays(position: Floats, voxel: float) -> Floats:
-    """Remove the few outliers of points (N, 3) far from all others along an axis."""
-    most = most_strays(len(position))
-    low, high = bounds(position)
-    extent = high - low
-    if not most or not np.isfinite(extent).all() or _is_filled(position, low, extent, most):
-        return position
-    kept = np.ones(len(position), bool)
-    for axis in wide_axes(extent):
-        code = codes_along(position, low, extent, axis)
-        count = np.bincount(code, minlength=BINS)
-        first, last = full_codes(count, float(extent[axis]), most, voxel)
-        kept &= (code >= first) & (code <= last)
-    return position if kept.all() else position[kept]
+def _extent(parts: Parts) -> tuple[int, Doubles, Doubles]:
+    """Return the number of points, and their least and greatest coordinates (3,)."""
+    count, low, high = 0, np.full(3, np.inf), np.full(3, -np.inf)
+    for position in parts():
+        if len(position):
+            count += len(position)
+            least, greatest = bounds(position)
+            low, high = np.minimum(low, least), np.maximum(high, greatest)
+    return count, low, high
+
+
+def _without_strays(
+    parts: Parts, voxel: float, known: tuple[int, Doubles, Doubles] | None = None
+) -> Parts:
+    """Remove the few outliers of points far from all others along an axis.
+
+    `known`: from `_extent`; None: found here.
+    """
+    total, low, high = known or _extent(parts)
+    most, extent = most_strays(total), high - low
+    if not most or not np.isfinite(extent).all() or _is_filled(parts, low, extent, most):
+        return parts
+    axes, count = wide_axes(extent), np.zeros((3, BINS), np.int64)
+    for position in parts():
+        for axis in axes:
+            code = codes_along(position, low, extent, axis)
+            count[axis] += np.bincount(code, minlength=BINS)
+    codes = {axis: full_codes(count[axis], float(extent[axis]), most, voxel) for axis in axes}
+    if all(count[axis, a : b + 1].sum() == total for axis, (a, b) in codes.items()):
+        return parts
+
+    def kept() -> Iterator[Floats]:
+        for position in parts():
+            is_kept = np.ones(len(position), bool)
+            for axis, (first, last) in codes.items():
+                code = codes_along(position, low, extent, axis)
+                is_kept &= (code >= first) & (code <= last)
+            yield position[is_kept]
+
+    return kept
 
 
 def most_strays(count: int) -> int:
@@ -231,15 +278,13 @@ def full_codes(count: NDArray[np.int64], size: float, most: int, voxel: float) -
     return int(full[first]), int(full[last])
 
 
-def _is_filled(position: Floats, low: Doubles, extent: Doubles, most: int) -> bool:
+def _is_filled(parts: Parts, low: Doubles, extent: Doubles, most: int) -> bool:
     """Return whether a sample shows too many voxels near all six sides for outliers."""
-    near = near_ends(position[SOME // 2 :: SOME], low, extent)
-    return bool(near.min() > least_near(most))
-
-
-def least_near(most: int) -> int:
-    """Return how many voxels of a sample must be near a side to rule out outliers."""
-    return 2 + 2 * most // SOME
+    near, first = np.zeros((2, 3), np.int64), SOME // 2
+    for position in parts():
+        near += near_ends(position[first::SOME], low, extent)
+        first = (first - len(position)) % SOME
+    return bool(near.min() > 2 + 2 * most // SOME)
 
 
 def near_ends(some: Floats, low: Doubles, extent: Doubles) -> NDArray[np.int64]:

@@ -1,14 +1,15 @@
 """Volumes as fields for ray casting."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.memory.mapped import array_like
+from resample.memory.mapped import array_like, is_in_file
 from resample.outofcore.caching import memo_of
+from resample.outofcore.passes import DIGIT, counts_by_digit, ranked
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.rays import thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
@@ -57,6 +58,8 @@ from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
     lattice_of,
+    steep_between,
+    steep_rank,
     steepness,
     unit_of,
 )
@@ -118,10 +121,9 @@ def gathered(
     shape, steep = (1, columns_of(volume, data_range)), 1.0
     count = _visible_count(volume, transfer, data_range, resampler)
     if transfer.needs_gradient:
-        require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
-        seen = _visible(volume, transfer, data_range, resampler)
         shape = (64, shape[1])
-        steep = steepness(np.linalg.norm(gradients_at(volume, seen, gradient), axis=1))
+        parts = partial(_visible, volume, transfer, data_range, resampler)
+        steep = _steepness_of(volume, parts, gradient, count)
     each = [transfer]
     if labels is not None:
         from resample_volume.classification.labels import Ruled
@@ -133,11 +135,11 @@ def gathered(
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(each)
     if labels is not None:
-        known = numbered(known, labels.numbers, volume.values.shape)
+        known = numbered(known, labels.numbers, volume.values)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
         looks, beside = _of_either(looks, two), 2
-        known = numbered(known, partial(_higher, volume, two), volume.values.shape)
+        known = numbered(known, partial(_higher, volume, two), volume.values)
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
@@ -376,14 +378,40 @@ def _visible_count(
 
 def _visible(
     volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
-) -> NDArray[np.int64]:
-    """Return flat indices of the voxels visible themselves, not only by interpolation."""
-    found, start = [], 0
+) -> Iterator[NDArray[np.int64]]:
+    """Yield flat indices of the voxels visible themselves, not only by interpolation, by slabs."""
+    start = 0
     for chunk in slabs(volume.values):
         value = chunk.reshape(-1)
-        found.append(_visible_places(value, transfer, data_range, resampler) + start)
+        yield _visible_places(value, transfer, data_range, resampler) + start
         start += value.size
-    return np.concatenate(found)
+
+
+def _steepness_of(
+    volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str, count: int
+) -> float:
+    """Return `steepness` of the voxels of parts; of values in a file not all gradients are held.
+
+    Lengths are not negative, so they sort as their bits do.
+    """
+    if not is_in_file(volume.values):
+        require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
+        every = np.concatenate(list(parts()))
+        return steepness(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
+
+    def counted(prefix: int, digit: int) -> NDArray[np.int64]:
+        total = np.zeros(1 << DIGIT, np.int64)
+        for seen in parts():
+            length = np.linalg.norm(gradients_at(volume, seen, gradient), axis=1)
+            total += counts_by_digit(length.astype(np.float32).view(np.uint32), prefix, digit)
+        return total
+
+    if not count:
+        return 0.0
+    first, share = steep_rank(count)
+    bits = ranked([first, min(first + 1, count - 1)], counted, 2)
+    low, high = np.array(bits, np.uint32).view(np.float32).tolist()
+    return steep_between(low, high, share)
 
 
 def _visible_places(

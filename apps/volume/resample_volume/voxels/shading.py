@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.memory.mapped import array_like
 from resample.types import Doubles, Flags, Floats, Lamp, Samples, Tint
 from resample.words import check_numbers
 from resample_volume.classification.labels import Labels
@@ -124,21 +125,19 @@ def shade(
     eye: Sequence[float] | Doubles | None = None,
     *,
     view: Sequence[float] | Doubles | None = None,
-    steepest: Floats | None = None,
 ) -> Samples:
     """Shade voxels: return samples with the light that they send to the viewer.
 
     `voxels`: with gradients, unless `light` is None. Shading is two-sided; a voxel without gradient
     is shaded as if it faced the light. `light`: None leaves the colors as they are. `eye`: (3,)
     scene position of a perspective camera. `view`: (3,) scene direction of view of a parallel
-    camera, instead of `eye`. `steepest`: (N, 3) extreme components of all gradients, if these
-    voxels are a part; see `lamp_of`.
+    camera, instead of `eye`.
     """
     color = voxels.color
     if light is not None and len(voxels.reached):
-        color = _lit_with_shadows(voxels, light, viewer_of(eye, view), steepest)
+        color = _lit_with_shadows(voxels, light, viewer_of(eye, view))
     elif light is not None:
-        color = _lit(voxels, light, viewer_of(eye, view), steepest)
+        color = _lit(voxels, light, viewer_of(eye, view))
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
 
 
@@ -156,13 +155,13 @@ def viewer_of(
     raise ValueError("light needs the eye of a perspective or the view of a parallel camera")
 
 
-def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None) -> Floats:
+def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
     from resample_volume.voxels.kernels.shading import shade_voxels
 
     if len(voxels.gradient) != len(voxels.position):
         raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
     shaded = np.empty(voxels.color.shape, np.float32)
-    lamp = lamp_of(light, viewer, voxels.gradient if steepest is None else steepest)
+    lamp = lamp_of(light, viewer, voxels.gradient)
     shade_voxels(
         voxels.position.reshape(-1),
         voxels.color.reshape(-1),
@@ -173,11 +172,9 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None 
     return shaded
 
 
-def _lit_with_shadows(
-    voxels: Voxels, light: Light, viewer: Doubles, steepest: Floats | None = None
-) -> Floats:
+def _lit_with_shadows(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
     """Do as `_lit`, with shadows and ambient occlusion."""
-    of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer, steepest)
+    of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer)
     everywhere = np.float32(light.ambient) * voxels.color
     return voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
 
@@ -278,15 +275,18 @@ def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iter
             planes[z + 2] = plane_at(z + 2)
 
 
-def numbered(known: Flags, numbers: Callable[[slice], Flags], shape: tuple[int, ...]) -> Flags:
+def numbered(known: Flags, numbers: Callable[[slice], Flags], values: NDArray[np.generic]) -> Flags:
     """Return the look index of voxels as in `LatticeField.known`: 0 where missing.
 
     `known`: which are not missing, in the same form; or (0,): all. `numbers`: returns the indices
-    of some slices' voxels, from 1. `shape`: (Z, Y, X) of these.
+    of some slices' voxels, from 1. `values`: (Z, Y, X) of all voxels.
     """
-    found = np.empty([count + 2 * PAD for count in shape], np.uint8)
-    for z in range(shape[0]):
+    padded = tuple(count + 2 * PAD for count in values.shape)
+    found = array_like(values, padded, np.uint8, "the numbers of looks")
+    for z in range(len(values)):
         found[z + PAD] = np.pad(numbers(slice(z, z + 1))[0], PAD, mode="edge")
     found[:PAD], found[-PAD:] = found[PAD], found[-PAD - 1]
-    flat = found.reshape(-1)
-    return np.where(known > 0, flat, np.uint8(0)) if known.size else flat
+    if known.size:
+        for plane, is_known in zip(found, known.reshape(padded), strict=True):
+            plane[is_known == 0] = 0
+    return found.reshape(-1)

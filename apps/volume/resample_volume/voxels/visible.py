@@ -16,17 +16,11 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.memory import require_memory
-from resample_volume.data.parts import side_by_side, slabs
+from resample_volume.data.memory import require_beside, require_memory
+from resample_volume.data.parts import kernel_layers, side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
-from resample_volume.data.values import Stored, bricks_of, is_streamed, values_of
+from resample_volume.data.values import Stored, as_array, values_of
 from resample_volume.types import Volume
-from resample_volume.voxels.streaming import (
-    BrickClassifier,
-    Candidates,
-    slopes_at,
-    visible_in_bricks,
-)
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
@@ -42,6 +36,14 @@ ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
+class Candidates(NamedTuple):
+    """Voxels that may be visible by their value."""
+
+    place: Indices  # (N,) index into the flat volume, z slowest
+    value: NDArray[Any]  # (N,) data units
+    slope: Floats  # (N, 3) data units per scene unit; or (0, 3)
+
+
 class Voxels(NamedTuple):
     """The N voxels of a volume that are not transparent, in the order z, y, x."""
 
@@ -51,11 +53,6 @@ class Voxels(NamedTuple):
     gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; or (0, 3)
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     reached: Floats = ALL_REACHED  # (N, 2) fractions of light that reach them; see `transmittance`
-
-    @property
-    def parts(self) -> tuple["Voxels", ...]:
-        """Voxels of each volume, of which there is one; as of `Mixed`."""
-        return (self,)
 
 
 def classify(
@@ -92,9 +89,7 @@ def classify(
     if labels is not None:
         color, opacity = labels.applied(seen.place, color, opacity)
     place, kept = seen.place, np.flatnonzero(opacity > 0)
-    if not is_streamed(volume):
-        what = f"{volume.name} with {kept.size} visible voxels"
-        require_memory(BYTES_PER_VOXEL * kept.size, what)
+    require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
         slope = slope if gradient is None else slope[kept]
@@ -192,12 +187,18 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     `voxel`: (N,) indices into the flat volume, z slowest, in the order of it or of the painter's
     bricks.
     """
-    return slopes_at(np.asarray(volume.values), voxel, gradient, to_scene_of(volume))
+    from resample_volume.data.kernels.gradients import find_gradients
 
+    to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)  # from slopes per voxel
+    slope, is_smooth = np.empty((voxel.size, 3), np.float32), gradient == "sobel"
+    for voxels, near, first in kernel_layers(np.asarray(volume.values), voxel):
+        place, found = voxel[voxels] - first if first else voxel[voxels], slope[voxels]
 
-def to_scene_of(volume: Volume) -> Doubles:
-    """Return the matrix (3, 3) from slopes per voxel to slopes per scene unit."""
-    return np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)
+        def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:
+            find_gradients(near, place[share], to_scene, is_smooth, found[share])
+
+        side_by_side(fill, place.size)
+    return slope
 
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
@@ -285,9 +286,7 @@ def visible_with_slopes(
 
     Parameters and errors as of `classify`, values in the order of the painter's bricks.
     """
-    if is_streamed(volume):
-        wanted = BrickClassifier(transfer, data_range, gradient, to_scene_of(volume))
-        return visible_in_bricks(bricks_of(volume), wanted, volume.name)
+    volume = as_array(volume)
     seen = _in_bricks(_visible(volume, transfer, data_range), volume)
     if gradient is None:
         return seen
@@ -313,6 +312,6 @@ def _visible(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candi
         index = visible_places(transfer, value, data_range)
         parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
-        require_memory(size * count, f"{volume.name} with {count} visible voxels")
+        require_beside(volume.values, size * count, f"{volume.name} with {count} visible voxels")
     place, found = map(np.concatenate, zip(*parts, strict=True))
     return Candidates(place, found, NO_SLOPE)

@@ -9,9 +9,9 @@ from resample.cameras.poses import look_at
 from resample.colors import to_srgb
 from resample.painting.choices import Footprint, Primitive
 from resample.profiles.filters import Gaussian
-from resample.profiles.orders import ImageSheets
 from resample.resampler import Resampler
 from resample_comparisons.volume.compare import Contest, variants
+from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.files.generated import checker_box
 from resample_volume.rendering import Subject

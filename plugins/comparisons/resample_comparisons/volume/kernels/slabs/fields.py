@@ -15,18 +15,7 @@ from resample.engine.compositing import VISIBLE
 from resample.engine.ellipsoids.rows import ALPHA, BLUE, DEPTH, FIRST, GREEN, RED, index_of
 from resample.engine.ellipsoids.splats import clipped_span
 from resample.engine.jit import kernel
-from resample.engine.slabs.blends import Values
-from resample.engine.slabs.lighting import classified, length_of, shaded_color
-from resample.engine.slabs.sums import (
-    PLANES,
-    Canvas,
-    Ring,
-    Slab,
-    SphereCut,
-    clean,
-    stride_of,
-    sum_at,
-)
+from resample.engine.lighting import classified, length_of, shaded_color
 from resample.engine.subpixels import Home
 from resample.engine.vectors import Vector
 from resample.types import (
@@ -36,6 +25,17 @@ from resample.types import (
     Floats,
     Place,
     View,
+)
+from resample_comparisons.volume.kernels.slabs.blends import Values
+from resample_comparisons.volume.kernels.slabs.sums import (
+    PLANES,
+    Canvas,
+    Ring,
+    Slab,
+    SphereCut,
+    clean,
+    stride_of,
+    sum_at,
 )
 
 HALF = 0.5  # share of a slab that samples must cover for their mean to hold

@@ -1,32 +1,23 @@
 """Paint sheets, slabs and fields in runs of neighbours; tiles project only runs that they show.
 
-See `resample.engine.slabs.painting`. Splats with exact footprints take a faster path.
+See `resample_comparisons.volume.kernels.slabs`. Splats of exact footprint take a faster path.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.runs import paint_at_once, plan_of, planned, spacings_of
-from resample.painting.scenes.cuts import Between, Output, RunPainter
-from resample.painting.scenes.planning import (
-    are_splats_exact,
-    margin_beyond_window,
-    plan_of_all,
-    plan_of_parts,
-)
-from resample.painting.scenes.plans import MIXTURE, SPLATS, PicturePlan, PlansOfPart, SamplesInParts
+from resample.painting.runs import Output, RunPainter, paint_at_once, plan_of, planned
+from resample.painting.scenes.plans import MIXTURE, SPLATS
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene
 from resample.painting.splats import (
+    are_splats_exact,
     count_of_points,
     may_have_points,
     mixture_of,
-    plans_of,
     runs_of,
 )
 from resample.profiles.orders import Summing
@@ -43,7 +34,6 @@ from resample.types import (
     MAXIMUM,
     MOST_COLUMNS,
     Doubles,
-    Floats,
     Indices,
     Runs,
     Samples,
@@ -54,9 +44,9 @@ from resample.types import (
 from resample.watching import Progress
 
 if TYPE_CHECKING:
-    from resample.engine.slabs.blends import Blend
-    from resample.engine.slabs.integrals import Integral
-    from resample.engine.slabs.painting import Summed
+    from resample_comparisons.volume.kernels.slabs.blends import Blend
+    from resample_comparisons.volume.kernels.slabs.integrals import Integral
+    from resample_comparisons.volume.kernels.slabs.painting import Summed
 
 # Minimum of sub-pixels per side of a pixel where all tiles have one resolution: sums must fit, and
 # surfaces must end sharply.
@@ -69,39 +59,20 @@ class SummedPainter:
     """Sums samples by sheets, slabs or altogether before it composites the sums."""
 
     reconstruction: Reconstruction
-    needs_together = None
 
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
         clock = Clock()
         scene, runs = _planned(scene, samples)
-        scene, by = self.by_runs(scene)
+        scene, by = self._by_runs(scene)
         clock.lap("project")
         return paint_at_once(scene, by, runs, clock, progress)
 
-    def plans(self, scene: PreparedScene, samples: Samples, asked: Sequence[str]) -> PlansOfPart:
-        return plans_of(scene, samples, asked, partial(_columns_of, scene))
-
-    def plan_of_all(self, scene: PreparedScene, parts: Sequence[PlansOfPart]) -> PicturePlan | None:
-        return plan_of_all(scene, parts, partial(_columns_of, scene))
-
-    def plan_of_parts(self, scene: PreparedScene, source: SamplesInParts) -> PicturePlan | None:
-        return plan_of_parts(scene, source, partial(_columns_of, scene))
-
-    def margin(self, scene: PreparedScene, plan: PicturePlan) -> tuple[bool, float]:
-        return margin_beyond_window(scene, plan)
-
-    def spacings(self, scene: PreparedScene, samples: Samples) -> Floats:
-        return spacings_of(*self.by_runs(scene), samples)
-
-    def by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
+    def _by_runs(self, scene: PreparedScene) -> tuple[PreparedScene, RunPainter]:
         """Painter of sums, on tiles that are as fine as the projection needs."""
-        from resample.engine.ellipsoids.steps import KEPT
         from resample.engine.mixtures.deferred import find_spacings
-        from resample.engine.slabs.painting import ALL, PARTS, Ways, paint_summed_runs
-        from resample.engine.slabs.steps import FIELD_STATE
-        from resample.engine.slabs.sums import PLANES
+        from resample_comparisons.volume.kernels.slabs.painting import Ways, paint_summed_runs
 
         scene = _as_fine(scene, plan_of(scene).least)
         mixture, summed, stage = mixture_of(scene), _sums_of(scene), scene.stage
@@ -112,23 +83,18 @@ class SummedPainter:
         def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
             paint_summed_runs(turn, tiles, runs, stage, ways, mixture, output)
 
-        kept = len(KEPT) + (0 if scene.classifier is None else FIELD_STATE)
-        kept += PLANES if summed.what == ALL else 0
         return scene, RunPainter(
-            lambda samples: _keyed(scene, runs_of(scene, samples, are_mixed=are_mixed)),
             lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
             paint,
             lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
-            {PARTS: Between.SLABS, ALL: Between.NOTHING}.get(summed.what, Between.SHEETS),
-            kept,
             scene.style.projection in MEASURING,
         )
 
 
 def _columns_of(scene: PreparedScene, least: Single) -> int:
     """Limit on sub-pixels in a row of a tile, for a smallest spacing of samples."""
-    from resample.engine.slabs.sums import NARROW
     from resample.engine.subpixels import grid_of
+    from resample_comparisons.volume.kernels.slabs.sums import NARROW
 
     return NARROW if _is_narrow(scene, grid_of(least, scene.style)) else MOST_COLUMNS
 
@@ -147,7 +113,7 @@ def _as_fine(scene: PreparedScene, least: Single) -> PreparedScene:
 def _planned(scene: PreparedScene, samples: Samples) -> tuple[PreparedScene, Runs]:
     """Scene with a plan, as fine as the projection requires, and its samples in runs."""
     runs, painter = _runs_of(scene, samples)
-    least = runs.known["least_spacing"].min() if scene.plan is None else scene.plan.least
+    least = runs.known["least_spacing"].min()
     fine = _as_fine(scene, least)
     if fine is not scene:
         scene = fine
@@ -157,9 +123,6 @@ def _planned(scene: PreparedScene, samples: Samples) -> tuple[PreparedScene, Run
 
 
 def _runs_of(scene: PreparedScene, samples: Samples) -> tuple[Runs, str]:
-    if scene.plan is not None:
-        painter = scene.plan.painter
-        return runs_of(scene, samples, are_mixed=painter == MIXTURE), painter
     if are_splats_exact(scene):
         runs = runs_of(scene, samples, are_mixed=False)
         if not may_have_points(scene, runs):
@@ -169,16 +132,16 @@ def _runs_of(scene: PreparedScene, samples: Samples) -> tuple[Runs, str]:
 
 def _is_narrow(scene: PreparedScene, finest: int) -> bool:
     """Whether rows of tiles with so many sub-pixels per side of a pixel fit in a narrow ring."""
-    from resample.engine.slabs.sums import NARROW
+    from resample_comparisons.volume.kernels.slabs.sums import NARROW
 
     return (1 + 2 * scene.tables.pixel_margin) * finest <= NARROW
 
 
 def _sums_of(scene: PreparedScene) -> "Summed":
     """Sums of a planned scene."""
-    from resample.engine.slabs.painting import ALL, PARTS, WHOLES, Summed
-    from resample.engine.slabs.sums import Narrow, Wide
     from resample.engine.subpixels import grid_of
+    from resample_comparisons.volume.kernels.slabs.painting import ALL, PARTS, WHOLES, Summed
+    from resample_comparisons.volume.kernels.slabs.sums import Narrow, Wide
 
     layers, finest = scene.layers, grid_of(plan_of(scene).least, scene.style)
     ring = Narrow if _is_narrow(scene, finest) else Wide
@@ -203,7 +166,7 @@ def _keyed(scene: PreparedScene, runs: Runs) -> Runs:
 
 def _blend_of(scene: PreparedScene, *, is_mixed: bool) -> "Blend":
     """Compositing of sums; mixtures are already tinted."""
-    from resample.engine.slabs.blends import Colors, Mixed, Values
+    from resample_comparisons.volume.kernels.slabs.blends import Colors, Mixed, Values
 
     style, look = scene.style, scene.classifier
     if look is None:
@@ -227,7 +190,11 @@ def _blend_of(scene: PreparedScene, *, is_mixed: bool) -> "Blend":
 
 
 def _integral_of(scene: PreparedScene, reconstruction: Reconstruction) -> "Integral":
-    from resample.engine.slabs.integrals import Product, Smooth, TabulatedIntegral
+    from resample_comparisons.volume.kernels.slabs.integrals import (
+        Product,
+        Smooth,
+        TabulatedIntegral,
+    )
 
     whole, density = footprint_profile(reconstruction), density_profile(reconstruction)
     factors = product_profile(reconstruction)

@@ -27,7 +27,6 @@ from resample.engine.ellipsoids.rows import (
     PAIR,
     RAY,
     Members,
-    SplatLimits,
     cast_rays_of_rows,
     close_rows,
     index_of,
@@ -36,7 +35,6 @@ from resample.engine.ellipsoids.rows import (
     resolve_rows,
 )
 from resample.engine.ellipsoids.runs import home_of, in_order
-from resample.engine.ellipsoids.steps import Carried, checkpoint, go_on, leave_out
 from resample.engine.ellipsoids.work_queue import WorkQueue, enlarged, new_queue, put_in_order
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.mixtures.deferred import TAKEN, form, make_ready, margin_of, take_runs
@@ -44,37 +42,6 @@ from resample.engine.mixtures.keys import end_of_sheet, sort_by_depth
 from resample.engine.mixtures.models import POINT
 from resample.engine.points.adding import MOST_TAPS
 from resample.engine.roles import making_role, plays
-from resample.engine.slabs.blends import Blend, Colors, Mixed, Values
-from resample.engine.slabs.colors import composite_colors
-from resample.engine.slabs.fields import (
-    STATES,
-    develop,
-    new_state,
-    resolve_value,
-    take_in_values,
-)
-from resample.engine.slabs.integrals import WORK, Integral
-from resample.engine.slabs.points import add_point
-from resample.engine.slabs.splats import OpenSlabs, Tools, add_splats, slant_of
-from resample.engine.slabs.steps import (
-    begin_of_step,
-    end_of_added_again,
-    end_of_step,
-    is_added_again,
-    lay_down_slabs,
-    take_up_slabs,
-)
-from resample.engine.slabs.sums import (
-    Canvas,
-    Ring,
-    Slab,
-    SphereCut,
-    aligned,
-    empty,
-    empty_slab,
-    new_sums,
-    no_dirt,
-)
 from resample.engine.subpixels import Home, grid, laid_out, pixel_weights
 from resample.types import (
     ADDITIVE,
@@ -88,6 +55,29 @@ from resample.types import (
     Stage,
     Tally,
     Tiles,
+)
+from resample_comparisons.volume.kernels.slabs.blends import Blend, Colors, Mixed, Values
+from resample_comparisons.volume.kernels.slabs.colors import composite_colors
+from resample_comparisons.volume.kernels.slabs.fields import (
+    STATES,
+    develop,
+    new_state,
+    resolve_value,
+    take_in_values,
+)
+from resample_comparisons.volume.kernels.slabs.integrals import WORK, Integral
+from resample_comparisons.volume.kernels.slabs.points import add_point
+from resample_comparisons.volume.kernels.slabs.splats import OpenSlabs, Tools, add_splats, slant_of
+from resample_comparisons.volume.kernels.slabs.sums import (
+    Canvas,
+    Ring,
+    Slab,
+    SphereCut,
+    aligned,
+    empty,
+    empty_slab,
+    new_sums,
+    no_dirt,
 )
 
 PARTS, WHOLES, ALL = range(3)  # slabs cut splats; sheets of whole splats; one sum of all
@@ -277,17 +267,6 @@ def _add(
 
 
 @kernel
-def _once_more(ready: Ready) -> Ready:
-    """The same, for samples whose coverage has been added before."""
-    # Coverage per layer and by points becomes 0; all else stays.
-    summed, tools, stage, reach, done = ready
-    limits, nothing = tools.limits, np.float32(0.0)
-    limits = SplatLimits(limits.opaque, nothing, limits.widest, limits.linear_layer)
-    tools = Tools(tools.slant, limits, tools.integral, tools.cutting, nothing)
-    return Ready(summed, tools, stage, reach, done)
-
-
-@kernel
 def _add_ready(
     blend: Blend,
     canvas: Canvas,
@@ -296,18 +275,14 @@ def _add_ready(
     taken: tuple[WorkQueue, int],
     seen: Projected,
     mixture: Mixture | None,
-    output: tuple[Tally, Carried],
+    tally: Tally,
 ) -> Sweep:
     """Add the samples whose turn it is; sheets of whole splats one by one."""
     (work_queue, count), (runs, setup, window), first = taken, seen, 0
-    position, (tally, carried) = runs.samples.position.reshape(-1), output
+    position = runs.samples.position.reshape(-1)
     while first < count and sweep.is_open:
         # Take all of them in one go, by default.
-        last, way, share = count, ready, 1
-        # Samples of an earlier step are added without being counted again.
-        if ready.summed.what == PARTS and is_added_again(work_queue.ready[first], carried):
-            last = end_of_added_again(work_queue.ready[:count], first, carried)
-            way, share = _once_more(ready), 0
+        last = count
         # A sheet of whole splats is sorted by depth.
         if ready.summed.what == WHOLES:
             last = end_of_sheet(work_queue.ready[:count], first)
@@ -332,10 +307,10 @@ def _add_ready(
         put_in_order(sheet.ready, sheet.scratch, sheet.offset)
         # Add them, and tally those at home.
         sweep, points, splats = _add(
-            blend, canvas, way, sweep, sheet.scratch, sheet.offset, mixture
+            blend, canvas, ready, sweep, sheet.scratch, sheet.offset, mixture
         )
-        tally[0] += share * points
-        tally[1] += share * splats
+        tally[0] += points
+        tally[1] += splats
         # Close a sheet of whole splats at once.
         if ready.summed.what == WHOLES:
             sweep = _closed(blend, canvas, ready, sweep, sweep.front + 1)
@@ -351,11 +326,11 @@ def _paint_tile(
     canvas: Canvas,
     ready: Ready,
     mixture: Mixture | None,
-    output: tuple[Tally, Carried],
+    tally: Tally,
 ) -> Sweep:
     """Take a tile's runs nearest first, and sum their samples until all is opaque."""
     # Sort the runs by key, and start with an empty pool.
-    (runs, setup, window), summed, (_, carried) = seen, ready.summed, output
+    (runs, setup, window), summed = seen, ready.summed
     sheets = (summed.layers, summed.what == WHOLES)
     in_order(runs.known, members)
     work_queue, queue = new_queue(8 * TAKEN), (0, 0, np.uint64(0))
@@ -366,16 +341,12 @@ def _paint_tile(
     # Queue samples of the nearest runs, and add those that no later run can precede.
     while sweep.is_open and (queue[1] < members.size or queue[0] > 0):
         work_queue = enlarged(work_queue, queue[0])
-        before = queue[0]
         queue = take_runs(work_queue, queue, members, runs, setup, shown, mixture, sheets)
-        # Drop samples that do not belong to this step.
-        queue = (leave_out(work_queue.waiting, before, queue[0], carried), queue[1], queue[2])
         queue, count = make_ready(work_queue, queue, members, runs.known)
-        sweep = _add_ready(blend, canvas, ready, sweep, (work_queue, count), seen, mixture, output)
-    # Close what is still open, as far as this step may.
+        sweep = _add_ready(blend, canvas, ready, sweep, (work_queue, count), seen, mixture, tally)
+    # Close what is still open.
     if sweep.is_open and summed.what == PARTS:
-        end = end_of_step(sweep.behind + 1, carried)
-        sweep = _closed(blend, canvas, ready, sweep, end)
+        sweep = _closed(blend, canvas, ready, sweep, sweep.behind + 1)
     return sweep
 
 
@@ -388,18 +359,18 @@ def paint_summed_runs(
     stage: Stage,
     ways: Ways,
     mixture: Mixture | None,
-    output: tuple[Film, Floats, Tally, Carried],
+    output: tuple[Film, Floats, Tally],
 ) -> None:
     """Paint the tiles listed in `tile_order` from the runs that each may show.
 
     `tile_order`, `tiles`, `runs`, `stage`: as of `resample.engine.mixtures.deferred.paint_runs`.
     `ways`: how samples are grouped, integrated and composited. `mixture`: models of samples that
     are not all splats of exact footprint; or None. `output`: film (H, W), filled; values (H, W) of
-    projections, filled, or (0, 0); a tally (T, 4), filled: points and splats painted by the tiles
-    that hold their centers, 0, and grids; and checkpoints of tiles that are painted step by step.
+    projections, filled, or (0, 0); and a tally (T, 4), filled: points and splats painted by the
+    tiles that hold their centers, 0, and grids.
     """
     # Allocate what all tiles of this thread use.
-    (eye, shape, _), (film, value, tally, carried) = optics_of(stage), output
+    (eye, shape, _), (film, value, tally) = optics_of(stage), output
     integral, summed, blend = ways
     style, tables, pairs = stage.style, stage.tables, _most_pairs(tile_order, tiles, stage)
     reach, setup = (
@@ -432,18 +403,10 @@ def paint_summed_runs(
         sides = sides_of(eye, shape, place, (height, width), pad)
         seen = (runs, setup, Window(place, height, width, home_of(home), sides))
         tools = Tools(slant_of(eye, shape, place), limits, integral, cutting, np.float32(1.0))
-        ready = Ready(summed, tools, stage, reach, begin_of_step(FAR_AHEAD, carried))
-        # Resume the tile from an earlier step.
-        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
-        go_on(rows, open_groups, (height, width), limits.opaque, tile, carried)
-        take_up_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
+        ready = Ready(summed, tools, stage, reach, FAR_AHEAD)
         # Paint it.
-        kept = (tally[tile], carried)
-        sweep = _paint_tile(members, seen, blend, canvas, ready, mixture, kept)
-        # Checkpoint it for the next step.
-        size = (n, tables.pixel_margin)
-        checkpoint(rows, (height, width), size, limits.opaque, tile, sweep.is_open, carried)
-        lay_down_slabs(canvas, summed.ring, summed.what == ALL, tile, carried)
+        members = tiles.member[tiles.start[tile] : tiles.start[tile + 1]]
+        sweep = _paint_tile(members, seen, blend, canvas, ready, mixture, tally[tile])
         # Close the one sum, and clear all slabs for the next tile.
         if summed.what == ALL:
             _closed(blend, canvas, ready, sweep, 1)

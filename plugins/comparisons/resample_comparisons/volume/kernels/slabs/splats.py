@@ -43,8 +43,10 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.rows import WEIGHT as COVER
 from resample.engine.ellipsoids.splats import clipped_span, cut_integral
 from resample.engine.jit import kernel, lane_kernel, lane_step
-from resample.engine.slabs.blends import Blend, contribution_of, share_of
-from resample.engine.slabs.integrals import (
+from resample.engine.vectors import dot
+from resample.types import Floats, Place, Single
+from resample_comparisons.volume.kernels.slabs.blends import Blend, contribution_of, share_of
+from resample_comparisons.volume.kernels.slabs.integrals import (
     ALONG,
     AMPLITUDE,
     BEFORE,
@@ -55,14 +57,14 @@ from resample.engine.slabs.integrals import (
     up_to,
     whole,
 )
-from resample.engine.slabs.shapes import (
+from resample_comparisons.volume.kernels.slabs.shapes import (
     Shape,
     inverse_square_of,
     is_point,
     middle_of,
     shape_of,
 )
-from resample.engine.slabs.sums import (
+from resample_comparisons.volume.kernels.slabs.sums import (
     Canvas,
     Contribution,
     Dirty,
@@ -73,8 +75,6 @@ from resample.engine.slabs.sums import (
     sum_at,
     touch,
 )
-from resample.engine.vectors import dot
-from resample.types import Floats, Place, Single
 
 
 class Slant(NamedTuple):

@@ -18,8 +18,8 @@ from resample.engine.ellipsoids.rows import (
 from resample.engine.ellipsoids.rows import DEPTH as FAR
 from resample.engine.ellipsoids.rows import FIRST as NEAREST
 from resample.engine.jit import lane_kernel, lane_step
-from resample.engine.slabs.sums import Canvas, Ring, clean, stride_of, sum_at
 from resample.types import Floats, Single
+from resample_comparisons.volume.kernels.slabs.sums import Canvas, Ring, clean, stride_of, sum_at
 
 LEAST = np.float32(1e-30)  # optical depth that is divided by, at least
 

@@ -18,10 +18,10 @@ from resample.engine.jit import kernel
 from resample.engine.points.adding import SpreadBox, box_around
 from resample.engine.points.point_sheets import width_of
 from resample.engine.roles import making_role, plays
-from resample.engine.slabs.blends import Blend, Mixed, Values, contribution_of
-from resample.engine.slabs.splats import OpenSlabs, Tools, touch_slabs
-from resample.engine.slabs.sums import Canvas, Ring, stride_of, sum_at
 from resample.types import Floats, Place, Single, Stage
+from resample_comparisons.volume.kernels.slabs.blends import Blend, Mixed, Values, contribution_of
+from resample_comparisons.volume.kernels.slabs.splats import OpenSlabs, Tools, touch_slabs
+from resample_comparisons.volume.kernels.slabs.sums import Canvas, Ring, stride_of, sum_at
 
 
 @making_role

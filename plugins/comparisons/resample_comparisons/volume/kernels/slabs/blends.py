@@ -20,10 +20,10 @@ from resample.engine.ellipsoids.rows import CHORD, RAY
 from resample.engine.jit import kernel
 from resample.engine.lookup import absorbed
 from resample.engine.roles import making_role, plays
-from resample.engine.slabs.integrals import Integral, whole
-from resample.engine.slabs.shapes import Shape
-from resample.engine.slabs.sums import Contribution
 from resample.types import Classifier, Floats, Place, Single
+from resample_comparisons.volume.kernels.slabs.integrals import Integral, whole
+from resample_comparisons.volume.kernels.slabs.shapes import Shape
+from resample_comparisons.volume.kernels.slabs.sums import Contribution
 
 MANY = 1e5  # sub-pixels in a quarter of a splat's box; if more, they sum to its mass anyway
 

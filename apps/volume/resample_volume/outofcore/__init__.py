@@ -1,1 +1,0 @@
-"""Volumes larger than memory: windows, and statistics of all voxels, brick by brick."""
