@@ -89,6 +89,7 @@ class ShapedStyle(NamedTuple):
     near: float = 0.0  # scene units; the camera's near plane if that is farther
     dilation: float = 0.0  # px² of pictures of training, which widened Gaussians by it
     trained: float | None = None  # px, focal length of these pictures; None: the camera's
+    least_trained: float = 0.0  # px, that it has at least where it is the camera's, if rays allow
     is_compensated: bool = False  # training made up for the dilation by the opacity
     is_affine: bool = False  # Gaussians are projected linearly (EWA)
 
@@ -368,6 +369,7 @@ class ShapedScene(NamedTuple):
 
         style = self.style
         own = float(np.sqrt(abs(self.view.focal[0] * self.view.focal[1])))
+        finest = style.subpixels or FINEST  # what is thinner would fall between the rays
         return ShapedOptions(
             self.size[1],
             self.size[0],
@@ -375,7 +377,7 @@ class ShapedScene(NamedTuple):
             style.is_affine,
             style.order is ShapedOrder.DISTANCE,
             float(style.dilation),
-            float(style.trained or own),
+            float(style.trained or max(own, min(style.least_trained, finest * own))),
             style.is_compensated,
             FAINTEST,
             self.nearest,

@@ -56,7 +56,7 @@ class TrainedFile:
         if missing:
             raise ValueError(f"has no property {missing[0]} of Gaussians")
         file.tell_scales()
-        self._file, self._records = file, file.records("vertex")
+        self.path, self._file, self._records = file.path, file, file.records("vertex")
         self.count = check_count(file.path.name, len(self._records))
         self._rest = _rest_names(file.names())
         self._step = _step(self._records, self._rest)
