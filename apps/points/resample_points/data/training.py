@@ -44,7 +44,7 @@ class Training(NamedTuple):
 
     def is_guessed_for(self, camera: Any) -> bool:
         """Whether a camera's picture is coarser than those of training, which are estimated."""
-        own = getattr(camera, "sx", None) or getattr(camera, "fx", 0.0)
+        own = float(getattr(camera, "sx", getattr(camera, "fx", 0.0)))
         return self.is_estimated and own < self.focal_for(camera)
 
 
