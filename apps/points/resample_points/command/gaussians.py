@@ -47,7 +47,7 @@ class GaussianOptions(Choices):
         Literal["depth", "distance", "rays"] | None,
         Field(
             description="Compositing order: depth pops when the camera turns, distance when it "
-            "moves; rays nearly sorts each ray. [default: depth; distance for panoramas, lenses]"
+            "moves; rays sorts each ray. [default: depth; distance for panoramas, lenses]"
         ),
     ] = None
     trained_focal: Annotated[

@@ -68,8 +68,8 @@ class GaussianStyle:
         `trained`, `bare` or `affine`.
     order
         `depth` along the view axis, which pops when the camera turns; `distance` from the eye,
-        which pops when it moves, and which panoramas and lenses take; or `rays`, approximately
-        along each ray, where pops become lines that sweep.
+        which pops when it moves, and which panoramas and lenses take; or `rays`, along each
+        ray, where pops become lines that sweep.
     trained_focal
         Focal length of the pictures of training, px, for pictures from as far away. None: of the
         scene's `training`, so that pictures from afar are close to the mean of near ones.
