@@ -119,3 +119,14 @@ def test_pixels_of_training_keep_their_size_where_a_camera_walks_away():
         for away in (4.0, 12.0)
     )
     assert training.focal_for(far) == pytest.approx(3 * training.focal_for(near), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["sample:knot-points", "sample:knot-gaussians"])
+def test_an_empty_picture_is_said(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    away = np.eye(4)
+    away[2, 3] = -1000.0  # the scene is behind the eye
+    np.save("pose.npy", away)
+    assert ended("render", name, "--camera", "pose.npy", "--size", "24x18", "-o", "out.png") == 0
+    assert "out.png: the picture is empty" in capsys.readouterr().err
+    assert not np.asarray(Image.open("out.png"))[..., 3].any()

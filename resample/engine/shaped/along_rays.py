@@ -13,10 +13,6 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, parallel_kernel, tasks
 from resample.engine.shaped.canvas import (
-    BLUE as BLUE_PLANE,
-)
-from resample.engine.shaped.canvas import (
-    DEPTH,
     FIRST,
     GROUPS,
     LANES,
@@ -37,12 +33,6 @@ from resample.engine.shaped.canvas import (
     line_of,
     subpixels_of,
     write_tile,
-)
-from resample.engine.shaped.canvas import (
-    GREEN as GREEN_PLANE,
-)
-from resample.engine.shaped.canvas import (
-    RED as RED_PLANE,
 )
 from resample.engine.shaped.lists import TileGrid, TileLists
 from resample.engine.shaped.painting import (
@@ -244,11 +234,11 @@ def _paint_group(
         most *= 2
     waiting = room_for(LANES, most)
     for lane in range(LANES):
-        k = np.uint64(base + lane)
-        canvas[k + RED_PLANE] = canvas[k + GREEN_PLANE] = canvas[k + BLUE_PLANE] = np.float32(0)
-        canvas[k + DEPTH] = np.float32(0)
-        canvas[k + MEDIAN] = canvas[k + FIRST] = np.float32(np.inf)
-        canvas[k + SHARE] = np.float32(1)
+        at_lane = np.uint64(base + lane)
+        for plane in range(SIZE // PLANE):
+            canvas[at_lane + np.uint64(plane * PLANE)] = np.float32(0)
+        canvas[at_lane + MEDIAN] = canvas[at_lane + FIRST] = np.float32(np.inf)
+        canvas[at_lane + SHARE] = np.float32(1)
     for k in range(members.size):
         record = records[members[k]]
         top, bottom = subpixels_of(record, 1, spot.top, spot.step)
