@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import Background, over
-from resample.console import Color
+from resample.console import Color, note
 from resample.files.facts.metadata import (
     JPEG,
     TIFF,
@@ -76,6 +76,8 @@ def write_frame(
     """
     path = Path(path)
     check_frame(path, bits, _color(background))
+    if not frame.coverage.any():
+        note(f"{path.name}: the picture is empty; the camera sees nothing of the scene")
     if path.suffix.lower() == ".exr":
         write_exr(path, frame)
     elif path.suffix.lower() == ".png":

@@ -368,6 +368,29 @@ def test_strays_are_not_larger_than_what_they_strayed_from(strays, factor):
     assert size[is_stray].max() <= 1.01 * factor * np.median(size)
 
 
+def test_one_stray_in_a_hundred_hides_little(rng):
+    """Strays in empty space have strays around them, and are points all the same."""
+    ball, strays = _ball(20_000), rng.uniform(-1.5, 1.5, (200, 3))
+    red = np.repeat([[1.0, 1, 1], [1.0, 0, 0]], [len(ball), len(strays)], axis=0)
+    size = (120, 160)
+    whole = _render(_cloud(np.concatenate([ball, strays]), red), _camera(40.0, size=size), size)
+    is_red = (whole.rgba[..., 0] - whole.rgba[..., 1]) > 0.3
+    assert 0 < is_red.mean() < 0.03
+
+
+def test_nothing_behind_shows_through_gaps_of_random_samples(rng):
+    """A point in a clump knows how far its surface reaches by neighbours beyond the clump."""
+    place = rng.normal(size=(100_000, 3))
+    place /= np.linalg.norm(place, axis=1)[:, None]
+    camera, size = _camera(220.0, eye=(0, 0, -3.0), size=(480, 640)), (480, 640)
+    red = np.where(place[:, 2:] < 0.05, [1.0, 1, 1], [1.0, 0, 0])
+    frame = _render(_cloud(place, red), camera, size)
+    y, x = np.mgrid[:480, :640] + 0.5
+    inside = np.hypot(x - 320, y - 240) < 200
+    shows = frame.rgba[..., 0] - frame.rgba[..., 1] > 0.1
+    assert np.count_nonzero(shows & inside) <= 3
+
+
 @pytest.mark.sweep
 def test_rings_of_a_scanner_stay_as_closed_as_without_a_limit():
     down, around = np.meshgrid(np.radians(np.linspace(8, 40, 50)), np.arange(900) * np.pi / 450)

@@ -258,6 +258,16 @@ def test_a_gaussian_of_degree_3_takes_146_bytes(tmp_path):
     assert sum(part.nbytes for part in found if isinstance(part, np.ndarray)) == 146 * 20
 
 
+def test_activations_that_were_applied_before_writing_are_said(tmp_path, caplog):
+    columns = made.trained_columns(SCENE)
+    read_gaussians(written(tmp_path / "logits.ply", made.ply_of(columns)))
+    assert not caplog.messages
+    columns["opacity"] = SCENE.opacity
+    columns.update({f"scale_{n}": SCENE.scale[:, n] for n in range(3)})
+    read_gaussians(written(tmp_path / "twice.ply", made.ply_of(columns)))
+    assert "as if activations had been applied" in caplog.messages[0]
+
+
 # Real files
 
 

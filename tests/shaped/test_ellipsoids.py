@@ -47,6 +47,35 @@ def test_a_picture_is_that_of_rays_by_brute_force(order):
     np.testing.assert_allclose(ours.rgba, twin.painted(given, EYE, SIZE, order), atol=3e-4)
 
 
+@pytest.mark.parametrize("count", [20, 200, 700])
+def test_a_plate_hides_what_each_ray_meets_behind_it(count):
+    """Faint ones whose centers are nearer than the plate's, but behind it on the ray."""
+    rng = np.random.default_rng(6)
+    place = np.column_stack([rng.uniform(-0.2, 0.2, (2, count)).T, rng.uniform(4.6, 5.4, count)])
+    faint = place, np.tile([0.5, 0.5, 0.05], (count, 1)), np.tile([1, 0, 0, 0], (count, 1))
+    # The plate stands obliquely: its center is far to the right and at 9, its left part at 4.
+    plate = [[5.0, 0, 9.0]], [[90.0, 90.0, 0.01]], [[np.cos(0.3927), 0, -np.sin(0.3927), 0]]
+    both = [np.concatenate(pair) for pair in zip(faint, plate, strict=True)]
+    opacity = np.append(np.full(count, 0.05), 0.99)
+    color = np.concatenate([np.tile([1, 0, 0], (count, 1)), [[0, 1, 0]]])
+    given = Ellipsoids(*(np.float32(array) for array in (*both, opacity, color)))
+    ours = painted(given, order="rays").rgba
+    middle = ours[18, 22]
+    assert middle[1] > 0.95
+    assert middle[0] < 0.05
+    np.testing.assert_allclose(ours, twin.painted(given, EYE, SIZE, "rays"), atol=3e-4)
+
+
+def test_rays_that_meet_more_than_may_wait_are_sorted_all_the_same():
+    rng = np.random.default_rng(8)
+    place = np.column_stack([rng.uniform(-0.3, 0.3, (2, 900)).T, rng.uniform(4, 6, 900)])
+    scale, turn = rng.uniform(0.3, 1.5, (900, 3)), rng.normal(size=(900, 4))
+    parts = place, scale, turn, rng.uniform(0.004, 0.02, 900), rng.random((900, 3))
+    given = Ellipsoids(*(np.float32(part) for part in parts))
+    ours, true = painted(given, order="rays").rgba, twin.painted(given, EYE, SIZE, "rays")
+    assert twin.psnr(ours, true) > 80
+
+
 @pytest.mark.some(1)
 @pytest.mark.parametrize("fine", [2, 3, 4])
 def test_sub_pixels_are_averaged(fine):

@@ -5,14 +5,14 @@
 A trained scene is a set of Gaussians with an opacity and a color each. Usual renderers project each
 linearly, widen it by a part of a pixel and sample once per pixel, in the order of depth. Seen from
 farther away than in training, such a picture aliases; in panoramas, which they paint as six faces
-of a cube, faces do not meet. Here Gaussians are as wide as in training (``trained_focal``), so
+of a cube, faces do not meet. Here Gaussians are as wide as in training, so
 that a far picture is close to the mean of the near one: left ours, right the usual way, both four times as far away and enlarged four times.
 
 The same from the command line, with a scene of yours:
 
 .. code-block:: console
 
-    $ resample-points render scene.ply --trained-focal cameras.json -o scene.png
+    $ resample-points render scene.ply -o scene.png
     $ resample-points render scene.ply --panorama equirectangular --size 960x480 -o around.png
     $ resample-points animate scene.ply --frames 48 -o turn.webp
 """
@@ -69,12 +69,12 @@ near = Camera.from_fov(40, 360, 480, look_at(eye, target, up=(0, -1, 0)))
 render_gaussians(scene, near, size=size, background=black).save("near.png")
 
 # %%
-# Four times as far away: the focal length of the near picture says how wide training saw Gaussians.
+# Four times as far away. The smallest Gaussians tell how wide training saw them.
 far = Camera(np.diag([0.25, 0.25, 1.0]) @ near.matrix, near.world_to_camera)
 plain = GaussianStyle("affine", subpixels=1)
 ours, usual = (
     render_gaussians(scene, far, size=(120, 90), background=black, style=style)
-    for style in (GaussianStyle(trained_focal=near.fx), plain)
+    for style in (None, plain)
 )
 beside = np.concatenate([ours.rgba, usual.rgba], axis=1).repeat(4, axis=0).repeat(4, axis=1)
 ours._replace(rgba=beside).save("far-ours-and-the-usual-way.png")
@@ -123,9 +123,7 @@ for angle in turn:
     out = (x * np.cos(angle) - z * np.sin(angle), y, x * np.sin(angle) + z * np.cos(angle))
     moved = look_at(np.add(out, target), target, up=(0, -1, 0))
     camera = Camera.from_fov(40, 180, 240, moved)
-    shown = render_gaussians(
-        scene, camera, size=(240, 180), background=black, style=GaussianStyle(trained_focal=near.fx)
-    )
+    shown = render_gaussians(scene, camera, size=(240, 180), background=black)
     frames.append(Image.fromarray(np.asarray(shown)[..., :3]))
 frames[0].save(
     "film.webp", save_all=True, append_images=frames[1:], duration=80, loop=0, quality=60

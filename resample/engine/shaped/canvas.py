@@ -41,9 +41,6 @@ OPAQUE = np.float32(1e-4)  # share of light that counts as none
 HALF = np.float32(0.5)
 
 Open = NDArray[np.uint32]  # (SIDE,) per row, a bit for each group that is not opaque
-# Rings of records that wait at the sub-pixels of a tile: their opacities and depths; their numbers;
-# where each ring begins, and how many it holds; opacities and depths of a group; all records.
-Rings = tuple[Floats, NDArray[np.int32], NDArray[np.int32], Floats, Floats]
 
 
 class TilePlace(NamedTuple):

@@ -1,4 +1,4 @@
-"""Composite ellipsoids tile by tile: in one order for the whole picture, or in that of each ray."""
+"""Composite ellipsoids tile by tile, in one order for the whole picture."""
 
 import math
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 
 from resample.engine.ellipsoids.lanes import expm1_of, line_integral, of_16_times
 from resample.engine.jit import Counter, inner_step, lane_step, load_soon, parallel_kernel, tasks
-from resample.engine.roles import lane_role, making_role, plays
+from resample.engine.roles import lane_role, plays
 from resample.engine.shaped.canvas import (
     LANES,
     SIDE,
@@ -15,7 +15,6 @@ from resample.engine.shaped.canvas import (
     Line,
     Open,
     PaintedShapes,
-    Rings,
     TilePlace,
     clear,
     close_groups,
@@ -130,59 +129,17 @@ def _response_at(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
     return (alpha if (square <= own[1]) & (t > own[2]) else zero), t
 
 
-@making_role
-def waiting_of(most: int | None, records: Floats) -> Rings | None:
-    """Allocate what a tile holds of records that are not composited yet."""
-    raise NotImplementedError
-
-
-@plays(waiting_of, type(None))
-def _nothing(most, records):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    return None
-
-
-@making_role
-def begin_tile(waiting: Rings | None) -> None:
-    """Empty what waits."""
-    raise NotImplementedError
-
-
-@plays(begin_tile, type(None))
-def _begin_nothing(waiting):  # type: ignore[no-untyped-def]
-    pass
-
-
-@making_role
-def end_tile(waiting: Rings | None, canvas: Floats) -> None:
-    """Composite all that waits."""
-    raise NotImplementedError
-
-
-@plays(end_tile, type(None))
-def _end_nothing(waiting, canvas):  # type: ignore[no-untyped-def]
-    pass
-
-
-@lane_role
-def meet(
-    waiting: Rings | None,
+@inner_step
+def _composite(
     canvas: Floats,
     line: Line,
     record: Floats,
-    place: tuple[int, int, int],
+    place: tuple[int, int],
     spot: TilePlace,
     opacity: PeakOpacity | DepthOpacity,
 ) -> None:
-    """Composite a record on eight sub-pixels, or let it wait there.
-
-    `place`: row and group of the sub-pixels, and the record's number.
-    """
-    raise NotImplementedError
-
-
-@plays(meet, type(None))
-def _composite(waiting, canvas, line, record, place, spot, opacity):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    row, group, _ = place
+    """Composite a record on eight sub-pixels; `place`: their row and group."""
+    row, group = place
     own = record[PEAK], record[LIMIT], spot.near
     light = record[RED], record[GREEN], record[BLUE]
     base = np.uint64(row * SIDE + group * LANES)
@@ -197,7 +154,6 @@ def _composite(waiting, canvas, line, record, place, spot, opacity):  # type: ig
 
 @inner_step
 def _visit(
-    waiting: Rings | None,
     canvas: Floats,
     is_open: Open,
     records: Floats,
@@ -217,11 +173,11 @@ def _visit(
         first, last = groups_of(record, line, spot, columns)
         for group in range(first, last):
             if bits >> np.uint32(group) & np.uint32(1) != np.uint32(0):
-                meet(waiting, canvas, line, record, (row, group, number), spot, opacity)
+                _composite(canvas, line, record, (row, group), spot, opacity)
 
 
 @inner_step
-def _tile_at(grid: TileGrid, tile: int, near: float) -> tuple[tuple[int, int], TilePlace]:
+def tile_at(grid: TileGrid, tile: int, near: float) -> tuple[tuple[int, int], TilePlace]:
     """Row and column of a tile's first pixel in its picture, and its place on the screen."""
     top, left = tile // grid.columns * grid.side, tile % grid.columns * grid.side
     step, nearest = np.float32(1.0 / grid.fine), np.float32(near)
@@ -236,27 +192,22 @@ def paint_shapes(
     grid: TileGrid,
     near: float,
     opacity: PeakOpacity | DepthOpacity,
-    most: int | None,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles.
 
-    `lists`: members of tiles, nearest first. `near`: scene units. `most`: records that wait at a
-    sub-pixel, so that each ray has its order; None for that of the lists. `picture`: filled.
+    `lists`: members of tiles, nearest first. `near`: scene units. `picture`: filled.
     """
     canvas, is_open = np.empty(SIZE, np.float32), np.empty(SIDE, np.uint32)
-    waiting = waiting_of(most, records)
     flat = records.reshape(-1)
     for tile in tasks(counter, lists.start.size - 1):
-        origin, spot = _tile_at(grid, tile, near)
+        origin, spot = tile_at(grid, tile, near)
         clear(canvas, is_open)
-        begin_tile(waiting)
         end = lists.start[tile + 1]
         for k in range(lists.start[tile], end):
             if k + 4 < end:
                 load_soon(flat, lists.member[k + 4] * WIDTH)
-            _visit(waiting, canvas, is_open, records, lists.member[k], spot, opacity)
+            _visit(canvas, is_open, records, lists.member[k], spot, opacity)
             if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
                 break
-        end_tile(waiting, canvas)
         write_tile(canvas, origin, grid.fine, picture)

@@ -43,6 +43,7 @@ FAINTEST = 1.0 / 255.0  # opacity below which Gaussians end, as in training
 MOST_OPAQUE = 0.99  # likewise
 FINEST = 8  # sub-pixels per side of a pixel, at most
 WANTED = 0.6  # sub-pixels that a thin ellipsoid's standard deviation is long, at least
+WANTED_ALONG_RAYS = 1.2  # likewise where each ray has its order, so that its edges are as good
 THIN = 0.25  # share of ellipsoids that may be thinner than that
 BAND = 1 << 14  # records that are made or looked at together
 BINS = 160  # of thicknesses, eight per octave; the middle one is at 1 px
@@ -53,7 +54,7 @@ class ShapedOrder(StrEnum):
 
     DEPTH = "depth"  # of centers along the view axis; pops when the camera turns
     DISTANCE = "distance"  # of centers from the eye; pops when the camera moves
-    RAYS = "rays"  # approximately along each ray, of the places nearest to the centers
+    RAYS = "rays"  # along each ray, of the places nearest to the centers
 
 
 class Ellipsoids(NamedTuple):
@@ -89,6 +90,7 @@ class ShapedStyle(NamedTuple):
     near: float = 0.0  # scene units; the camera's near plane if that is farther
     dilation: float = 0.0  # px² of pictures of training, which widened Gaussians by it
     trained: float | None = None  # px, focal length of these pictures; None: the camera's
+    least_trained: float = 0.0  # px, that it has at least where it is the camera's, if rays allow
     is_compensated: bool = False  # training made up for the dilation by the opacity
     is_affine: bool = False  # Gaussians are projected linearly (EWA)
 
@@ -298,7 +300,8 @@ class ShapedScene(NamedTuple):
             return 1
         share = np.cumsum(self.thickness) / self.thickness.sum()
         thin = 2.0 ** ((int(np.searchsorted(share, THIN)) - BINS // 2) / 8)  # px
-        return int(min(max(round(WANTED / thin), 1), FINEST))
+        wanted = WANTED_ALONG_RAYS if self.style.order is ShapedOrder.RAYS else WANTED
+        return int(min(max(round(wanted / thin), 1), FINEST))
 
     def tile(self) -> int:
         """Side of a tile, px."""
@@ -342,7 +345,7 @@ class ShapedScene(NamedTuple):
         progress: Progress | None = None,
     ) -> int:
         """Paint a window of whole tiles; return how many ellipsoids it shows."""
-        from resample.engine.shaped.along_rays import WAITING
+        from resample.engine.shaped.along_rays import paint_along_rays
         from resample.engine.shaped.canvas import PaintedShapes
         from resample.engine.shaped.lists import TileGrid
         from resample.engine.shaped.painting import paint_shapes
@@ -355,9 +358,9 @@ class ShapedScene(NamedTuple):
         lists = _listed(records, held.front_to_back(), grid)
         part = [array[y0:y1, x0:x1] for array in canvas]
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
-        waiting = WAITING if self.style.order is ShapedOrder.RAYS else None
+        paint_all = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
         with nullcontext() if progress is None else told(progress):
-            paint_shapes(records, lists, grid, self.view.near, self.opacity(), waiting, whole)
+            paint_all(records, lists, grid, self.view.near, self.opacity(), whole)
         for mine, painted in zip(part, whole, strict=True):
             if mine is not painted:
                 mine[...] = painted
@@ -368,6 +371,7 @@ class ShapedScene(NamedTuple):
 
         style = self.style
         own = float(np.sqrt(abs(self.view.focal[0] * self.view.focal[1])))
+        finest = style.subpixels or FINEST  # what is thinner would fall between the rays
         return ShapedOptions(
             self.size[1],
             self.size[0],
@@ -375,7 +379,7 @@ class ShapedScene(NamedTuple):
             style.is_affine,
             style.order is ShapedOrder.DISTANCE,
             float(style.dilation),
-            float(style.trained or own),
+            float(style.trained or max(own, min(style.least_trained, finest * own))),
             style.is_compensated,
             FAINTEST,
             self.nearest,

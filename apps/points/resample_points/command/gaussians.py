@@ -47,7 +47,7 @@ class GaussianOptions(Choices):
         Literal["depth", "distance", "rays"] | None,
         Field(
             description="Compositing order: depth pops when the camera turns, distance when it "
-            "moves; rays nearly sorts each ray. [default: depth; distance for panoramas, lenses]"
+            "moves; rays sorts each ray. [default: depth; distance for panoramas, lenses]"
         ),
     ] = None
     trained_focal: Annotated[
@@ -55,8 +55,8 @@ class GaussianOptions(Choices):
         OptionTopic.SOURCE,
         Field(
             description="Focal length of the pictures of training, px; or their cameras: "
-            "cameras.json, transforms.json or a folder of COLMAP. [default: that of the new "
-            "picture, which aliases from afar]"
+            "cameras.json, transforms.json or a folder of COLMAP. [default: of cameras beside the "
+            "scene; or estimated from its smallest Gaussians]"
         ),
     ] = None
     subpixels: Annotated[
@@ -71,8 +71,8 @@ class GaussianOptions(Choices):
     nearest: Annotated[
         float | None,
         Field(
-            description="Depth before which nothing is shown, scene units. [default: 0.2; 0 with "
-            "--look bare]"
+            description="Depth before which nothing is shown, scene units. [default: 0.02 of the "
+            "radius of half the scene; 0 with --look bare]"
         ),
     ] = None
     least_opacity: Annotated[
@@ -212,10 +212,11 @@ class GaussianPictures:
 
     def _one(self, camera: Any, shape: "Shape", background: Any) -> Any:
         """Render a frame."""
+        from resample.console import note
         from resample_points.painting.gaussians import render_gaussians
 
         free = free_memory()
-        return render_gaussians(
+        frame = render_gaussians(
             self.gaussians,
             camera,
             size=shape[::-1],
@@ -224,6 +225,15 @@ class GaussianPictures:
             memory=None if free == float("inf") else int(SHARE * free),
             threads=self.threads,
         )
+        training = self.gaussians.training
+        is_used = self.options.trained_focal is None and self.options.appearance == "trained"
+        if is_used and training is not None and training.is_guessed_for(camera):
+            note(
+                "pixels of training are estimated as"
+                f" {training.distance / training.focal:.3g} scene units;"
+                " cameras.json beside the scene, or --trained-focal, tells them"
+            )
+        return frame
 
     def write(self, path: Path, camera: Any, form: FrameFormat) -> None:
         """Render a frame, and write it."""
@@ -288,6 +298,7 @@ def gaussians_of(
     from resample_points.data.gaussians import Crop, cropped_gaussians
     from resample_points.data.joining import joined_gaussians
     from resample_points.data.selecting import box_of
+    from resample_points.data.training import training_of
     from resample_points.files.gaussians.reading import read_gaussians, stored_gaussians
     from resample_points.painting.gaussians import StoredGaussians
 
@@ -305,6 +316,9 @@ def gaussians_of(
         whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes, poses)
         with naming(file.name):
             whole = cropped_gaussians(whole, **crop._asdict())
+    if whole.training is None:
+        seen = training_of(whole.position, whole.scale, whole.opacity)
+        whole = whole._replace(training=seen)
     return GaussianPictures(whole, options, clouds.threads)
 
 

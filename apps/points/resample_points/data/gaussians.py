@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import FARTHEST
 from resample_points.data.harmonics import CONSTANT, COUNTS, harmonics_along, parts_of
+from resample_points.data.training import Training
 
 LOG = logging.getLogger("resample")
 SHAPES = {"position": (3,), "scale": (3,), "rotation": (4,), "opacity": (), "color": (3,)}
@@ -46,6 +47,7 @@ class Gaussians(NamedTuple):
     harmonic_step: float = 1.0  # a coefficient is a whole number of `harmonics` times this
     is_antialiased: bool = False  # trained with opacities that make up for the dilation
     up: str | None = None  # axis such as "y" or "-z", where the file names it
+    training: Training | None = None  # None: estimated when they are rendered
 
 
 class Crop(NamedTuple):

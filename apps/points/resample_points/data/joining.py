@@ -55,6 +55,7 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
     moved = gaussians._replace(
         position=position.astype(np.float32),
         scale=(size * np.asarray(gaussians.scale, np.float64)).astype(np.float32),
+        training=None,
     )
     if np.array_equal(turn, np.eye(3)):
         return moved
@@ -165,8 +166,10 @@ def joined_gaussians(
     }
     harmonics, step = _joined_harmonics(moved)
     up = ups.pop() if len(ups) == 1 else None
-    return Gaussians(
-        **arrays, harmonics=harmonics, harmonic_step=step, is_antialiased=modes == {True}, up=up
+    seen = [part.training for part in moved if part.training is not None]
+    known = next((training for training in seen if not training.is_estimated), None)
+    return Gaussians(**arrays, harmonics=harmonics, harmonic_step=step)._replace(
+        is_antialiased=modes == {True}, up=up, training=known
     )
 
 

@@ -21,6 +21,7 @@ LINED = 0.02  # least share of them along lines
 LINE = 0.05  # second variance of neighbours along a line, at most, relative to the first
 WIDE = 0.15  # the same on a surface, at least
 FLAT = 0.25  # third variance of neighbours on a surface, at most, relative to the second
+SCATTERED = 0.02  # third variance of neighbours on no surface, at least, relative to the second
 BEGINNING, BEYOND = 2.0, 64.0  # sides of the first cells and of the last, in spacings along lines
 NEAR = 1.5  # times the spacing of points that a thinning is for: others left as their neighbours
 STEPS = 21  # of the curve, halvings of its box
@@ -48,6 +49,7 @@ class Lying(NamedTuple):
     along: Floats  # (N, 3) direction of the line; 0 where there is none
     is_line: Flags  # (N,)
     is_surface: Flags  # (N,)
+    is_cloud: Flags  # (N,) in all directions, as of strays
 
 
 def widened(
@@ -71,8 +73,8 @@ def widened(
     is_open: Flags = zeros_beside(whole.position, (len(along),), np.bool_)
 
     def begin(rows: slice) -> None:
-        along[rows], _, is_surface = _shape(whole, rows)
-        is_open[rows] = ~is_surface
+        shape = shape_of(whole, rows)
+        along[rows], is_open[rows] = shape.along, ~shape.is_surface
 
     on_threads(begin, rows_of(along))
     for halvings in _levels(whole, curve, is_open):
@@ -84,7 +86,7 @@ def _has_lines(whole: MeasuredDiscs) -> bool:
     """Whether many of a sample of points lie along lines."""
     count = len(whole.position)
     sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
-    return bool(_shape(whole, sample).is_line.mean() >= LINED)
+    return bool(shape_of(whole, sample).is_line.mean() >= LINED)
 
 
 def _levels(whole: MeasuredDiscs, curve: MortonCurve, is_open: Flags) -> range:
@@ -186,19 +188,18 @@ def _shapes(thin: MeasuredDiscs) -> Lying:
     count = len(thin.position)
     shape = Lying(
         zeros_beside(thin.position, (count, 3), np.float32),
-        np.zeros(count, np.bool_),
-        np.zeros(count, np.bool_),
+        *(np.zeros(count, np.bool_) for _ in range(3)),
     )
 
     def find(rows: slice) -> None:
-        for whole, part in zip(shape, _shape(thin, rows), strict=True):
+        for whole, part in zip(shape, shape_of(thin, rows), strict=True):
             whole[rows] = part
 
     on_threads(find, rows_of(thin.position))
     return shape
 
 
-def _shape(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
+def shape_of(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
     """Return how the neighbours of some points lie, from the variances along three axes."""
     xx, xy, xz, yy, yz, zz = _spread(points, rows)
     trace = np.maximum(xx + yy + zz, 1e-300)
@@ -216,7 +217,8 @@ def _shape(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
     along = np.zeros((len(trace), 3), np.float32)
     parts = [part[is_line] for part in (xx, xy, xz, yy, yz, zz)]
     along[is_line] = _main(np.stack(parts, axis=1)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]])
-    return Lying(along, is_line, (middle >= WIDE * most) & (least <= FLAT * middle))
+    is_surface = (middle >= WIDE * most) & (least <= FLAT * middle)
+    return Lying(along, is_line, is_surface, ~is_line & (least > SCATTERED * middle))
 
 
 def _main(matrix: Doubles) -> Doubles:

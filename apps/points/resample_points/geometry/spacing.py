@@ -25,12 +25,14 @@ from resample.watching import portion, told
 from resample.words import check_threads, number, warn
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
-from resample_points.geometry.rings import MeasuredDiscs, widened
+from resample_points.geometry.rings import MeasuredDiscs, shape_of, widened
 from resample_points.geometry.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
 MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
 LARGEST = 1.75  # largest disc, relative to the upper quartile of its neighbours' sizes
+MUCH = 4.0  # times the usual size of discs, from which strays are looked for
+SAMPLED = 1 << 20  # points whose sizes tell the usual one, about
 F4 = np.float32
 SORTING, MEASURING = 0.2, 0.95  # share of all work, share of the rest
 RANKED = 48  # bytes per point while ranks are sorted
@@ -81,7 +83,8 @@ def prepare_cloud(
     largest
         Largest disc, relative to the upper quartile of the sizes of its 12 neighbours; for a stray
         point, with at most one neighbour that is half as isolated, at most 1. Infinity removes both
-        limits. Only for discs without a given radius.
+        limits. Points on no surface, with discs much larger than most, get half of what most have.
+        Only for discs without a given radius.
     threads
         Most threads to use; the discs do not depend on it.
     cache
@@ -228,6 +231,20 @@ def _measured_places(
     if count > 1 and largest is not None and np.isfinite(largest):
         with portion(MEASURING, 1.0):
             limit(found.nearest, found.spacing, _sizes(axes), float(largest), axes)
+            _shrink_strays(found)
+
+
+def _shrink_strays(found: MeasuredDiscs) -> None:
+    """Make discs of points that lie on no surface half as large as most, if they are much larger.
+
+    Strays in empty space have strays around them, so their neighbours do not limit their discs.
+    """
+    axes, size = found.axes, _sizes(found.axes)
+    usual = np.median(size[:: max(1, len(size) // SAMPLED)])
+    for rows in rows_of(axes):
+        large = rows.start + np.flatnonzero(size[rows] > MUCH * usual)
+        stray = large[shape_of(found, large).is_cloud]
+        axes[stray] *= (0.5 * usual / size[stray])[:, None, None]
 
 
 def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> MeasuredDiscs:

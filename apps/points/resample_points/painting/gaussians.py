@@ -7,6 +7,7 @@ frame = render_gaussians(gaussians, gaussian_camera(gaussians, size=(800, 600)),
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
@@ -34,6 +35,7 @@ from resample_points.data.gaussians import (
     some_gaussians,
     with_unit_rotations,
 )
+from resample_points.data.training import Training, training_of
 from resample_points.geometry.framing import FIELD, framed
 from resample_points.painting.bending import CloudView, ProjectedCamera
 
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
     from resample_points.files.gaussians.trained import TrainedFile
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
-NEAR = 0.2  # scene units: training leaves out centers before this depth
+NEAR = 0.02  # share of a scene's radius before which nothing is shown, as training has it
 PART = 1 << 16  # Gaussians whose colors are found together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
 FRAMED = 20_000  # Gaussians that cameras are framed around, about
@@ -66,16 +68,16 @@ class GaussianStyle:
         `trained`, `bare` or `affine`.
     order
         `depth` along the view axis, which pops when the camera turns; `distance` from the eye,
-        which pops when it moves, and which panoramas and lenses take; or `rays`, approximately
-        along each ray, where pops become lines that sweep.
+        which pops when it moves, and which panoramas and lenses take; or `rays`, along each
+        ray, where pops become lines that sweep.
     trained_focal
-        Focal length of the pictures of training, px. None: the camera's, so that pictures from
-        afar alias as those of usual renderers do.
+        Focal length of the pictures of training, px, for pictures from as far away. None: of the
+        scene's `training`, so that pictures from afar are close to the mean of near ones.
     subpixels
-        Sub-pixels per side of a pixel, up to 8. None: as thin Gaussians need. With `trained_focal`
-        pictures from afar are then close to the mean of near ones.
+        Sub-pixels per side of a pixel, up to 8. None: as thin Gaussians need.
     near
-        Depth before which nothing is shown, scene units. None: 0.2 as in training, 0 if `bare`.
+        Depth before which nothing is shown, scene units. None: 0.02 of the radius of half the
+        scene, 0 if `bare`.
 
     Raises
     ------
@@ -119,16 +121,26 @@ class GaussianStyle:
         if self.near is not None and not 0 <= self.near < np.inf:
             raise ValueError(f"the near plane at {self.near:g} must not lie behind the eye")
 
-    def shaped(self, *, is_antialiased: bool, is_wide: bool) -> ShapedStyle:
-        """Return the style that ellipsoids are painted with."""
+    def shaped(
+        self, camera: CloudView, training: Training | None, *, is_antialiased: bool, is_wide: bool
+    ) -> ShapedStyle:
+        """Return the style that ellipsoids are painted with, for a picture of a camera."""
         is_bare = self.appearance == GaussianAppearance.BARE
         usual = ShapedOrder.DISTANCE if is_wide else ShapedOrder.DEPTH
+        near, trained, least = self.near, self.trained_focal, 0.0
+        if near is None:
+            near = 0.0 if is_bare or training is None else NEAR * training.radius
+        if trained is None and training is not None:
+            seen = training.focal_for(camera)
+            # Pictures finer than an estimate are drawn as usual renderers do.
+            trained, least = (None, seen) if training.is_estimated else (seen, 0.0)
         return ShapedStyle(
             ShapedOrder(self.order) if self.order is not None else usual,
             self.subpixels,
-            near=self.near if self.near is not None else 0.0 if is_bare else NEAR,
+            near=near,
             dilation=0.0 if is_bare else DILATION,
-            trained=self.trained_focal,
+            trained=trained,
+            least_trained=least,
             is_compensated=is_antialiased and not is_bare,
             is_affine=self.appearance == GaussianAppearance.AFFINE,
         )
@@ -181,6 +193,16 @@ class StoredGaussians:
         facts = file.empty(0)
         self.is_antialiased, self.up = facts.is_antialiased, facts.up
 
+    @cached_property
+    def training(self) -> Training | None:
+        """How training saw the scene, as `read_gaussians` tells it."""
+        from resample_points.files.gaussians.reading import shots_beside
+
+        rows = (self._drawable(part) for part in range(len(self.sizes())))
+        shapes = [(made.position, made.scale, made.opacity) for made in rows]
+        position, scale, opacity = map(np.concatenate, zip(*shapes, strict=True))
+        return training_of(position, scale, opacity, shots_beside(self.file.path))
+
     def kernel(self) -> None:
         """None: opacities fall as Gaussians do."""
 
@@ -190,12 +212,16 @@ class StoredGaussians:
 
     def load(self, part: int, view: View, /) -> Ellipsoids:
         """Those of a part that can be drawn, with the colors that they have toward the eye."""
-        made = self.file.part(slice(part * PART, (part + 1) * PART))
-        known = are_drawable(made)
-        made = made if known.all() else some_gaussians(made, known)
+        made = self._drawable(part)
         kept = kept_by(made, self.crop)
         made = made if kept.all() else some_gaussians(made, kept)
         return GaussianParts(with_unit_rotations(made)).load_all(view)
+
+    def _drawable(self, part: int) -> Gaussians:
+        """Read the Gaussians of a part that can be drawn."""
+        made = self.file.part(slice(part * PART, (part + 1) * PART))
+        known = are_drawable(made)
+        return made if known.all() else some_gaussians(made, known)
 
 
 def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
@@ -283,7 +309,11 @@ def render_gaussians(
     check_kind("style", chosen, GaussianStyle, 'a GaussianStyle, such as GaussianStyle("bare")')
     wide = _rays(camera, shape)
     parts = GaussianParts(gaussians) if isinstance(gaussians, Gaussians) else gaussians
-    drawn = chosen.shaped(is_antialiased=gaussians.is_antialiased, is_wide=wide is not None)
+    training = gaussians.training
+    if training is None and isinstance(gaussians, Gaussians):
+        training = training_of(gaussians.position, gaussians.scale, gaussians.opacity)
+    is_antialiased = gaussians.is_antialiased
+    drawn = chosen.shaped(camera, training, is_antialiased=is_antialiased, is_wide=wide is not None)
     check_threads(threads)
     with jit.threads(jit.workers() if threads is None else threads):
         if wide is not None:

@@ -1,15 +1,18 @@
 """Read 3D Gaussians of any known format, which the content of the file tells."""
 
 import errno
+import logging
 import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of
 from resample.words import naming
 from resample_points.data.gaussians import Gaussians, checked_gaussians
+from resample_points.data.training import training_of
 from resample_points.files.gaussians.compressed import is_compressed, read_compressed
 from resample_points.files.gaussians.sog import META, is_description, read_sog
 from resample_points.files.gaussians.splat import read_splat
@@ -17,7 +20,12 @@ from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
 from resample_points.files.gaussians.trained import NEEDED, TrainedFile, read_trained
 from resample_points.files.ply import ply_header
 
+if TYPE_CHECKING:
+    from resample.cameras.trajectories import PosedPicture
+
+CAMERAS = ("cameras.json", "transforms.json", "sparse/0", "sparse")
 KNOWN = "PLY and compressed PLY, .splat, SOG (a folder, its meta.json, or .sog) and SPZ"
+LOG = logging.getLogger("resample")
 ZIP = b"PK\3\4"
 
 
@@ -63,9 +71,32 @@ def read_gaussians(path: str | Path) -> Gaussians:
     if not source.exists():
         raise FileNotFoundError(errno.ENOENT, "there is no such file", str(path))
     try:
-        return checked_gaussians(_reader(source)(source), source.name)
+        made = checked_gaussians(_reader(source)(source), source.name)
     except ValueError as error:
         raise ValueError(f"{source.name}: {error}") from None
+    seen = training_of(made.position, made.scale, made.opacity, shots_beside(source))
+    return made._replace(training=seen)
+
+
+def shots_beside(path: Path) -> "list[PosedPicture]":
+    """Read the pictures of training whose cameras lie beside a scene; none if there are none.
+
+    They are `cameras.json`, `transforms.json` or the folder `sparse` of COLMAP, in the scene's
+    folder or, of `point_cloud/iteration_30000/point_cloud.ply`, in that of the training. Cameras
+    that cannot be read are logged.
+    """
+    from resample.cameras.files import read_shots
+
+    near = path.resolve().parent
+    folders = [near, near.parents[1]] if near.parent.name == "point_cloud" else [near]
+    for place in (folder / name for folder in folders for name in CAMERAS):
+        if not place.exists():
+            continue
+        try:
+            return read_shots(place)
+        except (OSError, ValueError) as error:
+            LOG.warning("%s is left out: %s", place.name, error)
+    return []
 
 
 def stored_gaussians(path: str | Path) -> TrainedFile | None:

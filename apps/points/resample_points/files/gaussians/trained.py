@@ -1,5 +1,6 @@
 """Read and write PLY files as trainers write them: logarithms of scales, logits of opacities."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,14 @@ from resample_points.data.harmonics import COUNTS, parts_of, rounded_to, step_of
 from resample_points.files.gaussians.decoding import check_count, exponentials, sigmoids
 from resample_points.files.ply import PlyFile, largest_of, stacked
 
+LOG = logging.getLogger("resample")
 POSITION, COLOR = ["x", "y", "z"], ["f_dc_0", "f_dc_1", "f_dc_2"]
 SCALE, ROTATION = ["scale_0", "scale_1", "scale_2"], ["rot_0", "rot_1", "rot_2", "rot_3"]
 NORMAL = ["nx", "ny", "nz"]  # zeros that some programs want
 NEEDED = {*POSITION, *COLOR, "opacity", *SCALE[:2], *ROTATION}
 FLAT = 1e-3  # third scale of flat Gaussians relative to the smaller of the others
 FOURTH = 24  # coefficients per channel of degrees 1 to 4, of which 15 are kept
+SAMPLED, FEWEST = 10_000, 16  # Gaussians whose numbers are looked at, and at least needed
 OPAQUE = 1e-7  # distance of a written opacity from 0 and 1, whose logits are infinite
 
 
@@ -56,10 +59,19 @@ class TrainedFile:
         if missing:
             raise ValueError(f"has no property {missing[0]} of Gaussians")
         file.tell_scales()
-        self._file, self._records = file, file.records("vertex")
+        self.path, self._file, self._records = file.path, file, file.records("vertex")
         self.count = check_count(file.path.name, len(self._records))
         self._rest = _rest_names(file.names())
         self._step = _step(self._records, self._rest)
+        some = self._records[:: max(1, self.count // SAMPLED)]
+        opacity = some["opacity"]
+        is_share = opacity.min() >= 0 and opacity.max() <= 1
+        if self.count >= FEWEST and is_share and stacked(some, SCALE[:2]).min() > 0:
+            LOG.warning(
+                "%s: no scale is below 0 and opacities are 0 to 1, as if activations had been"
+                " applied before it was written; they are read as logarithms and logits",
+                file.path.name,
+            )
 
     def empty(self, count: int) -> Gaussians:
         """Return room for some Gaussians of the file."""

@@ -36,6 +36,7 @@ BATCH_SIZE = 12  # neighbours that are visited together
 AROUND = 5  # nearest neighbours, whose mean distance is the spacing at a rim
 OUTLINE_SHARE = 0.65  # of that spacing: extent of a cell where there is no neighbour
 FARTHEST = 5.0  # times that: extent of a cell among neighbours
+CLUMPED = 1.3  # times the distance to the twelfth neighbour: the same, at least
 LONGEST = 8.0  # ratio of a disc's length to its width, at most
 SIMILAR_SPACING = (
     0.5  # of a point's spacing: neighbours with at least that are as isolated as it is
@@ -246,7 +247,10 @@ def measure(
     half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
     rim = _outline_radius(position, neighbour, n)
     if is_last:
-        half = min(half, FARTHEST * rim)
+        # In a clump the nearest neighbours are too near to tell how far the next ones may be.
+        half = min(
+            half, max(FARTHEST * rim, CLUMPED * _distance(position, neighbour, n, BATCH_SIZE))
+        )
     count, corners, reach = _cell(position, neighbour, n, frame, FARAWAY * half, lines)
     is_open = reach > half * half
 
