@@ -56,6 +56,7 @@ LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
 BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
 LARGE = 0.9  # px per voxel above which one ray through the pixel's center suffices
 SPREAD = 0.6  # px per voxel below which sub-pixels are not on a grid
+OF_SPREAD, MOST_SPREAD = 1.5, 16  # rays per side of a pixel then, times px per voxel; at most
 STEEP = 0.3  # of the largest extinction, between neighbouring columns
 OF_EXTREMES = 0.2  # rays per side of a pixel, times px per voxel, of extremes
 SPARSE = 1.5  # px per voxel below which no pixel is interpolated
@@ -314,6 +315,8 @@ def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int
     effort, is_best = EFFORTS[how.quality], how.quality == "best"
     if how.style.projection in EXTREMES and not is_best:
         effort = effort._replace(per_sample=OF_EXTREMES)
+    if _is_spread(field, view, how):
+        effort = effort._replace(per_sample=OF_SPREAD, most=MOST_SPREAD)
     spacing = _least_spacing(field, view) if is_best else _mean_spacing(field, view)
     fewest = 1 if spacing >= LARGE and not is_best else FEWEST_RAYS
     if len(field.mesh.face):

@@ -6,18 +6,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.scores.volume_truth import wall_area
 from resample.cameras.models import AnyCamera, Orthographic
 from resample.cameras.viewpoints import Orbit, Spot
 from resample.painting import rays as painting
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample.types import Frame
+from resample.types import Doubles, Frame
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
+from resample_volume.voxels.thickness import with_true_thickness
 from tests.record import Record
 
 LOOK = from_points(
@@ -380,26 +382,61 @@ def test_peaks_lie_between_samples_only_where_that_is_asked_for() -> None:
         assert (most > 101) == (interpolation == "spline")
 
 
-@pytest.mark.parametrize("per_voxel", [0.5, 0.25, 0.125])
-@pytest.mark.parametrize("kind", ["u1", "f4"])
-def test_walls_of_a_voxel_from_afar_have_one_area_wherever_they_meet_pixels(
-    per_voxel: float, kind: str
-) -> None:
+WALLS = 20 + 29 * np.arange(8)  # of one voxel, so far apart that they meet pixels at other places
+
+
+def areas_of_walls(kind: str, per_voxel: float, tilt: float, quality: str = "usual") -> Doubles:
+    """Areas of walls that are 20 voxels high and deep, voxels²; turned by `tilt` degrees."""
     values = np.zeros((40, 40, 244), kind)
-    walls = 20 + 29 * np.arange(8)
-    values[10:30, 10:30, walls] = 100
-    camera, size = ahead(values, per_voxel)
+    values[10:30, 10:30, WALLS] = 100
+    turn, size = np.radians(tilt), (int(60 * per_voxel) + 4, int(260 * per_voxel) + 4)
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [np.cos(turn), -np.sin(turn), 0.0],
+        [0.0, 0.0, -1.0],
+        [np.sin(turn), np.cos(turn), 0.0],
+    ]
+    pose[:3, 3] = (0.0, 0.0, 300.0) - pose[:3, :3] @ (121.5, 19.5, 19.5)
+    camera = Orthographic(per_voxel, per_voxel, size[1] / 2, size[0] / 2, pose)
     look = Appearance(from_points([(50, (1, 1, 1), 0.0), (51, (1, 1, 1), 1.0)]), light=None)
-    usual = Resampler(order=Rays(quality="usual"))
-    subject = Subject.of(as_volume(values), look, usual)
+    how = Resampler(order=Rays(quality=quality))
+    subject = Subject.of(as_volume(values), look, how)
     eye = subject.camera(camera, *size)
-    frame = usual(subject.samples_for(eye), eye, height=size[0], width=size[1])
-    picture = frame.rgba[..., 3].astype(np.float64)
-    columns, left = picture.sum(axis=0), np.arange(size[1])
-    middles = size[1] / 2 + per_voxel * (walls + 0.5 - 122)
-    areas = []
-    for x in middles:
-        first, last = np.maximum(left, x - 14 * per_voxel), np.minimum(left + 1, x + 14 * per_voxel)
-        areas.append((columns * np.maximum(last - first, 0)).sum())
-    assert np.ptp(areas) < 0.2 * np.mean(areas)
-    assert 18 < np.mean(areas) / per_voxel**2 < 28  # the spline of a voxel is 1.2 voxels wide
+    frame = how(subject.samples_for(eye), eye, height=size[0], width=size[1])
+    columns, left = frame.rgba[..., 3].sum(axis=0, dtype=np.float64), np.arange(size[1])
+    reach, areas = 14 * per_voxel, []
+    for x in size[1] / 2 + per_voxel * np.cos(turn) * (WALLS - 121.5):
+        inside = np.minimum(left + 1, x + reach) - np.maximum(left, x - reach)
+        areas.append((columns * np.maximum(inside, 0.0)).sum())
+    return np.array(areas) / per_voxel**2
+
+
+@pytest.mark.parametrize("per_voxel", [0.5, 0.25, 0.125])
+@pytest.mark.parametrize("tilt", [0, 4, 30])
+@pytest.mark.parametrize("kind", ["u1", "f4"])
+def test_walls_of_a_voxel_from_afar_have_their_area_wherever_they_meet_pixels(
+    per_voxel: float, tilt: float, kind: str
+) -> None:
+    areas = areas_of_walls(kind, per_voxel, tilt)
+    assert np.abs(areas / wall_area(tilt) - 1).max() < 0.05
+
+
+@pytest.mark.parametrize("kind", ["u1", "f4"])
+def test_a_wall_of_a_voxel_is_as_wide_from_close_by(kind: str) -> None:
+    assert np.abs(areas_of_walls(kind, 3.0, 0, "best") / 20 - 1).max() < 0.05
+
+
+@pytest.mark.parametrize("along", [1, 2, 3])
+@pytest.mark.parametrize("is_hole", [False, True])
+def test_what_is_thin_is_as_large_as_its_voxels(along: int, is_hole: bool) -> None:
+    """A wall, a line and a point, and such holes: of their voxels, in parts of 1/8."""
+    from scipy.ndimage import map_coordinates
+
+    values = np.zeros((9, 9, 9), np.uint8)
+    values[tuple([4] * along + [slice(None)] * (3 - along))] = 1
+    count, values = values.sum(), values ^ np.uint8(is_hole)
+    level, zero, scale = with_true_thickness(values, np.array([0.0, 1.0]))
+    field = zero + scale * level.astype(np.float64)
+    part = np.stack(np.meshgrid(*[(np.arange(72) + 0.5) / 8 - 0.5] * 3, indexing="ij"))
+    is_high = map_coordinates(field, part, order=3, mode="reflect") > 0.5
+    assert (is_high != is_hole).sum() / 8**3 / count == pytest.approx(1.0, abs=0.12)

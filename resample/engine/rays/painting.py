@@ -47,18 +47,13 @@ class Output(NamedTuple):
 
 
 @inner_kernel
-def _place_in(line: int, n: int) -> float:
+def _place_in(line: int) -> float:
     """Place across a row or column of sub-pixels, 0..1, at which its rays pass.
 
-    Those of a pixel are all different, and ½ on average; from pixel to pixel they change by the
-    golden ratio. So what is thin and along an axis is met by as many rays wherever it is.
+    From one to the next it changes by the golden ratio, so what is thin and along an axis is met by
+    as many rays wherever it is.
     """
-    pixel, first = line // n, line % n
-    other = n - 1 - first
-    if first == other:
-        return 0.5
-    place = (min(first, other) + (0.5 + GOLDEN * pixel) % 1.0) / n
-    return place if first < other else 1.0 - place
+    return (0.5 + GOLDEN * line) % 1.0
 
 
 @inner_kernel
@@ -68,7 +63,7 @@ def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[f
     margin = output.tables.pixel_margin
     down, right = (home.top - margin) * n + row, (home.left - margin) * n + column
     if output.is_spread:
-        return (right + _place_in(down, n)) / n, (down + _place_in(right, n)) / n
+        return (right + _place_in(down)) / n, (down + _place_in(right)) / n
     return (right + 0.5) / n, (down + 0.5) / n
 
 

@@ -44,6 +44,7 @@ from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
 from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
 from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
+from resample_volume.voxels.thickness import with_true_thickness
 from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
@@ -107,6 +108,8 @@ def gathered(
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
+    is_composite = resampler.projection is Projection.COMPOSITE
+    two = _only_two(volume, data_range) if is_composite else np.zeros(0)
     if not transfer.normalized and resampler.iso is None:
         data_range = table_range(volume, transfer, data_range)
     is_plain = getattr(resampler.order, "interpolation", MONOTONE) != MONOTONE
@@ -114,7 +117,11 @@ def gathered(
     samples = of_samples(volume, thin)
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
-    spline, bounds, known = _on_lattice(volume.values, sharpness, thin, is_within)
+    # Surfaces of samples with colors lie where the color changes, not where the field does.
+    is_cut = two.size == 2 and volume.colors is None
+    spline, bounds, known = _on_lattice(
+        volume.values, sharpness, thin, two if is_cut else two[:0], is_within=is_within
+    )
     levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
@@ -129,8 +136,6 @@ def gathered(
         from resample_volume.classification.labels import Ruled
 
         each += [Ruled(transfer, rule) for rule in labels.rules.values()]
-    is_composite = resampler.projection is Projection.COMPOSITE
-    two = _only_two(volume, data_range) if is_composite else np.zeros(0)
     tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
     table = np.concatenate([one.table for one in tables], axis=1)
     looks, beside = tables[0]._replace(table=table), len(each)
@@ -280,25 +285,42 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 
 
 def _on_lattice(
-    values: NDArray[np.generic], sharpness: float, thin: Thin, is_within: bool
+    values: NDArray[np.generic], sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
 ) -> tuple[SplineField, Bounds, Flags]:
-    """Return the field of values, its bounds, and which are known, if not all."""
+    """Return the field of values, its bounds, and which are known, if not all.
+
+    `two`: the only values, ascending, if there are two.
+    """
     memo: dict[Any, tuple[SplineField, Bounds, Flags]] = memo_of(values)
-    key = (_on_lattice, id(values), sharpness, thin, is_within)
+    key = (_on_lattice, id(values), sharpness, thin, two.size, is_within)
     if key in memo:
         return memo[key]
     filled, known = _without_gaps(values)
+    if thin.parts == 1 and two.size == 2 and sharpness == 1:
+        levels = with_true_thickness(filled, two)
+        found = _rescaled(*spline_of(levels.level), levels.scale, levels.zero)
+        return memo.setdefault(key, (*found, known))
     if thin.parts == 1:
         return memo.setdefault(key, (*spline_of(filled, sharpness), known))
     samples, low = thinned(filled, thin, is_within=is_within)
-    spline, (least, greatest) = spline_of(samples, sharpness, values.dtype)
-    spline = spline._replace(
-        zero=spline.zero + low, floor=spline.floor + low, ceiling=spline.ceiling + low
-    )
+    spline, bounds = _rescaled(*spline_of(samples, sharpness, values.dtype), 1.0, low)
     if known.size:
         padded = known.reshape([count + 2 * PAD for count in values.shape])
         known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
-    return memo.setdefault(key, (spline, Bounds(least + low, greatest + low), known))
+    return memo.setdefault(key, (spline, bounds, known))
+
+
+def _rescaled(
+    spline: SplineField, bounds: Bounds, scale: float, zero: float
+) -> tuple[SplineField, Bounds]:
+    """Return a field and its bounds, multiplied and raised."""
+    least, greatest = (scale * bound + zero for bound in bounds)
+    return spline._replace(
+        scale=scale * spline.scale,
+        zero=scale * spline.zero + zero,
+        floor=scale * spline.floor + zero,
+        ceiling=scale * spline.ceiling + zero,
+    ), Bounds(least, greatest)
 
 
 def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
