@@ -56,6 +56,7 @@ LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
 BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
 LARGE = 0.9  # px per voxel above which one ray through the pixel's center suffices
 SPREAD = 0.6  # px per voxel below which sub-pixels are not on a grid
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 OF_SPREAD, MOST_SPREAD = 1.75, 16  # rays per side of a pixel then, times px per voxel; at most
 STEEP = 0.3  # of the largest extinction, between neighbouring columns
 OF_EXTREMES = 0.2  # rays per side of a pixel, times px per voxel, of extremes
@@ -64,7 +65,7 @@ FEWEST_RAYS = 2  # per side of a pixel, for voxels smaller than `LARGE`
 NEAREST = 1e-30  # scene units from the eye; smallest distance
 EDGE, OF_EDGES = 0.3, 2  # second difference in linear light of an edge, and rays per side there
 OF_ROWS = 2  # px beyond some rows on which their edges and means depend
-OF_MIDDLE = 0.25  # weight of the ray through the center of such a pixel
+OF_STEEP_EDGES = 3  # rays per side there where looks become opaque at once
 MESH_RAYS = 4  # the same at edges of meshes
 BEND = np.array([1, -2, 1])  # weights of a second difference
 MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
@@ -90,7 +91,7 @@ class _Effort(NamedTuple):
 
 EFFORTS = {
     "best": _Effort(1 / 3, 1e-3, 1.25, 16, 1 / 3, 0.01, 0.06, 0.01, 0.0),
-    "usual": _Effort(1.0, 1e-2, 0.7, 4, 2 / 3, 0.05, 0.15, 0.012, 1 / 256),
+    "usual": _Effort(1.0, 3e-3, 0.7, 4, 2 / 3, 0.05, 0.15, 0.012, 1 / 256),
     "fast": _Effort(1.0, 1e-2, 0.0, 1, 2 / 3, 0.05, 0.15, 0.06, 1 / 64),
 }
 
@@ -146,7 +147,7 @@ class RayPainter:
                 (effort.bend if style.projection in EXTREMES else BENDS)
                 * max(look.high - look.low for look in looks),
             ),
-            any(_is_spread(field, view, self) for field in fields),
+            GOLDEN if any(_is_spread(field, view, self) for field in fields) else 0.0,
             apart,
             tile,
             right - left,
@@ -159,15 +160,14 @@ class RayPainter:
             cast(count, fineness, output)
         rays = count * (tile * fineness) ** 2
         if fineness == 1 and self.quality != "best" and self.tables.pixel_margin == 0:
-            edges, middles = _edges_of(painted.film), painted.film.rgba.reshape(-1, 4)
+            edges = _edges_of(painted.film)
             of_rows = (edges >= rows[0] * size[1]) & (edges < rows[1] * size[1])
             edges = edges[of_rows] if self.quality != "fast" else edges[:0]
-            before = middles[edges]
             _mean_from_middles(painted.film)
             again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
-            cast(edges.size, OF_EDGES, again)
-            middles[edges] += np.float32(OF_MIDDLE) * (before - middles[edges])
-            rays += edges.size * OF_EDGES**2
+            n = OF_STEEP_EDGES if any(map(_is_steep, fields)) else OF_EDGES
+            cast(edges.size, n, again)
+            rays += edges.size * n**2
         clock.lap("paint")
         samples = sum(math.prod(field.spline.shape) for field in fields)
         counts = painted.statistics(samples, clock.seconds)
@@ -338,6 +338,11 @@ def _is_spread(field: LatticeField, view: View, how: RayPainter) -> bool:
         return False
     if _mean_spacing(field, view) >= SPREAD:
         return False
+    return _is_steep(field)
+
+
+def _is_steep(field: LatticeField) -> bool:
+    """Whether values become opaque at once."""
     extinction = thickest(field.classifier.table, field.classifiers)
     return bool(np.abs(np.diff(extinction)).max(initial=0.0) > STEEP * extinction.max())
 

@@ -25,7 +25,6 @@ from resample.engine.subpixels import Home, pixel_weights
 from resample.types import Film, Floats, Indices, Tables, View
 
 GRID, CENTERS, BETWEEN = range(3)  # stages of sampling
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 class Output(NamedTuple):
@@ -37,7 +36,7 @@ class Output(NamedTuple):
     value: Floats  # (H, W) values of projections; or (0, 0)
     is_sum: bool  # values are integrals, not to be weighed by presence
     even: Evenness  # tolerance for sub-pixels that are interpolated
-    is_spread: bool  # each row and column of sub-pixels has places of its own
+    drift: float  # of rays in sub-pixels, from one row or column to the next; 0..1, 0: a grid
     apart: int  # sub-pixels between rays of the coarsest grid, a power of 2
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
@@ -47,24 +46,18 @@ class Output(NamedTuple):
 
 
 @inner_kernel
-def _place_in(line: int) -> float:
-    """Place across a row or column of sub-pixels, 0..1, at which its rays pass.
-
-    From one to the next it changes by the golden ratio, so what is thin and along an axis is met by
-    as many rays wherever it is.
-    """
-    return (0.5 + GOLDEN * line) % 1.0
-
-
-@inner_kernel
 def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[float, float]:
-    """Screen point that the ray of a sub-pixel passes through, px."""
+    """Screen point that the ray of a sub-pixel passes through, px.
+
+    Rays of a row are all moved right alike, and those of a column up. So what is thin and along an
+    axis is met by as many rays wherever it is, if the drift is the golden ratio.
+    """
     # Count sub-pixels from the frame's corner.
-    margin = output.tables.pixel_margin
+    margin, drift = output.tables.pixel_margin, output.drift
     down, right = (home.top - margin) * n + row, (home.left - margin) * n + column
-    if output.is_spread:
-        return (right + _place_in(down)) / n, (down + _place_in(right)) / n
-    return (right + 0.5) / n, (down + 0.5) / n
+    first = 0.5 - 0.5 * drift
+    x, y = right + (first + drift * down) % 1.0, down + 1.0 - (first + drift * right) % 1.0
+    return x / n, y / n
 
 
 @inner_step
