@@ -36,6 +36,8 @@ BLOCKS = "checker-box:size=96,block=4"
 FLICKER = 96  # px, side of the picture
 LARGER = 3  # enlargement factor
 TURNS, TURN = 12, 0.25  # frames, degrees between them
+PANS, PAN = 24, 1 / 8  # frames, px between them
+WALLS = (12, 27, 42)  # columns of walls of one voxel
 
 
 @contextmanager
@@ -204,6 +206,28 @@ def flicker() -> None:
     film(IMAGES / "flicker.webp", shots + shots[::-1], 90)
 
 
+def panning() -> None:
+    """Animation of walls of one voxel at a quarter of a pixel: one ray per pixel, and ours."""
+    from resample import Orthographic
+    from resample_comparisons.volume.peers import VtkRenderer
+    from resample_volume import Appearance, as_volume, render
+    from resample_volume.classification.transfer import from_points
+
+    values, size = np.zeros((54, 54, 54), np.uint8), 24  # px
+    values[6:48, 6:48, WALLS] = 100
+    transfer = from_points([(50, (1, 1, 1), 0.0), (51, (1, 1, 1), 1.0)])
+    look, volume = Appearance(transfer, light=None), as_volume(values)
+    peer, shots = VtkRenderer(volume, transfer, height=size, width=size), []
+    for n in range(PANS):
+        pose = np.eye(4)
+        pose[:3, 3] = (-26.5, -26.5, 60)
+        camera = Orthographic(0.25, 0.25, size / 2 - 1.5 + PAN * n, size / 2, pose)
+        ours = render(volume, look, camera, size=(size, size)).to_uint8(background=(0, 0, 0))
+        both = [levels_of(peer.render(camera)), ours[..., :3]]
+        shots.append(beside(*(one.repeat(4, 0).repeat(4, 1) for one in both)))
+    film(IMAGES / "panning.webp", shots + shots[::-1], 90)
+
+
 def levels_of(light: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Levels of premultiplied linear light over black."""
     from resample.colors import to_srgb
@@ -234,6 +258,7 @@ def main() -> int:
     data = parser.parse_args().data
     volume = "vessel-tree:size=128" if data is None else str(data / "engine.nhdr")
     flicker()
+    panning()
     with tempfile.TemporaryDirectory(prefix="media-") as name, browser() as opened:
         stills(opened, Path(name), volume)
         moving(opened, volume)

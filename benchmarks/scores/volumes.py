@@ -129,8 +129,8 @@ def walls(judge: Judge) -> None:
     for per in (0.5, 0.125) if judge.quick else (0.5, 0.25, 0.125):
         peers = peers_of(judge, field, EVEN, points, size)
         for tilt in (0, 4, 30):
-            # Parallel but for 0.005 degrees: at 50 diagonals the outer walls are turned by half a degree,
-            # which adds 16 % to their area.
+            # All but parallel: at 50 diagonals the outer walls are turned by half a degree, which
+            # adds 16 % to their area.
             view = view_of(field.shape, EVEN, per, size, tilt, 0, 5000)
             picture, call = drawn(judge, "walls.nrrd", view, size, *white(points))
             off = {

@@ -117,11 +117,7 @@ def gathered(
     samples = of_samples(volume, thin)
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
-    # Surfaces of samples with colors lie where the color changes, not where the field does.
-    is_cut = two.size == 2 and volume.colors is None
-    spline, bounds, known = _on_lattice(
-        volume.values, sharpness, thin, two if is_cut else two[:0], is_within=is_within
-    )
+    spline, bounds, known = _on_lattice(volume, sharpness, thin, two, is_within=is_within)
     levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
@@ -285,18 +281,21 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 
 
 def _on_lattice(
-    values: NDArray[np.generic], sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
+    volume: Volume, sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
 ) -> tuple[SplineField, Bounds, Flags]:
     """Return the field of values, its bounds, and which are known, if not all.
 
     `two`: the only values, ascending, if there are two.
     """
+    # Surfaces of samples with colors lie where the color changes, not where the field does.
+    values, is_cut = volume.values, two.size == 2 and volume.colors is None
+    is_cut = is_cut and thin.parts == 1 and sharpness == 1
     memo: dict[Any, tuple[SplineField, Bounds, Flags]] = memo_of(values)
-    key = (_on_lattice, id(values), sharpness, thin, two.size, is_within)
+    key = (_on_lattice, id(values), sharpness, thin, is_cut, is_within)
     if key in memo:
         return memo[key]
     filled, known = _without_gaps(values)
-    if thin.parts == 1 and two.size == 2 and sharpness == 1:
+    if is_cut:
         levels = with_true_thickness(filled, two)
         found = _rescaled(*spline_of(levels.level), levels.scale, levels.zero)
         return memo.setdefault(key, (*found, known))
