@@ -165,7 +165,8 @@ class RayPainter:
             edges = edges[of_rows] if self.quality != "fast" else edges[:0]
             _mean_from_middles(painted.film)
             again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
-            n = OF_STEEP_EDGES if any(map(_is_steep, fields)) else OF_EDGES
+            is_light = style.projection not in MEASURED
+            n = OF_STEEP_EDGES if is_light and any(map(_is_steep, fields)) else OF_EDGES
             cast(edges.size, n, again)
             rays += edges.size * n**2
         clock.lap("paint")
