@@ -217,7 +217,7 @@ def test_a_panned_orbit_shows_its_center_aside_by_a_share_of_the_shorter_side(fo
 def test_a_picture_begins_empty_and_with_values_only_if_asked_for():
     for has_values in (False, True):
         given = {"has_values": True} if has_values else {}
-        film, value, tally, _ = nothing_painted(3, 4, 5, **given)
+        film, value, tally = nothing_painted(3, 4, 5, **given)
         assert value.shape == ((3, 4) if has_values else (0, 0))
         assert np.isnan(value).all()
         assert (film.rgba == 0).all()

@@ -23,7 +23,7 @@ PAIR = re.compile(r"(shape|size|height and width|width and height)", re.IGNORECA
 LIKE_OTHERS = {"dsize"}  # OpenCV's name: width and height
 OTHER_PAIRS = {  # of numbers that are no size of a picture
     "axes",
-    "data_range", "gradient_opacity", "pan", "span", "window", "splat_color",
+    "data_range", "gradient_opacity", "pan", "rows", "span", "window", "splat_color",
 }  # fmt: skip
 ONE_OR_TWO = {"side"}  # one number, or a height and a width
 

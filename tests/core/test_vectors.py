@@ -6,10 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.engine import sorting, vectors
+from resample.engine import vectors
 from resample.engine.cells import scattering
-from resample.engine.ellipsoids import footprints, lanes, outlines, steps
-from resample.engine.ellipsoids import rows as rows_of_tiles
+from resample.engine.ellipsoids import footprints, lanes, outlines
 from resample.engine.ellipsoids.footprints import Eye
 from resample.engine.mixtures import models
 from resample.engine.rays import meshes
@@ -26,7 +25,6 @@ from resample.engine.vectors import (
 )
 from resample.engine.windows import footprints as pixels
 from resample.types import Absorbing, Linear, Place
-from resample_comparisons.volume.kernels.slabs import steps as slab_steps
 from tests.kernels import run_in_python
 
 
@@ -232,55 +230,3 @@ def test_outlines_of_balls_hold_the_sub_pixels_that_their_rays_meet(
         ends += room[[int(side) + n for side in (outlines.TOP, outlines.BOTTOM)]].tolist()
         assert all(end.is_integer() for end in ends)
         assert room[int(outlines.CUT) + n] == 0.0
-
-
-def carried_tiles(each):
-    """Three tiles of 6 × 6 sub-pixels, nothing of which is saved yet."""
-    step = steps.Step(*np.float32([2.0, 3.0, 5.0]), 0, 0)
-    start, state = np.array([0, 36, 72, 108]), np.zeros(3, np.uint8)
-    number = np.full(108 * each, -1.0, np.float32)
-    return steps.Carried(number, each, start, state, np.ones((3, 3, 3), bool), step)
-
-
-def test_what_is_saved_of_a_tile_between_steps_is_restored(rng, monkeypatch):
-    """Unless nothing is, of a new tile, or all is opaque: that does not change any more."""
-    run_in_python(monkeypatch, steps, rows_of_tiles)
-    each, size, opaque = len(steps.KEPT), (6, 6), np.float32(0.2)
-    carried = carried_tiles(each)
-    where = [int(rows_of_tiles.index_of(row, column)) for row in range(6) for column in range(6)]
-    places = np.add.outer(where, [int(name) for name in steps.KEPT])
-    rows = rng.uniform(0.0, 0.75, places.max() + 1).astype(np.float32)
-    opaque_one = [row * 6 + column for row in (0, 1) for column in (2, 3)]
-    rows[places[opaque_one, steps.KEPT.index(steps.ALPHA)]] = 0.9
-    steps.checkpoint(rows, size, (2, 0), opaque, 1, True, carried)
-    assert carried.state.tolist() == [steps.NEW, steps.OPEN, steps.NEW]
-    wanted = np.ones((3, 3), bool)
-    wanted[0, 1] = False  # the pixel whose four sub-pixels are opaque
-    np.testing.assert_array_equal(carried.is_open[1], wanted)
-    assert (carried.number[: 36 * each] == -1.0).all()
-    for tile, expected in ((1, rows[places]), (0, np.zeros((36, each)))):
-        new = np.zeros_like(rows)
-        steps.resume(new, *size, tile, carried)
-        np.testing.assert_array_equal(new[places], expected)
-    before = carried.number.copy()
-    steps.checkpoint(rows, size, (2, 0), opaque, 2, False, carried)
-    assert carried.state[2] == steps.OPAQUE
-    assert not carried.is_open[2].any()
-    np.testing.assert_array_equal(carried.number, before)
-
-
-def test_a_step_takes_the_samples_whose_keys_it_paints(monkeypatch):
-    """Those from `again` on, before `last`; where tiles are painted at once it takes all."""
-    run_in_python(monkeypatch, sorting, steps, slab_steps)
-    keys = np.float32([1.0, 2.0, 2.5, 4.9, 5.0, 7.0])
-    line = np.array(
-        [sorting.paired(sorting.bits_of(key), n) for n, key in enumerate(keys)], np.uint64
-    )
-    kept = line.copy()
-    assert steps.leave_out(kept, 0, 6, steps.AT_ONCE) == 6
-    end = steps.leave_out(kept, 0, 6, carried_tiles(1))
-    np.testing.assert_array_equal(kept[:end], line[1:4])
-    first = sorting.paired(sorting.bits_of(np.float32(3.0)), 0)
-    for pair, is_again in ((line[2], True), (first - np.uint64(1), True), (first, False)):
-        assert slab_steps.is_added_again(pair, carried_tiles(1)) is is_again
-        assert not slab_steps.is_added_again(pair, steps.AT_ONCE)

@@ -482,7 +482,7 @@ def render(
     >>> ball = np.hypot(np.hypot(x, y), z).astype(np.float32)
     >>> frame = render(-ball, "-6..0", (30, 20), size=(32, 32))
     >>> frame
-    Frame(32 × 32 px, 44.5 % covered, depth from 26.07)
+    Frame(32 × 32 px, 45.7 % covered, depth from 26.07)
     >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
     (1.0, 0.0)
     """
