@@ -12,6 +12,7 @@ from resample.files.animations import write_film
 from resample.files.saving import write_png
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
+from resample_volume.cli import app
 from resample_volume.command.animation import (
     FRAMES,
     PATHS,
@@ -27,6 +28,7 @@ from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject, render
 from resample_volume.voxels.shading import Light
+from tests.commands import ended, refused
 from tests.volume.of_voxels import of_voxels
 
 SIZE = (24, 32)
@@ -282,3 +284,24 @@ def test_a_target_that_cannot_be_written_is_refused_before_any_frame_is_made(
         write_film(tmp_path / name, made._replace(frame=asked.append), 24)
     assert asked == []
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("more", [[], ["--workers", "2"], ["--also", "sample:checker-box"]])
+def test_a_film_has_the_color_bars_of_its_pictures(more, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["sample:vessel-tree", "--size", "80x96", "--color-bar", "--scale-bar"]
+    beside = [one for one in more if more[:1] == ["--also"]]
+    assert ended(app, "render", *words, *beside, "-o", "a.png") == 0
+    assert ended(app, "animate", *words, *more, "--frames", "2", "-o", "film") == 0
+    with Image.open("a.png") as one, Image.open("film/frame-0000.png") as first:
+        picture, frame_0 = np.asarray(one.convert("RGB")), np.asarray(first)
+    assert frame_0.shape == picture.shape
+    assert frame_0.shape[1] > 96
+    np.testing.assert_array_equal(frame_0[:, 80:], picture[:, 80:])
+
+
+def test_a_film_of_sums_has_no_color_bar(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["animate", "checker-box", "--projection", "additive", "--color-bar", "-o", "a.webp"]
+    assert "leave --color-bar out" in refused(app, capsys, *words)
+    assert not list(tmp_path.iterdir())

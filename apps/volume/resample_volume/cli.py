@@ -27,6 +27,7 @@ from resample_volume.command.choices import (
     Added,
     AppearanceChoices,
     Beside,
+    BesideFilm,
     BesidePicture,
     Projecting,
     ReadOptions,
@@ -56,6 +57,7 @@ app.register_install_completion_command()
 VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
 SOURCE, PROJECTING, ADDED = ReadOptions.usual(), Projecting.usual(), Added.usual()
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
+BESIDE_FILM = BesideFilm.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 BAR = 40  # characters of the longest histogram bar
 OF_LISTS = ("histogram", "thresholds", "findings", "levels", "looks")
@@ -157,7 +159,7 @@ def animate(
     threads: Annotated[int | None, OptionTopic.RESOURCE] = None,
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
-    beside: Annotated[Beside, flags.Flat] = BESIDE,
+    beside: Annotated[BesideFilm, flags.Flat] = BESIDE_FILM,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
     resume: flags.Resume = False,
 ) -> None:
@@ -197,6 +199,7 @@ def animate(
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling, source.scale)
     beside.scene_objects(look, resampler)
+    beside.check_bar(output, shape[0])
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.FrameOptions(resampler, shape, behind, threads)
     script = filming.Script(volume, source, look, added, beside, resampling, frames)

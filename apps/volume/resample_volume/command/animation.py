@@ -24,8 +24,9 @@ from resample.console import Progress
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
 from resample.lazy import installed_version
+from resample.measuring.color_bars import with_color_bar
 from resample.resampler import Resampler
-from resample.types import Doubles, Frame
+from resample.types import Doubles, Floats, Frame
 from resample_volume.media.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
 from resample_volume.space.annotations import Annotations, annotated
@@ -182,15 +183,11 @@ class FrameOptions:
 
 
 class FrameOverlay(NamedTuple):
-    """Annotations drawn into frames."""
+    """Annotations drawn into frames, and color bars beside them."""
 
     volume: Volume  # around the scene's origin
     given: Annotations
-
-
-def drawing(volume: Volume, subject: Subject, given: Annotations) -> FrameOverlay | None:
-    """Return the annotations of a volume's frames, if any."""
-    return FrameOverlay(subject.placed(volume), given) if given.is_any else None
+    bars: Sequence[Floats]  # (H, B, 4) each
 
 
 def shots(
@@ -207,12 +204,14 @@ def shots(
     cameras
         One per frame; see `cameras_of`.
     """
+    overlay = paint.drawing
     job = {
         **(about or {}),
         "size": list(paint.size),
         "background": list(paint.background),
         "resampler": repr(subject.painter(paint.resampler)),
-        **({} if paint.drawing is None else {"drawn": repr(paint.drawing.given)}),
+        **({} if overlay is None else {"drawn": repr(overlay.given)}),
+        **({"bars": fingerprint(*overlay.bars)} if overlay is not None and overlay.bars else {}),
         **subject.facts(),
         **(facts or {}),
         "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
@@ -236,10 +235,14 @@ def frame(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
 
 
 def finished(painted: Frame, camera: AnyCamera, paint: FrameOptions) -> Levels:
-    """Return the frame (H, W, 3), sRGB-encoded, with its annotations."""
-    if paint.drawing is not None:
-        painted = annotated(painted, camera, *paint.drawing)
-    return screen_levels(painted.rgba, background=paint.background)
+    """Return the frame (H, W, 3), sRGB-encoded, with its annotations and color bars."""
+    overlay = paint.drawing
+    if overlay is not None and overlay.given.is_any:
+        painted = annotated(painted, camera, overlay.volume, overlay.given)
+    rgba = painted.rgba
+    for bar in () if overlay is None else overlay.bars:
+        rgba = with_color_bar(rgba, bar, paint.background)
+    return screen_levels(rgba, background=paint.background)
 
 
 def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> float:

@@ -528,14 +528,26 @@ class Beside(Choices):
         return SceneObjects(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
 
 
-class BesidePicture(Beside):
-    """The same, plus options of a single picture."""
+class BesideFilm(Beside):
+    """The same, plus a color bar."""
 
     color_bar: Annotated[
         bool,
         Switch,
         Field(description="Add a bar to the right: colors, opacities and values."),
     ] = False
+
+    def check_bar(self, output: "Path", height: int) -> None:
+        """Reject an impossible color bar before any work is done."""
+        if self.color_bar:
+            from resample.measuring.color_bars import check_bar
+
+            check_bar(output, height)
+
+
+class BesidePicture(BesideFilm):
+    """The same, plus options of a single picture."""
+
     zoom_in: Annotated[
         bool,
         Switch,
@@ -559,10 +571,7 @@ class BesidePicture(Beside):
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Reject an impossible color bar or deep picture before any work is done."""
-        if self.color_bar:
-            from resample.measuring.color_bars import check_bar
-
-            check_bar(output, height)
+        self.check_bar(output, height)
         if self.deep is None:
             return
         from resample.files.painted import check_deep

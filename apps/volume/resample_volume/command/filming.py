@@ -17,20 +17,26 @@ from resample.files.animations import Frames, Levels, Shots
 from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
+from resample.types import Floats
 from resample.watching import WorkerPool, told
 from resample_volume.classification.surveys import NO_LEVELS, Survey
 from resample_volume.command.animation import (
     Course,
     Flight,
     FrameOptions,
+    FrameOverlay,
     cameras_of,
-    drawing,
     over_time,
     shots,
 )
 from resample_volume.command.animation import frame as frame_of
-from resample_volume.command.choices import Added, AppearanceChoices, Beside, ReadOptions
-from resample_volume.command.inputs import allowed_memory, read_as_whole, with_memory
+from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
+from resample_volume.command.inputs import (
+    allowed_memory,
+    read_as_whole,
+    require_values,
+    with_memory,
+)
 from resample_volume.command.inputs import over_time as read_over_time
 from resample_volume.command.media import (
     appearance_over_time,
@@ -59,7 +65,7 @@ class Script(NamedTuple):
     source: ReadOptions
     appearance: AppearanceChoices
     added: Added
-    beside: Beside
+    beside: BesideFilm
     resampling: Resampling
     frames: int | None  # that are asked for
 
@@ -104,14 +110,28 @@ def film_of(
         return _film_of_times(script, times, flight, paint, about, start_workers)
     if recording is not None and is_chunked(recording):
         recording = None  # one of its volumes is read by itself
-    given = script.beside.annotations(paint.background)
     scene = scene_for(script, paint.size, recording, start_workers)
-    paint = replace(paint, drawing=drawing(scene.shown[0][0], scene.subject, given))
+    paint = replace(paint, drawing=_overlay(script, scene.shown, scene.subject, paint))
     cameras = cameras_of(scene.subject, flight, paint.size)
     say_missed(scene.shown, scene.subject, cameras[0])
     in_bricks = is_streamed(scene.shown[0][0])
     made = shots(scene.subject, cameras, paint, about)
     return ReadyFilm(made, cameras, paint, in_bricks, scene.subject.is_of_field)
+
+
+def _overlay(
+    script: Script, shown: Sequence[VolumeLayer], subject: Subject, paint: FrameOptions
+) -> FrameOverlay | None:
+    """Return what is drawn into all frames and beside them, if anything is."""
+    given, bars = script.beside.annotations(paint.background), list[Floats]()
+    if script.beside.color_bar:
+        require_values(shown[0][0], "a color bar")
+        from resample_volume.space.color_bar import bar_of
+
+        words = (paint.resampler, paint.size[0], paint.background, subject.tone)
+        bars = [bar_of(medium, *words) for medium in shown]
+    is_any = given.is_any or bars
+    return FrameOverlay(subject.placed(shown[0][0]), given, bars) if is_any else None
 
 
 def _film_of_times(
@@ -132,8 +152,7 @@ def _film_of_times(
     with progress_bar("scanning all times") as progress:
         course = Course(len(series), scenes.subject, progress)
     known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
-    given = script.beside.annotations(paint.background)
-    paint = replace(paint, drawing=drawing(series[0], course[0], given))
+    paint = replace(paint, drawing=_overlay(script, scenes.at(0), course[0], paint))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
     for camera in (None, cameras[0]):
         say_missed(scenes.at(0), course[0], camera)

@@ -19,7 +19,6 @@ from resample.measuring.color_bars import (
     painted,
     show,
     thin,
-    with_color_bar,
 )
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
@@ -32,9 +31,8 @@ from resample_volume.classification.transfer import (
     TransferFunction,
     from_points,
 )
-from resample_volume.media.appearance import Appearance, transfer_of
-from resample_volume.media.xrays import AS_IT_IS, Tone, negative
-from resample_volume.types import Volume
+from resample_volume.media.appearance import VolumeLayer, transfer_of
+from resample_volume.media.xrays import Tone, negative
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,20 +132,22 @@ def _show_over_squares(
     show(axes, page, linear, ink)
 
 
-def with_bar(
-    frame: Frame,
-    volume: Volume,
-    appearance: Appearance,
-    resampler: Resampler,
-    background: Color | None,
-    tone: Tone = AS_IT_IS,
-) -> Frame:
-    """Add a bar of colors, opacities and values, or of sums, to the right of a picture."""
+def bar_of(
+    medium: VolumeLayer, resampler: Resampler, height: int, background: Color | None, tone: Tone,
+    frame: Frame | None = None,
+) -> Floats:  # fmt: skip
+    """Draw the bar of colors, opacities and values, or of the sums of a frame, of a volume.
+
+    Result: (height, B, 4) linear, opaque.
+    """
+    volume, appearance = medium
     transfer: Transfer = GRAYS
     scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
     if tone.window is not None:
         extent = tone.window
     elif resampler.projection is Projection.ADDITIVE:
+        if frame is None:
+            raise ValueError("each frame of sums has a range of its own; leave --color-bar out")
         transfer, extent = _sums(frame)
     else:
         transfer = transfer_of(volume, appearance, resampler.projection)
@@ -157,10 +157,7 @@ def with_bar(
     if tone.is_negative:
         transfer = _negative(transfer, extent)
     behind = background or (0.0, 0.0, 0.0)
-    bar = color_bar(
-        transfer, extent, len(frame.rgba), title=volume.name, background=behind, scale=scale
-    )
-    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+    return color_bar(transfer, extent, height, title=volume.name, background=behind, scale=scale)
 
 
 def _negative(transfer: Transfer, extent: DataRange) -> Transfer:

@@ -18,7 +18,13 @@ from resample.view.files import path_file
 from resample.view.views import PagePicture, Point, Settings, Size, projection_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification.scales import value_at
-from resample_volume.command.animation import FrameOptions, cameras_of, drawing, flight_of, shots
+from resample_volume.command.animation import (
+    FrameOptions,
+    FrameOverlay,
+    cameras_of,
+    flight_of,
+    shots,
+)
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
@@ -135,7 +141,8 @@ class VolumePainter:
         medium = self.volume, request.appearance
         subject = Subject.of_several([medium], request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
-        drawn = drawing(self.volume, subject, request.beside.annotations(behind))
+        given = request.beside.annotations(behind)
+        drawn = FrameOverlay(subject.placed(self.volume), given, ()) if given.is_any else None
         paint = FrameOptions(request.resampler, (height, width), behind, None, drawn)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
