@@ -135,13 +135,10 @@ def annotated_picture(
         marks = beside.annotations(background)
         frame = annotated(frame, scene.camera, scene.subject.placed(media[0][0]), marks)
     if beside.color_bar:
-        from resample.measuring.color_bars import with_color_bar
-        from resample_volume.space.color_bar import bar_of
+        from resample_volume.space.color_bar import with_bar
 
-        words = (resampler, len(frame.rgba), background, scene.subject.tone, frame)
         for medium in media:
-            rgba = with_color_bar(frame.rgba, bar_of(medium, *words), background)
-            frame = frame._replace(rgba=rgba)
+            frame = with_bar(frame, *medium, resampler, background, scene.subject.tone)
     return frame
 
 

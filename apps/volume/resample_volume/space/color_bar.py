@@ -19,6 +19,7 @@ from resample.measuring.color_bars import (
     painted,
     show,
     thin,
+    with_color_bar,
 )
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
@@ -31,8 +32,9 @@ from resample_volume.classification.transfer import (
     TransferFunction,
     from_points,
 )
-from resample_volume.media.appearance import VolumeLayer, transfer_of
-from resample_volume.media.xrays import Tone, negative
+from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
+from resample_volume.media.xrays import AS_IT_IS, Tone, negative
+from resample_volume.types import Volume
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -158,6 +160,19 @@ def bar_of(
         transfer = _negative(transfer, extent)
     behind = background or (0.0, 0.0, 0.0)
     return color_bar(transfer, extent, height, title=volume.name, background=behind, scale=scale)
+
+
+def with_bar(
+    frame: Frame,
+    volume: Volume,
+    appearance: Appearance,
+    resampler: Resampler,
+    background: Color | None,
+    tone: Tone = AS_IT_IS,
+) -> Frame:
+    """Add the bar of a volume to the right of its picture."""
+    bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)
+    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
 
 
 def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
