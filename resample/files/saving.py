@@ -68,15 +68,17 @@ def write_frame(
     frame: Frame[Any],
     bits: int = 8,
     background: Background | None = None,
+    *,
+    tells: bool = True,
 ) -> None:
     """Write a rendered scene in the format of its suffix.
 
     `bits`: bits per channel; 32 are floats of linear light. EXR has 32. `background`: linear
-    background color; None keeps transparency.
+    background color; None keeps transparency. `tells`: whether to say that a picture is empty.
     """
     path = Path(path)
     check_frame(path, bits, _color(background))
-    if not frame.coverage.any():
+    if tells and not frame.coverage.any():
         note(f"{path.name}: the picture is empty; the camera sees nothing of the scene")
     if path.suffix.lower() == ".exr":
         write_exr(path, frame)

@@ -56,7 +56,7 @@ CASES = {
     "texture animate": ["a.png", "-o", "o.gif"],
     "texture mesh": ["a.obj", "-o", "o.png"],
     "warp3d render": ["a.png", "d.npy", "--fov", "60", "--move", "1,0,0", "-o", "o.png"],
-    "warp3d stereo": ["a.png", "d.npy", "-o", "o.png"],
+    "warp3d stereo": ["a.png", "d.npy", "--depth-kind", "pair", "-o", "o.png"],
     "warp3d animate": ["a.png", "d.npy", "--fov", "60", "-o", "o.gif"],
     "points render": ["a.ply", "-o", "o.png"],
     "volume render": ["checker-box:size=16,block=4", "-o", "o.png"],

@@ -28,7 +28,7 @@ BYTES_PER_VALUE = 16  # of a target, including the copies made while warping and
 # Measured as the peak of fresh processes (`python -m benchmarks.memory`).
 BYTES_PER_TEXEL = 6  # per texel and channel: the source and its decoding buffers
 BYTES_IN_STRIP = 28  # per value of the strip of a large picture that is being drawn
-BYTES_OF_FILM = 16, 60  # per texel of the picture, per pixel of a frame
+BYTES_OF_FILM = 56, 60  # per texel of the picture, in levels and light, and per pixel of a frame
 REMEDY = "take a smaller size, or a part of it by --roi"
 
 
