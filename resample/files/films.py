@@ -1,7 +1,7 @@
 """Read and write films frame by frame by PyAV; H.264 for all players."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,8 @@ CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
 READING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 # Codecs of sound and subtitles that MP4 holds; other sound becomes AAC.
 HELD = ("aac", "ac3", "alac", "eac3", "flac", "mov_text", "mp3", "opus")
+LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}  # of AAC, by channels; others are mixed
+RATES = (8000, 11025, 12000, 16000, 22050, 24000, 32000, 44100, 48000, 64000, 88200, 96000)
 EARLIEST = -0.2  # s before the first picture; coders of sound need what is just before it
 FRAME_BYTES = 16  # bytes per pixel in memory: red, green, blue and alpha in float32
 QUALITY = {"crf": "18", "preset": "medium"}
@@ -102,40 +104,56 @@ def other_tracks(path: Path, film: "OutputContainer") -> Iterator[tuple[float, A
 
     Result: packets for the new film, each with its time in seconds from the first picture.
     """
+    import av
+
     with opened_film(path) as source:
-        pictures, made = source.streams.video[0], dict[Any, Any]()
+        pictures, made = source.streams.video[0], dict[Any, tuple[Any, Any]]()
         start = float((pictures.start_time or 0) * (pictures.time_base or 0))
         for stream in (*source.streams.audio, *source.streams.subtitles):
             codec: Any = stream.codec_context
             if codec is not None and codec.name in HELD:
-                made[stream] = film.add_stream_from_template(stream)
+                made[stream] = film.add_stream_from_template(stream), None
             elif codec is not None and stream.type == "audio":
-                made[stream] = film.add_stream("aac", rate=codec.rate, layout=codec.layout.name)
+                rate = codec.rate if codec.rate in RATES else 48_000
+                layout = LAYOUTS.get(codec.layout.nb_channels, "stereo")
+                turned = av.AudioResampler("fltp", layout, rate)
+                made[stream] = film.add_stream("aac", rate=rate, layout=layout), turned
             else:
                 name = "an unknown codec" if codec is None else codec.name
                 say(f"{path.name}: {stream.type} of {name} is not copied")
         for packet in source.demux(list(made)) if made else ():
-            for each in _remade(packet, made[packet.stream], start):
+            for each in _remade(packet, *made[packet.stream], start):
                 second = float(each.pts * each.time_base)
                 if second >= EARLIEST:
                     yield second, each
 
 
-def _remade(packet: Any, track: Any, start: float) -> list[Any]:
-    """Return a packet for another film that begins at a time of its own, s; encoded if need be."""
+def _remade(packet: Any, track: Any, turned: Any, start: float) -> list[Any]:
+    """Return a packet for another film that begins at a time of its own, s.
+
+    `turned`: resampler of sound that is encoded anew; what is damaged of it is left out.
+    """
+    import av
+
     is_last = packet.dts is None
-    if packet.stream.codec_context.name in HELD:
+    if turned is None:
         if is_last:
             return []
         late = round(start / packet.time_base)
-        packet.pts, packet.dts = packet.pts - late, packet.dts - late
+        packet.pts = (packet.dts if packet.pts is None else packet.pts) - late
+        packet.dts -= late
         packet.stream = track
         return [packet]
-    made = []
-    for frame in packet.decode():
+    made, frames = [], []
+    with suppress(av.error.InvalidDataError):
+        frames = packet.decode()
+    for frame in frames:
         frame.pts -= round(start / frame.time_base)
-        made += track.encode(frame)
-    return made + (track.encode(None) if is_last else [])
+        made += [each for part in turned.resample(frame) for each in track.encode(part)]
+    if is_last:
+        made += [each for part in turned.resample(None) for each in track.encode(part)]
+        made += track.encode(None)
+    return made
 
 
 def film_picture(levels: NDArray[np.uint8], stream: Any) -> Any:

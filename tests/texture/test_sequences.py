@@ -248,6 +248,34 @@ def test_sound_stays_beside_the_pictures_it_is_heard_with(name, codec, capsys):
     assert abs(lags[int(np.argmax(alike))]) <= 16  # samples: 2 ms
 
 
+@pytest.mark.parametrize(
+    ("name", "layout", "rate"),
+    [("in.mkv", "7.1", 48000), ("in.mkv", "octagonal", 48000), ("in.mkv", "mono", 192000),
+     ("in.avi", "stereo", 11025)],
+)  # fmt: skip
+def test_sound_of_any_channels_and_rate_becomes_aac(name, layout, rate, capsys):
+    """AVI does not state the layout of channels."""
+    with av.open(name, "w") as target:
+        stream, sound = (target.add_stream(each, rate=each_rate) for each, each_rate in
+                         (("libx264", 10), ("pcm_s16le", rate)))  # fmt: skip
+        stream.width, stream.height, stream.pix_fmt = 32, 24, "yuv420p"
+        sound.layout = layout
+        for image in frames():
+            target.mux(stream.encode(av.VideoFrame.from_image(image)))
+        count = rate * 3 // 10
+        tone = np.repeat((np.sin(np.arange(count) / 9) * 9000).astype(np.int16), sound.channels)
+        heard = av.AudioFrame.from_ndarray(tone[None], "s16", layout)
+        heard.sample_rate, heard.time_base, heard.pts = rate, Fraction(1, rate), 0
+        target.mux(sound.encode(heard))
+        target.mux(stream.encode(None))
+        target.mux(sound.encode(None))
+    assert ended("warp", name, "-o", "out.mp4", *SAME) == 0
+    assert capsys.readouterr().err == ""
+    kept, samples = heard_in("out.mp4")
+    assert kept == "aac"
+    assert np.abs(samples[900:2900]).max() > 0.05
+
+
 def test_a_target_without_sound_says_so(capsys):
     film_with_sound("in.mp4", "aac")
     assert ended("warp", "in.mp4", "-o", "out.webp", *SAME) == 0
