@@ -76,8 +76,8 @@ class Waiting(NamedTuple):
 
 
 @kernel
-def room_for(subpixels: int, most: int) -> Waiting:
-    """Allocate empty rings."""
+def ring_scratch(subpixels: int, most: int) -> Waiting:
+    """Allocate empty rings of `most` places, a power of two, for some sub-pixels."""
     return Waiting(
         np.empty(2 * subpixels * most, np.float32),
         np.empty(subpixels * most, np.int32),
@@ -232,7 +232,7 @@ def _paint_group(
     base, most = row * SIDE + group * LANES, 1
     while most < members.size:
         most *= 2
-    waiting = room_for(LANES, most)
+    waiting = ring_scratch(LANES, most)
     for lane in range(LANES):
         at_lane = np.uint64(base + lane)
         for plane in range(SIZE // PLANE):
@@ -304,7 +304,7 @@ def paint_along_rays(
     """Paint all tiles, as `paint_shapes` does, but each ray in its own order."""
     canvas, is_open = np.empty(SIZE, np.float32), np.empty(SIDE, np.uint32)
     is_full, lanes = np.empty(SIDE, np.uint32), np.empty(2 * LANES, np.float32)
-    waiting = room_for(PLANE, WAITING)
+    waiting = ring_scratch(PLANE, WAITING)
     for tile in tasks(counter, lists.start.size - 1):
         origin, spot = tile_at(grid, tile, near)
         clear(canvas, is_open)
