@@ -228,6 +228,40 @@ def panning() -> None:
     film(IMAGES / "panning.webp", shots + shots[::-1], 90)
 
 
+def maps() -> None:
+    """A scanned town from above: its colors, and the heights above its ground over them."""
+    from resample.colors import mapped
+    from resample_points import Cloud, raster_of, rasterized
+
+    rng = np.random.default_rng(4)
+    x, y = rng.uniform(0, 100, (2, 120_000))
+    ground = 4 * np.sin(x / 30) + 3 * np.cos(y / 23)
+    z, color = ground.copy(), np.stack([0.10 + 0.05 * np.sin(x / 2), 0.2 + 0 * x, 0.06 + 0 * x], 1)
+    is_road = np.abs(y - 50 - 8 * np.sin(x / 25)) < 3
+    color[is_road] = 0.25
+    for left, low, hue in zip(range(6, 90, 14), (14, 68, 22, 72, 16, 66), range(6), strict=False):
+        is_roof = (x > left) & (x < left + 9) & (y > low) & (y < low + 14)
+        z[is_roof] = 14 - 0.8 * np.abs(x[is_roof] - left - 4.5)
+        color[is_roof] = ((0.45, 0.12, 0.08), (0.3, 0.3, 0.33), (0.5, 0.35, 0.2))[hue % 3]
+    for cx, cy, radius in rng.uniform((0, 0, 1.5), (100, 100, 3.5), (60, 3)):
+        away = np.hypot(x - cx, y - cy) / radius
+        is_tree = (away < 1) & (z == ground) & ~is_road & (rng.random(len(x)) < 0.85)
+        z[is_tree] += 3 + 5 * np.sqrt(1 - away[is_tree] ** 2) * rng.uniform(0.8, 1, is_tree.sum())
+        color[is_tree] = (0.03, 0.1, 0.03)
+    none = np.empty((0, 3))
+    town = Cloud(np.stack([x, y, z], 1), none, color.astype(np.float32), np.empty(0))
+    raster = raster_of(town, 0.25)
+    base = np.concatenate([band for _, band in rasterized(town, raster, "color")])
+    height = np.concatenate([band for _, band in rasterized(town, raster)])[..., 0]
+    at = (np.arange(raster.width) + 0.5) * raster.resolution
+    soil = 4 * np.sin(at / 30) + 3 * np.cos((raster.top - at[:, None]) / 23)
+    share = np.clip((height - soil) / 14, 0, 1)
+    over = mapped("turbo", share.ravel()).reshape(base.shape) * 0.75 + 0.25 * base
+    both = [base, np.where(share[..., None] > 0.1, over, base.mean(axis=2, keepdims=True))]
+    picture = levels_of(np.nan_to_num(np.concatenate(both, axis=1)))
+    Image.fromarray(picture).save(IMAGES / "map.webp", quality=85, method=6)
+
+
 def levels_of(light: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Levels of premultiplied linear light over black."""
     from resample.colors import to_srgb
@@ -259,6 +293,7 @@ def main() -> int:
     volume = "vessel-tree:size=128" if data is None else str(data / "engine.nhdr")
     flicker()
     panning()
+    maps()
     with tempfile.TemporaryDirectory(prefix="media-") as name, browser() as opened:
         stills(opened, Path(name), volume)
         moving(opened, volume)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         render_gaussians,
     )
     from resample_points.painting.indexing import index_cloud
+    from resample_points.painting.rasters import Raster, raster_of, rasterized
     from resample_points.painting.rendering import CloudStyle, render_cloud
     from resample_points.scenes import CloudScene
     from resample_points.viewing import view
@@ -54,10 +55,13 @@ _HOMES = {
     "joined_gaussians": "data.joining",
     "placed_gaussians": "data.joining",
     "ProjectedCamera": "painting.bending",
+    "Raster": "painting.rasters",
     "gaussian_camera": "painting.gaussians",
     "index_cloud": "painting.indexing",
     "join_clouds": "data.selecting",
     "prepare_cloud": "geometry.spacing",
+    "raster_of": "painting.rasters",
+    "rasterized": "painting.rasters",
     "read_cloud": "files.readers",
     "read_gaussians": "files.gaussians.reading",
     "render_cloud": "painting.rendering",
@@ -77,6 +81,7 @@ __all__ = [
     "Gaussians",
     "Particles",
     "ProjectedCamera",
+    "Raster",
     "column_density",
     "cropped_gaussians",
     "framed",
@@ -86,6 +91,8 @@ __all__ = [
     "joined_gaussians",
     "placed_gaussians",
     "prepare_cloud",
+    "raster_of",
+    "rasterized",
     "read_cloud",
     "read_gaussians",
     "read_particles",

@@ -17,6 +17,7 @@ from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
 from resample_points.command.density import DensityOptions, ParticleOptions
 from resample_points.command.gaussians import GaussianOptions
+from resample_points.command.maps import MapOptions
 
 app = CommandLine(
     name="resample-points",
@@ -30,7 +31,9 @@ app = CommandLine(
     ),
     version=installed_version,
 )
-app.first = "type axis quantity methods path frames camera up size color-by color-bar"
+app.first = (
+    "what resolution type axis quantity methods path frames camera up size color-by color-bar"
+)
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
@@ -39,6 +42,7 @@ PARTICLES = ParticleOptions.usual()
 MapOutput = Annotated[
     flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
 ]
+MAP = MapOptions.usual()
 FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
 
 
@@ -244,6 +248,38 @@ def density(
     check_memory(shape, output)
     found = density_of(Session(), file, look, start, shape)
     write_map(output, found, look, form)
+
+
+@app.command(name="map")
+def map_(
+    file: Path,
+    /,
+    *,
+    output: Annotated[flags.Output, Parameter(help="Written to: .tif, a GeoTIFF.")],
+    options: Annotated[MapOptions, flags.Flat] = MAP,
+) -> None:
+    """Map a cloud from above: a GeoTIFF of heights, colors, classes or densities.
+
+    Cells begin at whole multiples of their side, so maps of neighbouring tiles fit together.
+
+    For example:
+
+        resample-points map sample:knot-points -o heights.tif
+        resample-points map sample:knot-points --what color -o colors.tif
+        resample-points map sample:knot-points --resolution 0.05 -o coarse.tif
+
+    Parameters
+    ----------
+    file
+        .las, .laz, .ply, .xyz or another point cloud; z is up.
+    """
+    from resample.command.session import Session
+    from resample.files.writing import check_targets
+    from resample_points.command.maps import write_map
+
+    options.check(output)
+    check_targets(output)
+    write_map(Session(), [file, *map(Path, options.also)], output, options)
 
 
 @app.command

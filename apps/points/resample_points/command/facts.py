@@ -22,18 +22,25 @@ def facts_in(path: Path) -> dict[str, Any]:
     ValueError, OSError
         It cannot be read.
     """
+    from resample_points.files.coordinate_systems import coordinate_system_of
     from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
-    from resample_points.files.las import crs_of
     from resample_points.files.readers import LASER, read_cloud
 
     if is_gaussians(path):
         return _of_gaussians(read_gaussians(path))
     facts = _of_cloud(read_cloud(path))
-    return {**facts, "crs": crs_of(path)} if path.suffix.lower() in LASER else facts
+    if path.suffix.lower() not in LASER:
+        return facts
+    system = coordinate_system_of(path)
+    return {**facts, "crs": None if system is None else system.name}
 
 
 def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
+    from resample_points.data.coloring import MEANINGS, SCANNED
+
     columns = {name: _ends(values) for name, values in sorted(cloud.columns.items())}
+    number = cloud.columns.get(SCANNED[1], np.zeros(0, np.uint8))
+    classes = np.unique(number[np.isfinite(number)], return_counts=True)
     return {
         "kind": "points",
         "count": len(cloud.position),
@@ -42,6 +49,10 @@ def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
         "colors": bool(len(cloud.color)),
         "radii": bool(len(cloud.radius)),
         "columns": columns,
+        "classes": {
+            f"{n:g} {MEANINGS.get(n, '')}".strip(): int(count)
+            for n, count in zip(*classes, strict=True)
+        },
     }
 
 

@@ -6,7 +6,6 @@ in an octree: each level adds points between those of the previous levels.
 """
 
 import logging
-import re
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -37,10 +36,7 @@ LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # number of layers of an item, by its kin
 BYTES = 14  # kind of extra bytes; each byte is a layer
 PAGE = -1  # number of points of an entry that refers to another page
 UNPACKED = 100  # bytes per point beside its record, while unpacking
-OWNER, WKT, KEYS = "LASF_Projection", 2112, 34735  # of records of coordinate systems
-PROJECTED, GEOGRAPHIC = 3072, 2048  # GeoTIFF keys
-CRS_NAME = re.compile(r'\w+\s*\[\s*"([^"]*)"')
-CRS_CODE = re.compile(r'"EPSG"\s*,\s*"?(\d+)"?\s*\]\s*\]$')  # of the whole, not of a part
+ANGLE = np.float32(0.006)  # degrees per step of scan angles of formats 6 to 10
 LEFT_OUT = {  # dimensions that no picture uses
     *("X", "Y", "Z", "red", "green", "blue", "withheld", "x_t", "y_t", "z_t"),
     *("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location"),
@@ -92,22 +88,14 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
         return _gathered(laspy, laser, entries, level, columns)
 
 
-def crs_of(path: Path) -> str | None:
-    """Return a file's coordinate system, by WKT or GeoTIFF keys; None if it says nothing."""
+def records_of(path: Path, owner: str) -> dict[int, bytes]:
+    """Return the variable length records of an owner in a file's header, by their number."""
     laspy = _required(path.name)
     with _quiet(), path.open("rb") as file, damage(path):
         _check_head(file, path.stat().st_size)
         header = laspy.LasHeader.read_from(file, read_evlrs=True)
-        records = (each for each in (*header.vlrs, *(header.evlrs or ())) if each.user_id == OWNER)
-        held = {each.record_id: each.record_data_bytes() for each in records}
-    if WKT in held:
-        text = held[WKT].decode("utf-8", "replace").strip("\0 ")
-        name, code = CRS_NAME.match(text), CRS_CODE.search(text)
-        return f"{name[1] if name else text:.80}" + (f" (EPSG:{code[1]})" if code else "")
-    keys = np.frombuffer(held.get(KEYS, b""), "<u2")
-    known = dict(keys[4 : len(keys) // 4 * 4].reshape(-1, 4)[:, [0, 3]].tolist())
-    named = next((known[key] for key in (PROJECTED, GEOGRAPHIC) if key in known), None)
-    return None if named is None else f"EPSG:{named}"
+        records = (each for each in (*header.vlrs, *(header.evlrs or ())) if each.user_id == owner)
+        return {each.record_id: each.record_data_bytes() for each in records}
 
 
 def _gathered(
@@ -332,6 +320,8 @@ def _fields(laser: _Laser, record: Any) -> tuple[Fields, Fields]:
     fields = {name: column for name, column in columns.items() if column.ndim == 1}
     for axis, scale, offset in zip("xyz", laser.header.scales, laser.header.offsets, strict=True):
         fields[axis] = record[axis.upper()][kept] * np.float64(scale) + np.float64(offset)
+    if "scan_angle" in fields:
+        fields["scan_angle"] = fields["scan_angle"] * ANGLE
     if "red" not in record.point_format.dimension_names:
         return {}, fields
     return {name: np.asarray(record[name])[kept] for name in COLORS[0]}, fields
