@@ -5,6 +5,7 @@ import io
 import json
 import struct
 import zipfile
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -260,3 +261,38 @@ def zipped(files, method=zipfile.ZIP_STORED):
         for name, content in files.items():
             target.writestr(zipfile.ZipInfo(name), content, method)  # of 1980, always
     return packed.getvalue()
+
+
+def ksplat_of(splats, precision, *, in_bucket=8, block=8.0):
+    """A `.ksplat` file of one section, whose buckets have their middles anywhere."""
+    count, width = splats.rest.shape[:2]
+    ends = (0, 3, 8, 15)
+    bands = [splats.rest[:, low:high] for low, high in pairwise(ends)]
+    flat = np.concatenate([band.transpose(0, 2, 1).reshape(count, -1) for band in bands], axis=1)
+    kinds = [("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1")][precision]
+    full = count // in_bucket
+    sizes = [in_bucket] * full + [count - full * in_bucket] * (count % in_bucket > 0)
+    middle = np.arange(3 * len(sizes)).reshape(-1, 3) % 3 * 0.25 - 0.25
+    position = splats.position
+    if precision:
+        away = (position - middle.repeat(sizes, axis=0)) / (block / 2)
+        position = np.rint(away * 32767 + 32767)
+    rest = np.rint((flat + 1.5) / 3 * 255) if precision == 2 else flat
+    level = np.column_stack([splats.color * CONSTANT + 0.5, splats.opacity])
+    columns = (position, splats.scale, splats.rotation, np.rint(level * 255), rest)
+    records = np.zeros(count, [
+        (str(n), kind, values.shape[1])
+        for n, (kind, values) in enumerate(
+            zip((kinds[0], kinds[1], kinds[1], "u1", kinds[2]), columns, strict=True)
+        )
+    ])  # fmt: skip
+    for n, values in enumerate(columns):
+        records[str(n)] = values
+    head = struct.pack("<2B2x4IH2x12x2f", 0, 1, 1, 1, count, count, precision, -1.5, 1.5)
+    part = struct.pack(
+        "<IIIIfH2xI4xIIH", count, count, in_bucket, len(sizes), block, 12, 32767, full,
+        len(sizes) - full, DEGREES[width],
+    )  # fmt: skip
+    whole = head.ljust(4096, b"\0") + part.ljust(1024, b"\0")
+    whole += np.array(sizes[full:], "<u4").tobytes() + middle.astype("<f4").tobytes()
+    return whole + records.tobytes()

@@ -310,6 +310,7 @@ def gaussians() -> list[Case]:
         "ascii.ply": splat_files.trained_of(splat_files.scene(count=5, width=0), "ascii"),
         "packed.ply": splat_files.compressed_of(some),
         "a.splat": splat_files.splat_of(some),
+        **{f"{n}.ksplat": splat_files.ksplat_of(some, n) for n in (0, 1, 2)},
         "raw.spz": splat_files.spz_of(some, 2, packed=False),
         **{f"{version}.spz": splat_files.spz_of(some, version) for version in (1, 2, 3, 4)},
         "a.sog": splat_files.zipped(folders[1]),

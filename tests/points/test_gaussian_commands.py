@@ -23,6 +23,7 @@ from resample_points import (
     ProjectedCamera,
     cli,
     gaussian_camera,
+    read_gaussians,
     render_gaussians,
     write_gaussians,
 )
@@ -50,6 +51,42 @@ def file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_gaussians("scene.ply", scene())
     return Path("scene.ply")
+
+
+def test_converted_scenes_look_the_same(file, capsys):
+    start = read_gaussians(file)._replace(training=None)
+    camera = gaussian_camera(start, size=(64, 48), azimuth=40)
+    shown = render_gaussians(start, camera, size=(64, 48)).rgba
+    for suffix, least in (("compressed.ply", 45), ("spz", 40), ("sog", 45)):  # SPZ rounds by 3 %
+        assert ended("convert", str(file), "-o", f"a.{suffix}") == 0
+        assert "60 Gaussians with harmonics of degree 3" in capsys.readouterr().err
+        assert ended("convert", f"a.{suffix}", "-o", "back.ply") == 0
+        again = read_gaussians("back.ply")._replace(training=None)
+        assert again.up is None
+        found = render_gaussians(again, camera, size=(64, 48)).rgba
+        assert np.sqrt(np.mean((to_srgb(found) - to_srgb(shown)) ** 2)) < 10 ** (-least / 20), (
+            suffix
+        )
+    assert ended("convert", str(file), "-o", "a.splat") == 0
+    assert "degree 3, " in (told := capsys.readouterr().err)
+    assert ".splat has no harmonics" in told
+
+
+def test_a_part_of_a_scene_is_converted_and_placed(file, capsys):
+    start = read_gaussians(file)
+    Path("pose.txt").write_text("1 0 0 5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n")
+    options = ["--crop=0:,:,:", "--degree", "1", "--pose", "pose.txt", "--least-opacity", "0.5"]
+    assert ended("convert", str(file), *options, "-o", "a.ply") == 0
+    found = read_gaussians("a.ply")
+    kept = (start.position[:, 0] >= 0) & (start.opacity >= 0.5)
+    np.testing.assert_allclose(found.position, start.position[kept] + [5, 0, 0], rtol=1e-6)
+    np.testing.assert_allclose(found.scale, start.scale[kept], rtol=1e-6)
+    first = start.harmonics[kept, :3] * start.harmonic_step
+    np.testing.assert_allclose(found.harmonics * found.harmonic_step, first, atol=1e-5)
+    capsys.readouterr()
+    assert "written as .ply" in refused(capsys, "convert", str(file), "-o", "a.obj")
+    Path("a.xyz").write_text("0 0 0\n")
+    assert "holds no 3D Gaussians" in refused(capsys, "convert", "a.xyz", "-o", "b.ply")
 
 
 def toward(given, eye):

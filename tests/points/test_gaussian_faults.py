@@ -19,6 +19,7 @@ FORMATS = {
     "ascii.ply": made.trained_of(SCENE, "ascii"),
     "packed.ply": made.compressed_of(SCENE),
     "a.splat": made.splat_of(SCENE)[:-1],
+    **{f"{n}.ksplat": made.ksplat_of(SCENE, n) for n in (0, 1, 2)},
     "raw.spz": made.spz_of(SCENE, 2, packed=False),
     **{f"{version}.spz": made.spz_of(SCENE, version) for version in (1, 2, 3, 4)},
     "a.sog": made.zipped(made.sog_of(SCENE)),

@@ -9,8 +9,10 @@ import pytest
 
 from conftest import real
 from resample_points.data.gaussians import Gaussians
+from resample_points.data.joining import with_up
+from resample_points.files.gaussians import sog
 from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
-from resample_points.files.gaussians.trained import write_gaussians
+from resample_points.files.gaussians.writing import write_gaussians
 from resample_points.files.readers import read_cloud
 from tests import splats as made
 from tests.fuzz.files import put
@@ -49,6 +51,20 @@ FILES = {
         made.splat_of,
         Errors(2e-7, 1e-6, 1e-2, BYTE + 1e-6, BYTE / made.CONSTANT + 1e-5, np.inf),
     ),
+    **{
+        f"ksplat {precision}": (
+            lambda s, precision=precision: made.ksplat_of(s, precision),
+            Errors(
+                (2e-7, 2e-4, 2e-4)[precision],
+                (1e-6, 1e-3, 1e-3)[precision],
+                (2e-7, 1e-3, 1e-3)[precision],
+                BYTE + 1e-6,
+                BYTE / made.CONSTANT + 1e-5,
+                (2e-5, 3e-4, 3 / 510 + 1e-4)[precision],
+            ),
+        )
+        for precision in (0, 1, 2)
+    },
     **{
         f"spz {version}": (
             lambda s, version=version: made.spz_of(s, version),
@@ -100,7 +116,7 @@ def are_alike(found, scene, errors):
 def test_the_scene_is_the_same_in_every_format(tmp_path, kind, width):
     encode, errors = FILES[kind]
     scene = made.scene(width=width)
-    ending = ".splat" if kind == "splat" else ".bin"
+    ending = f".{kind.split()[0]}" if "splat" in kind else ".bin"
     path = written(tmp_path / f"scene{ending}", encode(scene))
     are_alike(read_gaussians(path), scene, errors)
     assert is_gaussians(path)
@@ -226,10 +242,63 @@ def test_opacities_of_0_and_1_are_written_as_finite_logits(tmp_path):
     assert np.allclose(read_gaussians(tmp_path / "a.ply").opacity, [0, 1], atol=2e-7)
 
 
-def test_gaussians_are_written_as_ply_only(tmp_path):
+WRITTEN = {
+    ".ply": EXACT,
+    ".compressed.ply": FILES["compressed"][1],
+    ".spz": FILES["spz 3"][1]._replace(position=1e-6),
+    ".sog": OF_SOG[2]._replace(size=0.05, color=0.02, rest=0.02),
+    ".splat": FILES["splat"][1],
+}
+
+
+@pytest.mark.parametrize("suffix", WRITTEN)
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.each_value
+def test_formats_are_written_as_they_are_read(tmp_path, suffix, width):
+    scene = made.scene(count=700, width=width)
+    start = read_gaussians(written(tmp_path / "a", made.trained_of(scene)))
+    write_gaussians(tmp_path / f"b{suffix}", start)
+    found = read_gaussians(tmp_path / f"b{suffix}")
+    found = with_up(found, "-y")
+    away = np.linalg.norm(found.position[:, None] - scene.position[None], axis=2)
+    same = away.argmin(axis=1)
+    assert len(set(same)) == 700
+    ordered = made.Splats(*(part[same] for part in scene))
+    errors = WRITTEN[suffix]  # and what the scene's own harmonics were rounded
+    are_alike(found, ordered, errors._replace(rest=errors.rest + EXACT.rest))
+    assert (found.up or "-y") == "-y"
+
+
+def test_the_axis_up_is_that_of_the_format(tmp_path):
+    y_up = read_gaussians(written(tmp_path / "a.spz", made.spz_of(SCENE, 3)))
+    assert y_up.up == "y"
+    write_gaussians(tmp_path / "b.splat", y_up)
+    down = read_gaussians(tmp_path / "b.splat")
+    assert np.allclose(np.sort(down.position[:, 1]), np.sort(-y_up.position[:, 1]))
+    write_gaussians(tmp_path / "c.spz", down._replace(up="z"))
+    turned = read_gaussians(tmp_path / "c.spz")
+    assert np.allclose(np.sort(turned.position[:, 1]), np.sort(down.position[:, 2]), atol=1e-6)
+
+
+def test_more_harmonics_than_a_palette_holds_are_its_nearest(tmp_path, monkeypatch):
+    monkeypatch.setattr(sog, "LEVELS", 5)
+    scene = made.scene(count=2000, width=3)
+    base = np.random.default_rng(2).uniform(-1, 1, (20, 3, 3))[np.arange(2000) % 20]
+    scene = scene._replace(rest=base + 0.01 * scene.rest)
+    start = read_gaussians(written(tmp_path / "a", made.trained_of(scene)))
+    write_gaussians(tmp_path / "b.sog", start)
+    found = read_gaussians(tmp_path / "b.sog")
+    same = np.linalg.norm(found.position[:, None] - scene.position[None], axis=2).argmin(axis=1)
+    errors = found.harmonics * found.harmonic_step - scene.rest[same]
+    assert np.abs(errors).max() < 0.03
+
+
+def test_other_suffixes_and_numbers_are_refused(tmp_path):
     one = Gaussians(*(np.ones((1, n)) for n in (3, 3, 4)), np.ones(1), np.zeros((1, 3)))
-    with pytest.raises(ValueError, match=r"a\.spz: Gaussians are written as \.ply"):
-        write_gaussians(tmp_path / "a.spz", one)
+    with pytest.raises(ValueError, match=r"a\.ksplat: Gaussians are written as \.ply, \.comp"):
+        write_gaussians(tmp_path / "a.ksplat", one)
+    with pytest.raises(ValueError, match="coordinate of 1e\\+07; SPZ holds"):
+        write_gaussians(tmp_path / "a.spz", one._replace(position=np.full((1, 3), 1e7)))
     assert not list(tmp_path.iterdir())
 
 
@@ -295,8 +364,9 @@ def test_other_writers_files_of_four_gaussians_are_read(name):
     assert found.color[0, 0] < 0 < found.color[1, 0]
 
 
-def test_another_writers_splat_file_of_four_gaussians_is_read():
-    found = read_gaussians(real("splats/formats/minimal.splat"))
+@pytest.mark.parametrize("suffix", ["splat", "ksplat"])
+def test_another_writers_splat_file_of_four_gaussians_is_read(suffix):
+    found = read_gaussians(real(f"splats/formats/minimal.{suffix}"))
     assert np.array_equal(found.position, [[-1, 0, -1], [0, 0, -1], [-1, 0, 0], [0, 0, 0]])
     assert np.array_equal(found.scale, np.full((4, 3), np.float32(0.1)))
     assert np.allclose(found.opacity, 0.9, atol=1 / 255)

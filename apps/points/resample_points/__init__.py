@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from resample_points.data.particles import Particles
     from resample_points.data.selecting import join_clouds, select_points
     from resample_points.files.gaussians.reading import read_gaussians
-    from resample_points.files.gaussians.trained import write_gaussians
+    from resample_points.files.gaussians.writing import write_gaussians
     from resample_points.files.particles import read_particles
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
@@ -68,7 +68,7 @@ _HOMES = {
     "render_gaussians": "painting.gaussians",
     "select_points": "data.selecting",
     "view": "viewing",
-    "write_gaussians": "files.gaussians.trained",
+    "write_gaussians": "files.gaussians.writing",
 }
 
 __all__ = [

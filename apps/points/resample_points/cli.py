@@ -15,6 +15,7 @@ from resample.command.settings import FrameFormat, Serving, Sharing, height_and_
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
+from resample_points.command.converting import ConvertOptions
 from resample_points.command.density import DensityOptions, ParticleOptions
 from resample_points.command.gaussians import GaussianOptions
 from resample_points.command.maps import MapOptions
@@ -42,7 +43,7 @@ PARTICLES = ParticleOptions.usual()
 MapOutput = Annotated[
     flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
 ]
-MAP = MapOptions.usual()
+MAP, CONVERT = MapOptions.usual(), ConvertOptions.usual()
 FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
 
 
@@ -70,7 +71,7 @@ def render(
     ----------
     file
         .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz. Of 3D Gaussians:
-        .ply of a trainer or compressed, .splat, .spz, .sog, or a folder of SOG.
+        .ply of a trainer or compressed, .splat, .ksplat, .spz, .sog, or a folder of SOG.
     index
         Also write which point each pixel shows: .npy of the points' numbers, from 0 on in the order
         of the files after selection; -1 for nothing.
@@ -198,7 +199,7 @@ def info(
     ----------
     file
         A point cloud: .ply, .pcd, .las, .laz, .e57, .pts, .xyz, .txt, .csv, .bin (KITTI) or .npz;
-        or 3D Gaussians: .ply, .splat, .spz, .sog, or a folder of SOG.
+        or 3D Gaussians: .ply, .splat, .ksplat, .spz, .sog, or a folder of SOG.
     as_json
         Print JSON instead of a table.
     """
@@ -280,6 +281,41 @@ def map_(
     options.check(output)
     check_targets(output)
     write_map(Session(), [file, *map(Path, options.also)], output, options)
+
+
+@app.command
+def convert(
+    file: Path,
+    /,
+    *,
+    output: Annotated[
+        flags.Output,
+        Parameter(help="Written to: .ply, .compressed.ply, .spz, .sog or .splat."),
+    ],
+    options: Annotated[ConvertOptions, flags.Flat] = CONVERT,
+) -> None:
+    """Convert 3D Gaussians between formats; crop, place and join them.
+
+    For example:
+
+        resample-points convert sample:knot-gaussians -o knot.spz
+        resample-points convert sample:knot-gaussians --degree 0 -o a.compressed.ply
+        resample-points convert sample:knot-gaussians --least-opacity 0.05 -o b.sog
+
+    Parameters
+    ----------
+    file
+        .ply of a trainer or compressed, .splat, .ksplat, .spz, .sog, or a folder of SOG.
+    """
+    from resample.command.session import Session
+    from resample.files.writing import check_targets
+    from resample_points.command.converting import converted
+    from resample_points.files.gaussians.writing import suffix_of
+
+    options.check()
+    suffix_of(output)
+    check_targets(output)
+    converted(Session(), file, output, options)
 
 
 @app.command

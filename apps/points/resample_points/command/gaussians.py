@@ -183,7 +183,9 @@ class GaussianPictures:
     @property
     def up(self) -> str:
         """The scene's axis up; files that say nothing have y down, as photographs are laid out."""
-        return self.gaussians.up or "-y"
+        from resample_points.data.joining import DOWN
+
+        return self.gaussians.up or DOWN
 
     def upright(self, aim: Aimed) -> Aimed:
         """Return cameras with the scene's own axis up, unless another is given."""

@@ -18,6 +18,8 @@ from resample_points.data.harmonics import (
 )
 
 LOG = logging.getLogger("resample")
+AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+DOWN = "-y"  # what is up in scenes that say nothing, as in photographs
 SIMILAR = 1e-4  # relative error of a pose's axes, as float32 and text have
 
 
@@ -63,6 +65,25 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
         rotation=_product(_quaternion(turn), np.asarray(gaussians.rotation, np.float64)),
         up=None,
     )
+
+
+def with_up(gaussians: Gaussians, up: str) -> Gaussians:
+    """Return a scene turned so that another axis is up; one that says nothing has y down."""
+    have, wanted = (
+        np.array(AXES[name[-1]]) * (-1 if name[0] == "-" else 1)
+        for name in (gaussians.up or DOWN, up)
+    )
+    if (have == wanted).all():
+        return gaussians
+    axis = np.cross(have, wanted)
+    if not axis.any():  # half a turn
+        axis = np.array(AXES["y" if have[0] else "x"])
+        turn = 2 * np.outer(axis, axis) - np.eye(3)
+    else:  # a quarter
+        across = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        turn = np.outer(axis, axis) + across
+    pose = np.column_stack([turn, np.zeros(3)])
+    return placed_gaussians(gaussians, pose)._replace(up=up)
 
 
 def _similarity(pose: ArrayLike) -> tuple[Doubles, float, Doubles]:

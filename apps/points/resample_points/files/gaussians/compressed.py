@@ -1,4 +1,6 @@
-"""Read compressed PLY files of SuperSplat: 16 bytes per Gaussian, and ranges per 256 of them."""
+"""Read and write compressed PLY of SuperSplat: 16 bytes per Gaussian, ranges per 256 of them."""
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,12 +8,19 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import CONSTANT, COUNTS, parts_of
-from resample_points.files.gaussians.decoding import ROOT, check_count, exponentials, quaternions_of
+from resample_points.files.gaussians.decoding import (
+    ROOT,
+    check_count,
+    exponentials,
+    quaternions_of,
+    three_of,
+)
 from resample_points.files.ply import PlyFile, stacked
 
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 CHUNK = 256  # Gaussians that share ranges
 STEP = 1 / 64  # of harmonics: 8 / 256 of a byte's range, halved as bytes stand for middles
+WIDEST = 20.0  # logarithms of scales that are written lie within
 BITS = ((21, 11), (11, 10), (0, 11))  # first bit and number of bits of x, y and z
 
 
@@ -111,3 +120,54 @@ def _harmonics(file: PlyFile, count: int) -> NDArray[np.int16]:
         levels = np.stack([part[name] for name in wanted], axis=1)
         harmonics[rows] = table[levels].reshape(-1, 3, each).transpose(0, 2, 1)
     return harmonics
+
+
+def compressed_bytes(gaussians: Gaussians, comments: list[str]) -> Iterator[bytes]:
+    """Yield a file's bytes; neighbours should follow each other, as they share ranges."""
+    count, width = len(gaussians.opacity), gaussians.harmonics.shape[1]
+    light = gaussians.color * np.float32(CONSTANT) + np.float32(0.5)
+    scale = np.clip(np.log(gaussians.scale), -WIDEST, WIDEST)
+    ranges, levels = [], []
+    for values in (gaussians.position, scale, light):
+        first = np.arange(0, count, CHUNK)
+        low, high = np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)
+        place = np.arange(count) // CHUNK
+        levels.append((values - low[place]) / np.maximum(high - low, np.float32(1e-30))[place])
+        ranges += [low, high]
+    three, largest = three_of(gaussians.rotation)
+    packed = [
+        _packed(levels[0], BITS),
+        _packed(three * ROOT + np.float32(0.5), ((20, 10), (10, 10), (0, 10)))
+        | largest.astype("<u4") << np.uint32(30),
+        _packed(levels[1], BITS),
+        _packed(
+            np.column_stack([levels[2], gaussians.opacity]), ((24, 8), (16, 8), (8, 8), (0, 8))
+        ),
+    ]
+    ends = [
+        f"property float {end}_{prefix}{axis}"
+        for prefix, axes in (("", "xyz"), ("scale_", "xyz"), ("", "rgb"))
+        for end in ("min", "max")
+        for axis in axes
+    ]
+    lines = ["ply", "format binary_little_endian 1.0", *comments]
+    lines += [f"element chunk {-(-count // CHUNK)}", *ends, f"element vertex {count}"]
+    lines += [f"property uint {name}" for name in PACKED]
+    if width:
+        lines.append(f"element sh {count}")
+        lines += [f"property uchar f_rest_{n}" for n in range(3 * width)]
+    yield ("\n".join([*lines, "end_header"]) + "\n").encode()
+    yield np.concatenate(ranges, axis=1, dtype="<f4").tobytes()
+    yield np.stack(packed, axis=1).tobytes()
+    for rows in parts_of(count if width else 0):
+        value = gaussians.harmonics[rows].transpose(0, 2, 1) * np.float32(gaussians.harmonic_step)
+        yield np.clip(np.floor((value / 8 + 0.5) * 256), 0, 255).astype(np.uint8).tobytes()
+
+
+def _packed(levels: Floats, bits: tuple[tuple[int, int], ...]) -> NDArray[np.uint32]:
+    """Return numbers 0 to 1 (N, K) as whole numbers of some bits: `_levels`' inverse."""
+    packed = np.zeros(len(levels), "<u4")
+    for n, (first, width) in enumerate(bits):
+        whole = np.rint(np.clip(levels[:, n], 0, 1) * ((1 << width) - 1)).astype("<u4")
+        packed |= whole << np.uint32(first)
+    return packed

@@ -1,4 +1,4 @@
-"""Decode what several formats of Gaussians share: quaternions, logarithms, logits, harmonics."""
+"""What several formats of Gaussians share: quaternions, logarithms, logits, harmonics."""
 
 from typing import Any
 
@@ -36,6 +36,15 @@ def quaternions_of(three: Floats, largest: NDArray[Any]) -> Floats:
         for n, other in enumerate(others):
             made[rows, other] = three[rows, n]
     return made
+
+
+def three_of(quaternions: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Return components (N, 3) without the largest, and its place: `quaternions_of`'s inverse."""
+    rows, largest = np.arange(len(quaternions)), np.abs(quaternions).argmax(axis=1)
+    signed = np.where(quaternions[rows, largest] < 0, np.float32(-1), np.float32(1))
+    others = np.ones(quaternions.shape, np.bool_)
+    others[rows, largest] = False
+    return (quaternions * signed[:, None])[others].reshape(-1, 3), largest
 
 
 def exponentials(logarithms: NDArray[Any]) -> Floats:

@@ -14,6 +14,7 @@ from resample.words import naming
 from resample_points.data.gaussians import Gaussians, checked_gaussians
 from resample_points.data.training import training_of
 from resample_points.files.gaussians.compressed import is_compressed, read_compressed
+from resample_points.files.gaussians.ksplat import read_ksplat
 from resample_points.files.gaussians.sog import META, is_description, read_sog
 from resample_points.files.gaussians.splat import read_splat
 from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
@@ -24,9 +25,10 @@ if TYPE_CHECKING:
     from resample.cameras.trajectories import PosedPicture
 
 CAMERAS = ("cameras.json", "transforms.json", "sparse/0", "sparse")
-KNOWN = "PLY and compressed PLY, .splat, SOG (a folder, its meta.json, or .sog) and SPZ"
+KNOWN = "PLY and compressed PLY, .splat, .ksplat, SOG (a folder, its meta.json, or .sog) and SPZ"
 LOG = logging.getLogger("resample")
 ZIP = b"PK\3\4"
+BARE = {".splat": read_splat, ".ksplat": read_ksplat}  # whose files begin with no mark
 
 
 def read_gaussians(path: str | Path) -> Gaussians:
@@ -36,9 +38,9 @@ def read_gaussians(path: str | Path) -> Gaussians:
     ----------
     path
         A PLY file as trainers write them (ASCII or binary), a compressed PLY file of SuperSplat, a
-        `.splat` file, SOG of version 1 or 2 (a folder, its meta.json, or a `.sog` file), or SPZ of
-        version 1 to 4; version 4 needs the extra `zstd`. The content decides, except for `.splat`,
-        which has no header.
+        `.splat` or `.ksplat` file, SOG of version 1 or 2 (a folder, its meta.json, or a `.sog`
+        file), or SPZ of version 1 to 4; version 4 needs the extra `zstd`. The content decides,
+        except for `.splat` and `.ksplat`, which begin with no mark.
 
     Returns
     -------
@@ -125,7 +127,7 @@ def is_gaussians(path: str | Path) -> bool:
             return is_compressed(header) or header.names() >= NEEDED
         if reader is read_spz:
             return is_spz(source)
-        if reader is read_splat:
+        if reader in BARE.values():
             return True
         if reader is read_sog and zipfile.is_zipfile(source):
             with zipfile.ZipFile(source) as packed:
@@ -152,8 +154,8 @@ def _reader(source: Path) -> Callable[[Path], Gaussians]:
         return read_sog
     if source.suffix.lower() == ".json":
         return read_sog
-    if source.suffix.lower() == ".splat":
-        return read_splat
+    if source.suffix.lower() in BARE:
+        return BARE[source.suffix.lower()]
     raise ValueError(f"holds no 3D Gaussians that can be read; known are {KNOWN}")
 
 

@@ -1,12 +1,15 @@
-"""Read SOG of versions 1 and 2: pictures whose texels are Gaussians, in a folder or a zip file.
+"""Read SOG, pictures whose texels are Gaussians, in a folder or a zip file; write version 2.
 
 Pictures are read byte by byte, with colors that are not multiplied by alpha.
 """
 
+import json
+import math
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -28,12 +31,15 @@ from resample_points.files.gaussians.decoding import (
     palette_of,
     quaternions_of,
     sigmoids,
+    three_of,
 )
 
 META = "meta.json"
 FIRST_TAG = 252  # alpha of a quaternion whose largest component is w
 MOST = 1e30  # size of a number, which float32 holds
 PER_ROW = 64  # entries of the palette of harmonics
+LEVELS = 16  # halvings of Gaussians by their harmonics: a palette has up to 2 ** 16 entries
+BOOK_STEPS = 20  # of k-means
 PARTS = {"means": 2, "scales": 1, "quats": 1, "sh0": 1}  # pictures of each
 Texels = NDArray[np.uint8]  # (N, 4)
 
@@ -269,3 +275,110 @@ def _harmonics(scene: _Scene, is_second: bool) -> tuple[NDArray[np.int16], float
     if int(label.max()) >= len(palette):
         raise ValueError(f"has harmonics of entry {label.max()} of a palette of {len(palette)}")
     return palette[label], step
+
+
+def sog_bytes(gaussians: Gaussians) -> Iterator[bytes]:
+    """Yield the bytes of a zip file of version 2; neighbours should follow each other."""
+    count, width = len(gaussians.opacity), gaussians.harmonics.shape[1]
+    place = gaussians.position.astype(np.float64)
+    logarithm = np.copysign(np.log1p(np.abs(place)), place)
+    low, high = logarithm.min(axis=0), logarithm.max(axis=0)
+    share = (logarithm - low) / np.maximum(high - low, 1e-30)
+    level = np.rint(share * 65535).astype(np.uint16)
+    three, largest = three_of(gaussians.rotation)
+    quats = np.rint((np.clip(three / ROOT, -1, 1) + 1) * 127.5)
+    scales, scale_book = _codebook(np.log(gaussians.scale))
+    colors, color_book = _codebook(gaussians.color)
+    opacity = np.rint(gaussians.opacity * 255)[:, None]
+    pictures = {
+        "means_l.webp": level & 255,
+        "means_u.webp": level >> 8,
+        "quats.webp": np.column_stack([quats, FIRST_TAG + largest]),
+        "scales.webp": scales,
+        "sh0.webp": np.column_stack([colors, opacity]),
+    }
+    meta = {
+        "version": 2,
+        "count": count,
+        "antialias": gaussians.is_antialiased,
+        "means": {"mins": low.tolist(), "maxs": high.tolist(), "files": [*pictures][:2]},
+        "quats": {"files": ["quats.webp"]},
+        "scales": {"codebook": scale_book, "files": ["scales.webp"]},
+        "sh0": {"codebook": color_book, "files": ["sh0.webp"]},
+    }
+    made = {name: _webp(texels, _width_for(count)) for name, texels in pictures.items()}
+    if width:
+        label, palette = _palette(gaussians.harmonics * np.float32(gaussians.harmonic_step))
+        entries, book = _codebook(palette)
+        both = np.column_stack([label & 255, label >> 8])
+        made["shN_labels.webp"] = _webp(both, _width_for(count))
+        made["shN_centroids.webp"] = _webp(entries.reshape(-1, 3), PER_ROW * width)
+        files = ["shN_centroids.webp", "shN_labels.webp"]
+        bands = COUNTS.index(width)
+        meta["shN"] = {"count": len(palette), "bands": bands, "codebook": book, "files": files}
+    whole = BytesIO()
+    with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as packed:
+        packed.writestr(META, json.dumps(meta))
+        for name, data in made.items():
+            packed.writestr(name, data)
+    yield whole.getvalue()
+
+
+def _width_for(count: int) -> int:
+    """Return the width of a picture of some texels, about as wide as high."""
+    return 4 * max(1, round(math.sqrt(count) / 4))
+
+
+def _webp(texels: NDArray[Any], width: int) -> bytes:
+    """Return a picture of texels (N, 2 to 4), in rows of a width, without loss."""
+    from PIL import Image
+
+    count, channels = texels.shape
+    data = np.zeros((-(-count // width) * width, max(channels, 3)), np.uint8)
+    data[:count, :channels] = texels
+    file = BytesIO()
+    picture = Image.fromarray(data.reshape(-1, width, data.shape[1]))
+    picture.save(file, "WEBP", lossless=True, exact=True, method=4)
+    return file.getvalue()
+
+
+def _codebook(values: Floats) -> tuple[NDArray[np.uint8], list[float]]:
+    """Return which of 256 numbers is nearest to each value, and the numbers: k-means of one axis.
+
+    The numbers are ascending; they begin as quantiles of the values' ranks and of their range.
+    """
+    flat = np.sort(values.ravel().astype(np.float64))
+    sums = np.concatenate([[0.0], np.cumsum(flat)])
+    ranks = flat[np.linspace(0, len(flat) - 1, 256).round().astype(np.int64)]
+    book = np.sort(0.5 * (ranks + np.linspace(flat[0], flat[-1], 256)))
+    for _ in range(BOOK_STEPS):
+        ends = np.searchsorted(flat, 0.5 * (book[1:] + book[:-1]))
+        first, last = np.concatenate([[0], ends]), np.concatenate([ends, [len(flat)]])
+        many = np.maximum(last - first, 1)
+        book = np.where(last > first, (sums[last] - sums[first]) / many, book)
+    entry = np.searchsorted(0.5 * (book[1:] + book[:-1]), values)
+    return entry.astype(np.uint8), book.tolist()
+
+
+def _palette(harmonics: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return entries (N,) of a palette, and the palette (K, W, 3) of at most 65,536 entries.
+
+    All are split at the mean of the coefficient that differs most, time and again.
+    """
+    flat = harmonics.reshape(len(harmonics), -1)
+    group = np.zeros(len(flat), np.int64)
+    for _ in range(LEVELS):
+        order = np.argsort(group, kind="stable")
+        first = np.flatnonzero(np.diff(group[order], prepend=-1))
+        many = np.diff(np.append(first, len(flat)))[:, None]
+        mean = np.add.reduceat(flat[order], first, axis=0) / many
+        number = np.repeat(np.arange(len(first)), many[:, 0])
+        apart = np.add.reduceat((flat[order] - mean[number]) ** 2, first, axis=0)
+        axis = apart.argmax(axis=1)
+        value = flat[order, axis[number]]
+        group[order] = 2 * number + (value > mean[number, axis[number]])
+    _, label = np.unique(group, return_inverse=True)
+    sums = np.zeros((label.max() + 1, flat.shape[1]))
+    np.add.at(sums, label, flat)
+    palette = sums / np.bincount(label)[:, None]
+    return label, palette.astype(np.float32).reshape(-1, *harmonics.shape[1:])

@@ -1,5 +1,6 @@
-"""Read `.splat` files: 32 bytes per Gaussian, without a header."""
+"""Read and write `.splat` files: 32 bytes per Gaussian, without a header."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -32,3 +33,16 @@ def read_splat(path: Path) -> Gaussians:
         color=(level[:, :3] - np.float32(0.5)) / np.float32(CONSTANT),
         harmonics=np.zeros((len(records), 0, 3), np.int16),
     )
+
+
+def splat_bytes(gaussians: Gaussians) -> Iterator[bytes]:
+    """Yield a file's bytes: the most visible first, as viewers that load in parts want them."""
+    weight = gaussians.opacity * gaussians.scale.prod(axis=1, dtype=np.float64)
+    order = np.argsort(-weight, kind="stable")
+    records = np.zeros(len(order), RECORD)
+    records["position"], records["scale"] = gaussians.position[order], gaussians.scale[order]
+    light = gaussians.color[order] * np.float32(CONSTANT) + np.float32(0.5)
+    level = np.column_stack([light, gaussians.opacity[order]])
+    records["color"] = np.rint(np.clip(level, 0, 1) * 255)
+    records["rotation"] = np.clip(np.rint(gaussians.rotation[order] * 128 + 128), 0, 255)
+    yield records.tobytes()

@@ -1,4 +1,4 @@
-"""Read SPZ files of versions 1 to 4.
+"""Read SPZ files of versions 1 to 4, and write version 3.
 
 Versions 1 to 3 are one gzip stream of a header of 16 bytes and one array after the other; version
 4 has a header of 32 bytes and a Zstandard stream per array, which wants the extra `zstd`. Arrays
@@ -8,7 +8,7 @@ are in the file's own axes, by default right, up, back.
 import math
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from resample_points.files.gaussians.decoding import (
     check_count,
     exponentials,
     quaternions_of,
+    three_of,
 )
 
 MAGIC = b"NGSP"
@@ -37,6 +38,7 @@ MOST_BITS = 30  # of a position's fraction
 AXES = 0xADBE0003  # extension that names the axes
 UPS = (*("-y", "-y", "y", "y") * 2, *("-z", "-z", "z", "z") * 2)  # of the axes 1 to 16
 LONGEST = 1 << 20  # bytes of extensions
+FINE = 20  # most bits of a fraction that are written
 
 
 @dataclass(frozen=True)
@@ -232,3 +234,40 @@ def _up(extensions: bytes) -> str | None:
             return UPS[axes - 1] if 1 <= axes <= len(UPS) else None
         place += 8 + length
     return "y"
+
+
+def spz_bytes(gaussians: Gaussians) -> Iterator[bytes]:
+    """Yield the bytes of a file of version 3, whose scene has y up."""
+    farthest = float(np.abs(gaussians.position).max(initial=1e-9))
+    bits = min(FINE, 22 - math.ceil(math.log2(farthest)))
+    if bits < 0:
+        raise ValueError(f"a coordinate of {farthest:g}; SPZ holds up to {1 << 22:,}")
+    width = gaussians.harmonics.shape[1]
+    flags = ANTIALIASED * gaussians.is_antialiased
+    count = len(gaussians.opacity)
+    whole = np.rint(gaussians.position.astype(np.float64) * (1 << bits)).astype("<i4")
+    three, largest = three_of(np.roll(gaussians.rotation, -1, axis=1))  # x, y, z, w
+    packed = largest.astype("<u4") << np.uint32(30)
+    for n, first in enumerate((20, 10, 0)):
+        size = np.rint(np.minimum(np.abs(three[:, n]) / ROOT, 1) * 511).astype("<u4")
+        packed |= (size | np.where(three[:, n] < 0, 512, 0).astype("<u4")) << np.uint32(first)
+    rest = gaussians.harmonics * np.float32(gaussians.harmonic_step)
+    packing = zlib.compressobj(wbits=zlib.MAX_WBITS | 16)
+    for data in (
+        np.frombuffer(
+            OLD.pack(MAGIC, STREAMS - 1, count, COUNTS.index(width), bits, flags, 0), "u1"
+        ),
+        whole.view(np.uint8).reshape(-1, 4)[:, :3],
+        _bytes(gaussians.opacity * 255),
+        _bytes((gaussians.color * np.float32(0.15) + np.float32(0.5)) * 255),
+        _bytes((np.log(gaussians.scale) + 10) * 16),
+        packed.view(np.uint8),
+        _bytes(rest * 128 + 128),
+    ):
+        yield packing.compress(np.ascontiguousarray(data).tobytes())
+    yield packing.flush()
+
+
+def _bytes(numbers: Floats) -> NDArray[np.uint8]:
+    """Return numbers rounded to bytes."""
+    return np.rint(np.clip(numbers, 0, 255)).astype(np.uint8)

@@ -2,16 +2,14 @@
 
 import logging
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.writing import replacing
 from resample.types import Floats
 from resample.watching import report
-from resample_points.data.gaussians import Gaussians, checked_gaussians
+from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import COUNTS, parts_of, rounded_to, step_of
 from resample_points.files.gaussians.decoding import check_count, exponentials, sigmoids
 from resample_points.files.ply import PlyFile, largest_of, stacked
@@ -153,63 +151,15 @@ def _scales(records: NDArray[Any]) -> Floats:
     return np.concatenate([two, third], axis=1)
 
 
-def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
-    """Write Gaussians to a PLY file as trainers do, which most programs read.
-
-    Opacities of 0 and 1 become 1e-7 and 1 - 1e-7, whose logits are finite.
-
-    Raises
-    ------
-    ValueError
-        The path does not end in `.ply`, or an array has another shape.
-    OSError
-        The file cannot be written.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> import numpy as np
-    >>> from resample_points.data.gaussians import Gaussians
-    >>> from resample_points.files.gaussians.reading import read_gaussians
-    >>> from resample_points.files.gaussians.trained import write_gaussians
-    >>> parts = (np.ones((1, n), np.float32) for n in (3, 3, 4))
-    >>> one = Gaussians(*parts, np.array([0.5]), np.zeros((1, 3)))
-    >>> with TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "scene.ply"
-    ...     write_gaussians(path, one)
-    ...     read_gaussians(path).opacity.tolist()
-    [0.5]
-    """
-    target = Path(path)
-    if target.suffix.lower() != ".ply":
-        raise ValueError(f"{target.name}: Gaussians are written as .ply")
-    checked = checked_gaussians(gaussians, target.name)
-    kind, header = _layout(checked)
-    with replacing(target) as temporary, temporary.open("wb") as file:
-        file.write(header)
-        for part in _encoded(checked, kind):
-            file.write(part)
-
-
-def _layout(gaussians: Gaussians) -> tuple[np.dtype[Any], bytes]:
-    """Return the type of records and the header."""
+def trained_bytes(gaussians: Gaussians, comments: list[str]) -> Iterator[bytes]:
+    """Yield a file's bytes; opacities of 0 and 1 become 1e-7 and 1 - 1e-7: logits are finite."""
     width = 3 * gaussians.harmonics.shape[1]
     rest = [f"f_rest_{n}" for n in range(width)]
     names = [*POSITION, *NORMAL, *COLOR, *rest, "opacity", *SCALE, *ROTATION]
-    comments = ["comment SplatRenderMode: mip"] * gaussians.is_antialiased
-    if gaussians.up in {"x", "y", "z"}:
-        comments.append(f"comment Vertical Axis: {gaussians.up}")
     count = f"element vertex {len(gaussians.position)}"
     properties = [f"property float {name}" for name in names]
     lines = ["ply", "format binary_little_endian 1.0", *comments, count, *properties, "end_header"]
-    kind = np.dtype([(name, "<f4") for name in names])
-    return kind, ("\n".join(lines) + "\n").encode()
-
-
-def _encoded(gaussians: Gaussians, kind: np.dtype[Any]) -> Iterator[bytes]:
-    """Yield the records, part by part."""
-    width = 3 * gaussians.harmonics.shape[1]
+    yield ("\n".join(lines) + "\n").encode()
     for rows in parts_of(len(gaussians.position)):
         opacity = np.clip(gaussians.opacity[rows].astype(np.float64), OPAQUE, 1 - OPAQUE)
         by_channel = gaussians.harmonics[rows].transpose(0, 2, 1)
@@ -224,4 +174,4 @@ def _encoded(gaussians: Gaussians, kind: np.dtype[Any]) -> Iterator[bytes]:
             gaussians.rotation[rows],
         ]
         table = np.concatenate(columns, axis=1, dtype="<f4", casting="same_kind")
-        yield table.view(kind).tobytes()
+        yield table.tobytes()
