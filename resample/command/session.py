@@ -111,6 +111,7 @@ class Session:
     """Timed stages of a run; messages for the user go to stderr."""
 
     seconds: dict[str, float] = field(default_factory=dict)
+    is_quiet: bool = False  # stages have no bars, as within that of a film
 
     @contextmanager
     def stage(self, name: str, bar: str | None = None) -> Iterator[Progress | None]:
@@ -126,7 +127,7 @@ class Session:
         The callback that updates the bar with the fraction done, if there is a bar.
         """
         shown: AbstractContextManager[Progress | None]
-        shown = nullcontext() if bar is None else progress_bar(bar)
+        shown = nullcontext() if bar is None or self.is_quiet else progress_bar(bar)
         start = time.perf_counter()
         with shown as progress:
             yield progress

@@ -183,7 +183,7 @@ def test_a_bar_is_for_pictures_of_the_screen(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--path", "walk"], "unknown path 'walk'; known: orbit, sway, or a file"),
+        (["--path", "walk"], "unknown path 'walk'; known: orbit, sway, still, or a file"),
         (["--path", "walk.toml"], "walk.toml"),
         (["--camera", "eye.toml"], "the path orbit goes around the cloud; give --camera as"),
     ],
@@ -262,3 +262,25 @@ def test_a_panorama_is_made_at_a_pose_or_where_the_camera_is():
         assert (picture[2, 2] == 255).all()
     assert ended("render", "scan.csv", "--panorama", "fisheye", *words, "-o", "o.png") == 0
     assert (cv2.imread("o.png")[16, 32] != 255).all()
+
+
+def test_several_files_are_a_film_of_one_frame_each(capsys):
+    table = np.loadtxt("scan.csv", delimiter=",", skiprows=1)
+    for n in range(3):
+        moved = table + [0.4 * n, 0, 0, 7 * n]  # classes 0 and 1 in the first, 14 and 15 at last
+        np.savetxt(f"{n}.csv", moved, delimiter=",", header="x,y,z,class", comments="")
+    look = ["--size", "80x64", "--camera", "0,0", "--color-by", "class"]
+    assert ended("animate", "0.csv", "1.csv", "2.csv", *look, "-o", "sweep") == 0
+    frames = [cv2.imread(f"sweep/frame-{n:04d}.png").astype(int) for n in range(3)]
+    assert not Path("sweep/frame-0003.png").exists()
+    middles = [np.argwhere(frame.any(axis=2)).mean(axis=0) for frame in frames]
+    across = np.diff([middle[1] for middle in middles])
+    assert (across > 4).all()  # px to the right: the camera is that of the first file
+    assert len(np.unique(frames[0][frames[0].any(axis=2)], axis=0)) > 2  # at edges
+    assert len({tuple(color) for color in frames[2][28:36, 60:68].reshape(-1, 3)}) == 1
+    assert ended("render", "0.csv", *look, "--background", "black", "-o", "one.png") == 0
+    np.testing.assert_array_equal(cv2.imread("one.png"), frames[0])
+    capsys.readouterr()
+    assert "a frame each" in refused(
+        capsys, "animate", "0.csv", "1.csv", "--frames", "5", "-o", "a.gif"
+    )

@@ -119,9 +119,9 @@ def render(
 def animate(
     file: Path,
     /,
-    *,
+    *more: Path,
     output: flags.FilmOutput,
-    path: Annotated[str, Inline(("orbit", "sway"))] = "orbit",
+    path: Annotated[str | None, Inline(("orbit", "sway", "still"))] = None,
     frames: flags.AppearanceFlag[int | None] = None,
     start: Annotated[CloudStart, flags.Flat] = START,
     fps: flags.FramesPerSecond = 24.0,
@@ -147,10 +147,13 @@ def animate(
         A point cloud (.ply, .las, .pcd, .npz ...), 3D Gaussians (.ply, .splat, .spz, .sog), or
         particles: .hdf5 of a snapshot, and other points with --type, --quantity,
         --smoothing-kernel or --log.
+    more
+        Further files, such as scans of a drive: each is a frame, framed and colored as the first.
     path
-        Camera path: orbit, once around; sway, left and right; or a file of keyframes or poses.
+        Camera path: orbit, once around; sway, left and right; still; or a file of keyframes or
+        poses. [default: orbit; still for several files]
     frames
-        Number of frames. [default: 96; for a file as many as its times require]
+        Number of frames. [default: 96; for a path as many as its times require]
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
@@ -158,7 +161,7 @@ def animate(
     from resample.console import linear_color
     from resample.files.animations import check_film
     from resample_points.command.kinds import FileOptions, check_film_options, frames_of, scene_in
-    from resample_points.command.rendering import PATHS, check_memory, path_of
+    from resample_points.command.rendering import PATHS, check_memory, path_of, paths_over
     from resample_points.scenes import cameras_of
 
     shape, chosen = height_and_width(size), FileOptions(look, gaussians, particles)
@@ -167,15 +170,18 @@ def animate(
     start.start()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     check_memory(shape, output, sharing.workers or 0)
-    check_film_options(file, chosen, output, shape[0])
+    files = file, *more
+    for each in files:
+        check_film_options(each, chosen, output, shape[0])
+    path, frames = paths_over(files, path, frames)
     viewpoints = path_of(path, frames, fps, start.start())
     share_memory(sharing)
-    scene = scene_in(Session(), file, chosen)
+    scene = scene_in(Session(), files, chosen)
     if path in PATHS:
         viewpoints = path_of(path, frames, fps, scene.upright(start).start())
     cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
     film = scene.film(cameras, shape, behind)
-    again = partial(frames_of, file, chosen, cameras, shape, behind)
+    again = partial(frames_of, files, chosen, cameras, shape, behind)
     with at_work(sharing, look.threads) as crew:
         write_shared(output, film, again, crew, fps=fps, resume=resume)
 

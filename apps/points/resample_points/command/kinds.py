@@ -95,11 +95,18 @@ def check_film_options(file: Path, options: FileOptions, output: Path, height: i
     return kind
 
 
-def scene_in(session: "Session", file: Path, options: FileOptions) -> Filmed:
-    """Read what a file holds, ready for films."""
+def scene_in(session: "Session", files: Sequence[Path], options: FileOptions) -> Filmed:
+    """Read what a file holds, or the first of several that are a frame each."""
     from resample_points.command.particles import pictures_of
-    from resample_points.command.rendering import scene_of
+    from resample_points.command.rendering import ColoredScene, scene_of
 
+    file = files[0]
+    if len(files) > 1:
+        first = scene_in(session, files[:1], options)
+        if isinstance(first, ColoredScene) and first.scale is not None:
+            span = "{!r},{!r}".format(*first.scale.span)
+            options = replace(options, clouds=options.clouds.model_copy(update={"span": span}))
+        return Sweep(first, files, options)
     kind = kind_of(file, options)
     if kind is SceneKind.PARTICLES:
         return pictures_of(session, file, options.particles.with_clouds(options.clouds))
@@ -108,8 +115,40 @@ def scene_in(session: "Session", file: Path, options: FileOptions) -> Filmed:
     return scene_of(session, file, options.clouds)
 
 
+@dataclass(frozen=True)
+class Sweep:
+    """Files that are a frame each, framed as the first."""
+
+    first: Filmed
+    files: Sequence[Path]
+    options: FileOptions
+
+    @property
+    def framing(self) -> "Surfels | Cloud":
+        """What cameras are framed around."""
+        return self.first.framing
+
+    def upright(self, aim: Aimed) -> Aimed:
+        """Return cameras with the scene's own axis up, unless another is given."""
+        return self.first.upright(aim)
+
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film; a frame's file is read when it is made."""
+        from resample.command.session import Session
+        from resample.files.animations import Shots
+
+        def frame(n: int) -> Any:
+            scene = scene_in(Session(is_quiet=True), self.files[n : n + 1], self.options)
+            return scene.film(cameras[n : n + 1], shape, background).frame(0)
+
+        job = dict(self.first.film(cameras, shape, background).job)
+        known = [(file.resolve(), file.stat()) for file in self.files]
+        job["files"] = [[str(file), stat.st_size, stat.st_mtime_ns] for file, stat in known]
+        return Shots(len(cameras), frame, job)
+
+
 def frames_of(
-    file: Path,
+    files: Sequence[Path],
     options: FileOptions,
     cameras: Sequence[Any],
     shape: "Shape",
@@ -119,5 +158,5 @@ def frames_of(
     """Return the function that makes frames of what a file holds."""
     from resample.command.session import Session
 
-    scene = scene_in(Session(), file, options.with_threads(threads))
+    scene = scene_in(Session(), files, options.with_threads(threads))
     return scene.film(cameras, shape, background).frame

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from resample_points.scenes import CloudScene, Shape
 
 CHANNELS = 4  # of a picture, with its opacity
-PATHS = ("orbit", "sway")
+PATHS = ("orbit", "sway", "still")
 FRAMES = 96
 SWAY = 20.0  # degrees to each side
 FAR = 100.0  # times its extent from which a cloud's distance to the origin is reported
@@ -143,7 +143,8 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
             threads=look.threads,
             cache=not look.no_cache,
         )
-    mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
+    if not session.is_quiet:
+        mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
     return ColoredScene(CloudScene(surfels), look, scale)
 
 
@@ -192,6 +193,17 @@ def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:
     require_picture(shape, CHANNELS * bytes_per_value(output), workers=workers)
 
 
+def paths_over(
+    files: Sequence[Path], path: str | None, frames: int | None
+) -> tuple[str, int | None]:
+    """Return the path and the number of frames of a film of files, one frame each if several."""
+    if len(files) == 1:
+        return path or "orbit", frames
+    if frames not in (None, len(files)):
+        raise ValueError(f"--frames {frames} of {len(files)} files, which are a frame each")
+    return path or "still", len(files)
+
+
 def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
     """Return the viewpoints of all frames of a film.
 
@@ -217,7 +229,9 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
     count = FRAMES if frames is None else frames
     check_count(count)
     turns = [n / count for n in range(count)]
-    if path == "sway":
+    if path == "still":
+        angles = [start.azimuth] * count
+    elif path == "sway":
         angles = [start.azimuth + SWAY * math.sin(2.0 * math.pi * turn) for turn in turns]
     else:
         angles = [start.azimuth + 360.0 * turn for turn in turns]
