@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from resample.console import Progress, say
 from resample.files.films import check_codecs, film_picture, new_film, new_stream
+from resample.files.saving import tell_empty
 from resample.files.writing import (
     check_targets,
     remove_left,
@@ -193,6 +194,7 @@ def write_film(
             raise
         with _keeping_finished_frames(kept):
             _make(kept, shots, progress, executor)
+            tell_empty(path, all(_is_even(kept / name) for name in _names(shots.total)))
             if write is not None:
                 with replacing(target) as temporary:
                     write(temporary, [kept / name for name in _names(shots.total)], fps)
@@ -235,6 +237,14 @@ def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Execu
             progress((n + 1) / shots.total)
     if executor is not None:
         remove_left(folder)
+
+
+def _is_even(path: Path) -> bool:
+    """Whether a frame has one color."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        return all(low == high for low, high in np.atleast_2d(image.getextrema()))
 
 
 def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: int) -> int:

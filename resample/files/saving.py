@@ -68,18 +68,14 @@ def write_frame(
     frame: Frame[Any],
     bits: int = 8,
     background: Background | None = None,
-    *,
-    tells: bool = True,
 ) -> None:
     """Write a rendered scene in the format of its suffix.
 
     `bits`: bits per channel; 32 are floats of linear light. EXR has 32. `background`: linear
-    background color; None keeps transparency. `tells`: whether to say that a picture is empty.
+    background color; None keeps transparency.
     """
     path = Path(path)
     check_frame(path, bits, _color(background))
-    if tells and not frame.coverage.any():
-        note(f"{path.name}: the picture is empty; the camera sees nothing of the scene")
     if path.suffix.lower() == ".exr":
         write_exr(path, frame)
     elif path.suffix.lower() == ".png":
@@ -164,14 +160,16 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> 
             put(picture)
         return
     with replacing(path) as temporary:
-        written: list[WrittenPage] = []
+        written, is_empty = list[WrittenPage](), True
         for picture in pictures:
             rows = _Rows(path, temporary, picture.data.shape[0], look, is_next=bool(written))
             rows.put(picture)
             written.append(rows.close())
+            is_empty = is_empty and rows.is_empty
         if not written:
             raise ValueError(f"{path}: there is no picture to write")
         _finish(path, temporary, written)
+    tell_empty(path, is_empty)
 
 
 @contextmanager
@@ -191,6 +189,13 @@ def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
         rows = _Rows(path, temporary, height, look)
         yield rows.put
         _finish(path, temporary, [rows.close()])
+    tell_empty(path, rows.is_empty)
+
+
+def tell_empty(path: Path, is_empty: bool) -> None:
+    """Say that a picture or film shows nothing, if it does."""
+    if is_empty:
+        note(f"{path.name}: the picture is empty: nothing visible lies in it")
 
 
 class _Rows:
@@ -202,10 +207,15 @@ class _Rows:
         self.path, self.temporary, self.height, self.options = path, temporary, height, look
         self.is_next, self.done = is_next, 0
         self.target: Any = None
+        self.is_empty = True  # so far; what has no opacity never is
         self.stored = WrittenPage(FileMetadata(), (), "")
 
     def put(self, picture: Picture) -> None:
         """Write the next rows."""
+        channels = picture.kind.channels
+        self.is_empty = self.is_empty and "A" in channels
+        if self.is_empty:
+            self.is_empty = not picture.data[..., channels.index("A")].any()
         tells = self.target is None and not self.is_next
         page = page_of(self.path, picture, self.options, tells=tells)
         shape = self.height, *page.data.shape[1:]

@@ -267,7 +267,9 @@ def test_a_panorama_is_made_at_a_pose_or_where_the_camera_is():
 def test_several_files_are_a_film_of_one_frame_each(capsys):
     table = np.loadtxt("scan.csv", delimiter=",", skiprows=1)
     for n in range(3):
-        moved = table + np.array([0.4 * n, 0, 0, 7 * n])  # classes 0 and 1 in the first, 14 and 15 at last
+        moved = table + np.array(
+            [0.4 * n, 0, 0, 7 * n]
+        )  # classes 0 and 1 in the first, 14 and 15 at last
         np.savetxt(f"{n}.csv", moved, delimiter=",", header="x,y,z,class", comments="")
     look = ["--size", "80x64", "--camera", "0,0", "--color-by", "class"]
     assert ended("animate", "0.csv", "1.csv", "2.csv", *look, "-o", "sweep") == 0

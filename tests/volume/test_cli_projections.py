@@ -196,7 +196,7 @@ def test_missing_and_even_values_are_drawn_without_a_word(name, words, rng, caps
 def test_what_is_wholly_cut_away_is_an_empty_picture_and_a_line(capsys):
     cut = ("--clip", "1/0/0/100")
     for words, said in (
-        ((), "the picture is empty: no ray meets anything visible"),
+        ((), "the picture is empty: nothing visible lies in it"),
         (("--classify", "pre"), "nothing to see: all voxels are transparent, missing or cut away"),
     ):
         assert not shown(*cut, *words).any()

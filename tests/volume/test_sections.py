@@ -168,4 +168,4 @@ def test_a_picture_that_no_ray_meets_says_so(capsys, tmp_path):
     camera.write_text("eye = [0, -50, 0]\ntarget = [90, -40, 0]\nfov = 20\n")
     words = ("--projection", "maximum", "--camera", camera, "-o", "out.png", "--size", "16")
     assert ended("render", "layers.npy", *words) == 0
-    assert "the picture is empty: no ray meets anything visible" in capsys.readouterr().err
+    assert "the picture is empty: nothing visible lies in it" in capsys.readouterr().err

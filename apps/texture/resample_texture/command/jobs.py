@@ -24,7 +24,7 @@ from resample.files.formats import (
     takes_alpha,
 )
 from resample.files.pictures import Picture, form_of, picture_at
-from resample.files.saving import write_picture, writing_rows
+from resample.files.saving import tell_empty, write_picture, writing_rows
 from resample.files.sequences import (
     Frames,
     batch_of,
@@ -241,6 +241,8 @@ def _warp_picture(
     with session.stage("write"):
         if held is None:
             write_picture(output, result, job.options)
+            if not result.kind.has_alpha:  # whose opacity does not tell
+                tell_empty(output, not share.any())
         else:
             write_palette_picture(output, result, held[1])
         if coverage is not None:

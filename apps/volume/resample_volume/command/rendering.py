@@ -144,10 +144,7 @@ def annotated_picture(
 
 def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | None:
     """Return the message about an empty picture; None if it is not empty."""
-    if projection not in SUMS:
-        is_empty = not (frame.coverage > 0).any()
-        return "the picture is empty: no ray meets anything visible" if is_empty else None
-    if frame.value is None or (frame.value > 0).any():
+    if projection not in SUMS or frame.value is None or (frame.value > 0).any():
         return None
     is_below = projection is Projection.ADDITIVE and (frame.value < 0).any()
     why = "no ray meets anything that attenuates"

@@ -1,0 +1,41 @@
+"""Pictures and films in which nothing is seen are said to be empty, by every application."""
+
+import shlex
+from importlib import import_module
+
+import pytest
+
+from tests.commands import ended
+
+AWAY = "--matrix 1,0,5000,0,1,5000,0,0,1"
+EMPTY = (
+    f"resample-texture warp sample:bricks {AWAY} -o a.png",
+    f"resample-texture warp sample:bricks {AWAY} -o a.jpg",
+    f"resample-texture warp sample:bricks {AWAY} --background white -o a.png",
+    "resample-warp3d render sample:room --move 0,0,5000 -o a.png",
+    "resample-warp3d render sample:room --move 0,0,5000 --fill -o a.tif",
+    "resample-volume render checker-box:size=16,block=4 --size 32 --camera 30,20,1,9,9 -o a.png",
+    "resample-volume animate checker-box:size=16,block=4 --size 32 --camera 30,20,1,9,9 --frames 2"
+    " -o a.gif",
+    "resample-points render sample:knot-points --size 32 --camera 30,20,1,90,90 -o a.png",
+    "resample-points render sample:knot-gaussians --size 32 --camera 30,20,1,90,90 -o a.exr",
+)
+
+
+@pytest.mark.some(4)
+@pytest.mark.parametrize("line", EMPTY)
+def test_what_shows_nothing_is_said_to_be_empty(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    program, *words = shlex.split(line)
+    assert ended(import_module(f"{program.replace('-', '_')}.cli").app, *words) == 0
+    told = capsys.readouterr().err
+    assert f"{words[-1]}: the picture is empty: nothing visible lies in it" in told
+
+
+@pytest.mark.parametrize("words", ["warp sample:bricks --corners 0,0,9,0,9,9,0,9 --size 16"])
+def test_what_shows_something_is_not(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    app = import_module("resample_texture.cli").app
+    for name in ("a.png", "a.jpg"):
+        assert ended(app, *words.split(), "-o", name) == 0
+        assert "empty" not in capsys.readouterr().err
