@@ -36,6 +36,7 @@ OPEN_TEXTS = {
     "appearance", "look", "transfer", "framing", "colors", "crop", "clip", "slab", "where", "text",
     "only", "columns", "quantity", "quantities", "units", "length", "part", "scale", "kind",
     "note", "space", "up", "painters", "background", "memory", "choices", "settings",
+    "colormap",  # of matplotlib
 }  # fmt: skip
 
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from resample_points.painting.indexing import index_cloud
     from resample_points.painting.rasters import Raster, raster_of, rasterized
     from resample_points.painting.rendering import CloudStyle, render_cloud
+    from resample_points.rendering import render
     from resample_points.scenes import CloudScene
     from resample_points.viewing import view
 
@@ -64,6 +65,7 @@ _HOMES = {
     "rasterized": "painting.rasters",
     "read_cloud": "files.readers",
     "read_gaussians": "files.gaussians.reading",
+    "render": "rendering",
     "render_cloud": "painting.rendering",
     "render_gaussians": "painting.gaussians",
     "select_points": "data.selecting",
@@ -96,6 +98,7 @@ __all__ = [
     "read_cloud",
     "read_gaussians",
     "read_particles",
+    "render",
     "render_cloud",
     "render_gaussians",
     "select_points",

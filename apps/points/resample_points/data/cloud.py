@@ -11,6 +11,7 @@ from resample.types import Doubles, Floats
 
 FARTHEST = 1e15  # scene units; 4th powers of distances still fit into float32
 AXES = ("x", "y", "z")
+NO_ROWS = np.zeros((0, 3), np.float32)
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
@@ -23,15 +24,15 @@ class Cloud(NamedTuple):
     >>> from resample_points import Cloud, framed, render_cloud
     >>> place = np.random.default_rng(1).normal(size=(2000, 3))
     >>> place /= np.linalg.norm(place, axis=1)[:, None]  # of a ball
-    >>> cloud = Cloud(place, normal=place, color=np.empty((0, 3)), radius=np.empty(0))
+    >>> cloud = Cloud(place, normal=place)
     >>> render_cloud(cloud, framed(cloud, size=(32, 24)), size=(32, 24)).statistics.samples
     2000
     """
 
     position: Floats | Doubles  # (N, 3) scene units
-    normal: Floats  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
-    color: Floats  # (N, 3) linear light; or (0, 3)
-    radius: Floats  # (N,) scene units, of the disc that a point represents; or (0,)
+    normal: Floats = NO_ROWS  # (N, 3) outward; (0, 0, 0) or not finite where unknown; or (0, 3)
+    color: Floats = NO_ROWS  # (N, 3) linear light; or (0, 3)
+    radius: Floats = NO_ROWS[:, 0]  # (N,) scene units, of a point's disc; or (0,)
     columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
 
 
