@@ -241,6 +241,12 @@ def _field_error(detail: dict[str, object]) -> str:
     place = detail["loc"]
     field = ".".join(map(str, place)) if isinstance(place, tuple) else ""
     message = " ".join(str(detail["msg"]).removeprefix("Value error, ").split())
+    if detail["type"] == "literal_error" and isinstance(detail["input"], str):
+        from difflib import get_close_matches
+
+        known = re.findall(r"'([^']*)'", message)
+        near = get_close_matches(detail["input"], known, n=1)
+        message += f"; did you mean {near[0]}?" if near else ""
     return f"{field}: {message} (got {shortly(detail['input'])})" if field else message
 
 

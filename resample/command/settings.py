@@ -5,9 +5,9 @@ fast.
 """
 
 import re
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from resample.command.flags import SIZE, SQUARE, USUAL_SIZE, OptionTopic
 from resample.console import SPLAT_COLOR, Color, linear_color
@@ -17,6 +17,32 @@ if TYPE_CHECKING:
     from resample.resampler import Resampler
 
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
+
+# What other programs call a choice -> what it is here: the first that an option has.
+SYNONYMS = {
+    "mip max maximum-intensity": "maximum",
+    "minip min minimum-intensity": "minimum",
+    "avg mean aip": "average",
+    "sum": "additive",
+    "dvr volume translucent": "composite",
+    "surface isosurface": "first-hit",
+    "reflect reflect101 reflect-101 symmetric": "mirror",
+    "replicate nearest edge border": "clamp",
+    "repeat grid-wrap circular": "wrap",
+    "constant zeros black": "transparent",
+    "sbs full-sbs lr": "side-by-side",
+    "half-sbs hsbs": "half-side-by-side",
+    "tb ou over-under full-tb": "top-bottom",
+    "half-tb htb hou half-ou": "half-top-bottom",
+    "cross crosseye crosseyed": "cross-eyed",
+    "red-cyan": "anaglyph",
+    "dubois": "anaglyph-dubois",
+    "half-color": "anaglyph-half-color",
+    "interlaced interleaved row-interlaced": "rows",
+    "meters metric distance": "z",
+    "fill crop": "cover",
+    "fit letterbox": "contain pad",
+}
 
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
@@ -56,6 +82,14 @@ Iso = Annotated[
 ]
 
 
+def _choices_in(annotation: Any) -> tuple[Any, ...]:
+    """Return the values of a Literal, also of one that may be missing; else nothing."""
+    parts = get_args(annotation)
+    if all(isinstance(part, str | int) for part in parts):
+        return parts
+    return next((found for part in parts if (found := _choices_in(part))), ())
+
+
 def number(given: object) -> object:
     """Convert a word of the command line to a number; pydantic does not convert for literals."""
     return int(given) if isinstance(given, str) and given.isdecimal() else given
@@ -69,6 +103,30 @@ class Choices(BaseModel):
 
     # Validators are built on first use: most commands need few of them.
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _understood(cls, given: Any) -> Any:
+        """Return the options with choices by their names here, where others' are given."""
+        if not isinstance(given, dict):
+            return given
+        known = {}
+        for name, value in given.items():
+            field = cls.model_fields.get(name)
+            choices = () if field is None else _choices_in(field.annotation)
+            known[name] = value
+            if isinstance(value, str) and choices and value not in choices:
+                known[name] = next(
+                    (
+                        here
+                        for theirs, ours in SYNONYMS.items()
+                        if value.lower().replace("_", "-") in theirs.split()
+                        for here in ours.split()
+                        if here in choices
+                    ),
+                    value,
+                )
+        return known
 
     @classmethod
     def usual(cls) -> Self:

@@ -1,5 +1,6 @@
 """Depth of unknown scale and shift, and pictures for two eyes."""
 
+import re
 from functools import partial
 
 import cv2
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
+from resample.files.pictures import Kind, Picture
 from resample_warp3d import cli
+from resample_warp3d.command import layouts
 from resample_warp3d.depth.encodings import RelativeDepth
 from tests import commands
 
@@ -173,6 +176,36 @@ def test_both_pictures_stand_in_one(given):
     np.testing.assert_allclose(mixed[..., 1:], second[..., 1:], atol=1e-6)
 
 
+def test_layouts_have_their_usual_names():
+    words = ["--eyes", "0.8", "--fill", "--layout"]
+    beside = two_eyes(*words, "sbs")
+    left, right = beside[:, :32], beside[:, 32:]
+    np.testing.assert_array_equal(two_eyes(*words, "cross-eyed"), np.hstack([right, left]))
+    np.testing.assert_array_equal(two_eyes(*words, "ou"), np.vstack([left, right]))
+    rows = two_eyes(*words, "row-interlaced")
+    np.testing.assert_allclose(rows[::2], 0.5 * (left[::2] + left[1::2]), atol=1e-6)
+    np.testing.assert_allclose(rows[1::2], 0.5 * (right[::2] + right[1::2]), atol=1e-6)
+    luma = left @ np.array([0.2126, 0.7152, 0.0722])
+    half = two_eyes(*words, "half-color")
+    np.testing.assert_allclose(half[..., 0], luma, atol=1e-6)
+    np.testing.assert_allclose(half[..., 1:], right[..., 1:], atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", layouts.ANAGLYPHS)
+def test_anaglyphs_are_gray_where_both_eyes_see_one_gray(layout):
+    gray = np.float32([[[0.2] * 3, [0.7] * 3]])
+    picture = Picture(gray, Kind(("R", "G", "B"), 8, is_encoded=True))
+    np.testing.assert_allclose(layouts.together(picture, picture, layout).data, gray, atol=2e-3)
+
+
+def test_parallax_is_given_in_shares_of_the_width(capsys):
+    two_eyes("--divergence", "10", "--convergence", "25")
+    told = capsys.readouterr().err
+    behind, before = map(float, re.search(r"parallax from (\S+) to (\S+) px", told).groups())
+    assert abs(before - behind - 3.2) < 0.11  # px of 32
+    assert abs(-behind / (before - behind) - 0.25) < 0.04
+
+
 def test_holes_stay_holes_in_both_pictures():
     beside = two_eyes("--eyes", "0.8", "--layout", "side-by-side", "--no-fill")
     assert beside.shape == (24, 64, 4)
@@ -245,7 +278,8 @@ def test_eyes_that_see_the_same_picture_are_told(capsys):
         ),
         (["--depth-kind", "z", "--eyes", "0"], "greater than 0"),
         (["--depth-kind", "relative", "--near", "9", "--far", "3"], "near 9 is not below far 3"),
-        (["--layout", "cross-eyed"], "layout"),
+        (["--layout", "mono"], "layout"),
+        (["--eyes", "1", "--divergence", "2", "--depth-kind", "z"], "both say the parallax"),
     ],
 )
 def test_choices_that_do_not_fit_are_refused_in_one_line(capsys, words, complaint):

@@ -64,15 +64,35 @@ class Parallax(Choices):
             "infinite for vr180 and panoramas]",
         ),
     ] = None
+    divergence: Annotated[
+        float | None,
+        Field(
+            gt=0,
+            le=50,
+            description="Parallax from the farthest to the nearest things, % of the width. "
+            "[default: by --eyes]",
+        ),
+    ] = None
+    convergence: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            le=100,
+            description="What lies on the screen: 0, the farthest, to 100, the nearest things. "
+            "[default: by --zero-plane]",
+        ),
+    ] = None
     layout: Annotated[
         Literal[
             "one", "side-by-side", "half-side-by-side", "top-bottom", "half-top-bottom", "anaglyph",
-            "vr180",
+            "vr180", "cross-eyed", "half-cross-eyed", "rows", "anaglyph-half-color",
+            "anaglyph-gray", "anaglyph-dubois",
         ],
         Field(
             description="Output: the other eye's picture alone, or both: the left one at the "
-            "left, on top, or in red; half: each squeezed by 2, together as large as one; vr180: "
-            "the half sphere ahead of each eye, side by side."
+            "left (at the right for cross-eyed), on top, in even rows, or in red; half: each "
+            "squeezed by 2, together as large as one; anaglyph-dubois: least-squares colors for "
+            "red and cyan glasses; vr180: the half sphere ahead of each eye, side by side."
         ),
     ] = "one"  # fmt: skip
     size: Annotated[
@@ -133,15 +153,19 @@ class Parallax(Choices):
 
     def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
         """Refuse options that do not go together."""
+        for words, meters in (("divergence", "eyes"), ("convergence", "zero_plane")):
+            if getattr(self, words) is not None and getattr(self, meters) is not None:
+                option = meters.replace("_", "-")
+                raise ValueError(f"--{words} and --{option} both say the parallax; give one")
         if self.is_around(eye):
             if eye.source_projection == "orthographic":
                 raise ValueError("vr180 needs a pinhole, a lens or a panorama")
             if meaning.depth_kind == "pair":
                 raise ValueError("vr180 and panoramas need depth, by --depth-kind")
-            if self.zero_plane is not None:
+            if (self.zero_plane, self.divergence, self.convergence) != (None, None, None):
                 raise ValueError(
-                    "--zero-plane belongs to flat pictures; the eyes of vr180 and panoramas are "
-                    "parallel"
+                    "--zero-plane, --divergence and --convergence belong to flat pictures; the "
+                    "eyes of vr180 and panoramas are parallel"
                 )
             self.shape()
             return
@@ -150,7 +174,7 @@ class Parallax(Choices):
             raise ValueError("--size belongs to --layout vr180 and panoramas; leave it out")
         if meaning.depth_kind != "pair":
             return
-        for name in ("eyes", "zero_plane"):
+        for name in ("eyes", "zero_plane", "divergence", "convergence"):
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")
                 raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")

@@ -14,10 +14,11 @@ from resample.command.intrinsics import Shape
 from resample.command.session import Session
 from resample.console import say
 from resample.files.pictures import Picture
-from resample.types import Doubles, Floats
+from resample.types import Doubles
 from resample_warp3d.command.animation import stepped
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs
+from resample_warp3d.command.layouts import together
 from resample_warp3d.command.parallax import Parallax
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared, shifted
 from resample_warp3d.command.writing import warped_picture
@@ -58,7 +59,11 @@ class Eyes(NamedTuple):
         width, focal = first.shape[1], abs(float(first.pinhole.matrix[0, 0]))
         far, middle, near = np.quantile(known, [STRAY, 0.5, 1.0 - STRAY])
         zero = float(middle) if choice.zero_plane is None else 1.0 / choice.zero_plane
-        if choice.eyes is None:
+        if choice.convergence is not None:
+            zero = float(far + 0.01 * choice.convergence * (near - far))
+        if choice.divergence is not None:
+            gain = 0.01 * choice.divergence * width / max(near - far, 1e-12)
+        elif choice.eyes is None:
             gain = COMFORT * width / max(near - zero, zero - far, 1e-12)
         else:
             gain = focal * choice.eyes
@@ -202,58 +207,3 @@ def _front(warped: Warped, *, filled: bool) -> Warped:
     is_kept = half.holes != Hole.OUTSIDE
     image = half.image * is_kept[..., None]
     return half._replace(image=image, coverage=half.coverage * is_kept)
-
-
-def together(left: Picture, right: Picture, layout: str) -> Picture:
-    """Combine the pictures of both eyes; both have alpha if one has."""
-    if left.kind.has_alpha != right.kind.has_alpha:
-        left, right = (p if p.kind.has_alpha else _opaque(p) for p in (left, right))
-    if layout == "anaglyph":
-        return _anaglyph(left, right)
-    axis = 1 if layout.endswith(("side-by-side", "vr180")) else 0
-    both = [p.data for p in (left, right)]
-    if layout.startswith("half-"):
-        both = [_squeezed(data, axis) for data in both]
-    return left._replace(data=np.concatenate(both, axis=axis))
-
-
-def _squeezed(data: Floats, axis: int) -> Floats:
-    """Halve a picture (H, W, C) along an axis by means; odd sides to the next larger half."""
-    import cv2
-
-    height, width, channels = data.shape
-    size = (width, (height + 1) // 2) if axis == 0 else ((width + 1) // 2, height)
-    made = cv2.resize(np.ascontiguousarray(data), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(made, np.float32).reshape(size[1], size[0], channels)
-
-
-def _opaque(picture: Picture) -> Picture:
-    one = np.ones((*picture.data.shape[:2], 1), np.float32)
-    kind = picture.kind._replace(channels=(*picture.kind.channels, "A"))
-    return Picture(np.concatenate([picture.data, one], axis=2), kind, picture.about)
-
-
-def _anaglyph(left: Picture, right: Picture) -> Picture:
-    """Combine red of the left picture with green and blue of the right one."""
-    names, has_alpha = left.kind.channels, left.kind.has_alpha
-    colors = names[:-1] if has_alpha else names
-    if colors not in (("R", "G", "B"), ("Y",)):
-        raise ValueError(f"an anaglyph is made of gray or RGB pictures, not of {', '.join(colors)}")
-    straight = [_straight(picture) for picture in (left, right)]
-    planes = [straight[0][..., 0], straight[1][..., len(colors) // 2], straight[1][..., -1]]
-    data = np.stack(planes, axis=2)
-    channels: tuple[str, ...] = ("R", "G", "B")
-    if has_alpha:
-        alpha = np.minimum(left.data[..., -1:], right.data[..., -1:])
-        data = np.concatenate([data * alpha, alpha], axis=2)
-        channels = (*channels, "A")
-    return Picture(np.asarray(data, np.float32), left.kind._replace(channels=channels), left.about)
-
-
-def _straight(picture: Picture) -> Floats:
-    """Return straight color."""
-    if not picture.kind.has_alpha:
-        return picture.data
-    alpha = picture.data[..., -1:]
-    color = picture.data[..., :-1]
-    return np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)

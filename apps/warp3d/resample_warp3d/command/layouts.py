@@ -1,0 +1,91 @@
+"""Layouts of pictures for two eyes: beside each other, in rows, and in colors for glasses.
+
+Colors are mixed as light. The matrices of Dubois ("A projection method to generate anaglyph stereo
+images", ICASSP 2001) make what each eye sees through red and cyan glasses as close to its picture
+as the glasses allow; those for LCD screens by Eric Dubois.
+"""
+
+import numpy as np
+
+from resample.files.pictures import Picture
+from resample.types import Floats
+
+LUMA = (0.2126, 0.7152, 0.0722)  # of sRGB's primaries
+NONE = (0.0, 0.0, 0.0)
+RED, GREEN, BLUE = np.eye(3)
+# Light (3, 3) that red, green and blue have of the left and of the right picture.
+ANAGLYPHS = {
+    "anaglyph": ([RED, NONE, NONE], [NONE, GREEN, BLUE]),
+    "anaglyph-half-color": ([LUMA, NONE, NONE], [NONE, GREEN, BLUE]),
+    "anaglyph-gray": ([LUMA, NONE, NONE], [NONE, LUMA, LUMA]),
+    "anaglyph-dubois": (
+        [(0.437, 0.449, 0.164), (-0.062, -0.062, -0.024), (-0.048, -0.050, -0.017)],
+        [(-0.011, -0.032, -0.007), (0.377, 0.761, 0.009), (-0.026, -0.093, 1.234)],
+    ),
+}
+
+
+def together(left: Picture, right: Picture, layout: str) -> Picture:
+    """Combine the pictures of both eyes; both have alpha if one has."""
+    if left.kind.has_alpha != right.kind.has_alpha:
+        left, right = (p if p.kind.has_alpha else _opaque(p) for p in (left, right))
+    if layout in ANAGLYPHS:
+        return _anaglyph(left, right, layout)
+    if layout == "rows":
+        whole = np.empty_like(left.data)
+        upper, lower = (_squeezed(p.data, 0) for p in (left, right))
+        whole[::2], whole[1::2] = upper, lower[: len(whole) // 2]
+        return left._replace(data=whole)
+    if layout.endswith("cross-eyed"):
+        left, right = right, left
+    axis = 1 if layout.endswith(("side-by-side", "cross-eyed", "vr180")) else 0
+    both = [p.data for p in (left, right)]
+    if layout.startswith("half-"):
+        both = [_squeezed(data, axis) for data in both]
+    return left._replace(data=np.concatenate(both, axis=axis))
+
+
+def _squeezed(data: Floats, axis: int) -> Floats:
+    """Halve a picture (H, W, C) along an axis by means; odd sides to the next larger half."""
+    import cv2
+
+    height, width, channels = data.shape
+    size = (width, (height + 1) // 2) if axis == 0 else ((width + 1) // 2, height)
+    made = cv2.resize(np.ascontiguousarray(data), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(made, np.float32).reshape(size[1], size[0], channels)
+
+
+def _opaque(picture: Picture) -> Picture:
+    one = np.ones((*picture.data.shape[:2], 1), np.float32)
+    kind = picture.kind._replace(channels=(*picture.kind.channels, "A"))
+    return Picture(np.concatenate([picture.data, one], axis=2), kind, picture.about)
+
+
+def _anaglyph(left: Picture, right: Picture, layout: str) -> Picture:
+    """Mix the light of both pictures in red and cyan."""
+    names, has_alpha = left.kind.channels, left.kind.has_alpha
+    colors = names[:-1] if has_alpha else names
+    if colors not in (("R", "G", "B"), ("Y",)):
+        raise ValueError(f"an anaglyph is made of gray or RGB pictures, not of {', '.join(colors)}")
+    data = np.zeros((*left.data.shape[:2], 3), np.float32)
+    for picture, shares in zip((left, right), ANAGLYPHS[layout], strict=True):
+        matrix = np.asarray(shares, np.float32)
+        if len(colors) == 1:
+            matrix = matrix.sum(axis=1, keepdims=True)
+        data += _straight(picture) @ matrix.T
+    np.clip(data, 0, None, out=data)
+    channels: tuple[str, ...] = ("R", "G", "B")
+    if has_alpha:
+        alpha = np.minimum(left.data[..., -1:], right.data[..., -1:])
+        data = np.concatenate([data * alpha, alpha], axis=2)
+        channels = (*channels, "A")
+    return Picture(data, left.kind._replace(channels=channels), left.about)
+
+
+def _straight(picture: Picture) -> Floats:
+    """Return straight color."""
+    if not picture.kind.has_alpha:
+        return picture.data
+    alpha = picture.data[..., -1:]
+    color = picture.data[..., :-1]
+    return np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)
