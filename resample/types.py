@@ -159,6 +159,7 @@ UNTINTED = Tint(np.zeros((0, 3), np.uint16), 1.0)
 
 
 UNKNOWN = np.zeros((0, 0, 0), np.uint64)  # cells of a field, of which none was looked at
+UNMEASURED = np.zeros((0, 0, 0), np.uint8)  # distances in a field, of which none is known
 
 
 class BlockLevels(NamedTuple):
@@ -189,6 +190,7 @@ class LatticeField(NamedTuple):
     classifiers: int = 1  # number of looks side by side in the rows of the classifier's table
     tint: Tint = UNTINTED
     cells: NDArray[np.uint64] = UNKNOWN  # (z, y, x) as `painting.rays.visible_cells` finds them
+    apart: Flags = UNMEASURED  # (z, y, x) bricks from each to the next that has such cells
     levels: BlockLevels = UNBOUNDED  # of extremes, within the samples around a place
 
 

@@ -49,15 +49,16 @@ if TYPE_CHECKING:
     from resample.engine.rays.meshes import Way
     from resample.engine.rays.painting import Output
 
-LARGE_TILE, TILE, SMALL_TILE = 128, 32, 16  # px, side of a tile
+LARGE_TILE, TILE, SMALL_TILE, LEAST_TILE = 128, 32, 16, 8  # px, side of a tile
 MANY = 8  # large tiles, enough for all threads
-FEW_RAYS = 4  # per side of a pixel, at most
+FEW_RAYS = 3  # per side of a pixel, at most
 LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
 BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
 LARGE = 0.9  # px per voxel above which one ray through the pixel's center suffices
 SPREAD = 0.6  # px per voxel below which sub-pixels are not on a grid
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 OF_SPREAD, MOST_SPREAD = 1.75, 16  # rays per side of a pixel then, times px per voxel; at most
+FIRST_RAYS = 3  # per side of a pixel that are cast first, at least
 STEEP = 0.3  # of the largest extinction, between neighbouring columns
 OF_EXTREMES = 0.2  # rays per side of a pixel, times px per voxel, of extremes
 SPARSE = 1.5  # px per voxel below which no pixel is interpolated
@@ -126,15 +127,23 @@ class RayPainter:
         grids = [_rays_of(field, view, self) for field in fields]
         fineness, apart = max(n for n, _ in grids), min(apart for _, apart in grids)
         effort, looks = EFFORTS[self.quality], [field.classifier for field in fields]
-        tile = _tile_of(size, fineness)
-        if style.projection in EXTREMES and fineness > 1:
-            tile = SMALL_TILE
+        is_spread = any(_is_spread(field, view, self) for field in fields)
+        tile = _tile_of(size, fineness, is_spread, style.projection in EXTREMES)
         left, top, right, bottom = _tiles_of(media, view, size, self.tables.pixel_margin, tile)
         top = max(top, (rows[0] - OF_ROWS) // tile)
         bottom = max(top, min(bottom, -(-(rows[1] + OF_ROWS) // tile)))
         count = (right - left) * (bottom - top)
         painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
         is_sum = style.projection == ADDITIVE
+        box = (left * tile, top * tile, right * tile, bottom * tile)
+        which, shown = np.arange(count), np.zeros((0, 0), np.uint8)
+        if is_spread and not any(len(field.mesh.face) for field in fields):
+            apart = 1 << max(0, int(math.log2(fineness / FIRST_RAYS)))
+        per_square = fineness / apart if is_spread else 1.0
+        if style.projection == COMPOSITE and fineness > 1:
+            shown = _squares_shown(media, view, box, per_square, self.tables.pixel_margin)
+            row, column = (at // round(tile * per_square) for at in np.nonzero(shown))
+            which = np.unique(row * (right - left) + column)
         output = Output(
             view,
             self.tables,
@@ -147,32 +156,45 @@ class RayPainter:
                 (effort.bend if style.projection in EXTREMES else BENDS)
                 * max(look.high - look.low for look in looks),
             ),
-            GOLDEN if any(_is_spread(field, view, self) for field in fields) else 0.0,
+            GOLDEN if is_spread else 0.0,
             apart,
+            shown if is_spread and apart > 1 else shown[:0],
+            per_square,
             tile,
             right - left,
-            np.arange(count),
+            which,
             left * tile,
             top * tile,
         )
         painted.tally[:, 3] = fineness
         with told(progress):
-            cast(count, fineness, output)
-        rays = count * (tile * fineness) ** 2
+            cast(which.size, fineness, output)
+        rays = which.size * (tile * fineness) ** 2
         if fineness == 1 and self.quality != "best" and self.tables.pixel_margin == 0:
-            edges = _edges_of(painted.film)
-            of_rows = (edges >= rows[0] * size[1]) & (edges < rows[1] * size[1])
-            edges = edges[of_rows] if self.quality != "fast" else edges[:0]
-            _mean_from_middles(painted.film)
-            again = output._replace(apart=1, size=1, columns=size[1], which=edges, left=0, top=0)
-            is_light = style.projection not in MEASURED
-            n = OF_STEEP_EDGES if is_light and any(map(_is_steep, fields)) else OF_EDGES
-            cast(edges.size, n, again)
-            rays += edges.size * n**2
+            rays += self._paint_edges(fields, cast, output, rows)
         clock.lap("paint")
         samples = sum(math.prod(field.spline.shape) for field in fields)
         counts = painted.statistics(samples, clock.seconds)
         return painted, counts._replace(rays=rays)
+
+    def _paint_edges(
+        self,
+        fields: Sequence[LatticeField],
+        cast: "Callable[[int, int, Output], None]",
+        output: "Output",
+        rows: tuple[int, int],
+    ) -> int:
+        """Replace middles of pixels by means, at edges by those of several rays; count these."""
+        width = output.film.depth.shape[1]
+        edges = _edges_of(output.film)
+        of_rows = (edges >= rows[0] * width) & (edges < rows[1] * width)
+        edges = edges[of_rows] if self.quality != "fast" else edges[:0]
+        _mean_from_middles(output.film)
+        again = output._replace(apart=1, size=1, columns=width, which=edges, left=0, top=0)
+        is_light = self.style.projection not in MEASURED
+        n = OF_STEEP_EDGES if is_light and any(map(_is_steep, fields)) else OF_EDGES
+        cast(edges.size, n, again)
+        return edges.size * n**2
 
 
 def _visible_fields(
@@ -233,6 +255,46 @@ def _tiles_of(
     return left, top, right, bottom
 
 
+def _squares_shown(
+    media: "Sequence[Medium]", view: View, box: tuple[int, int, int, int], per: float, margin: int
+) -> Flags:
+    """Squares of the screen, `per` per px, within `margin` px of which something may be visible.
+
+    `box`: left, top, right and bottom of what is returned, px.
+    """
+    from scipy.ndimage import maximum_filter
+
+    from resample.engine.rays.coefficients import BRICK
+
+    shape = np.rint([(box[3] - box[1]) * per, (box[2] - box[0]) * per]).astype(int)
+    shown = np.zeros(shape, np.uint8)
+    for medium in media:
+        if len(medium.mesh.face):
+            return np.ones_like(shown)
+        # Project the centers of visible bricks, and find how far the nearest brick reaches.
+        bricks = medium.bricks
+        seen = bricks.empty.reshape(bricks.deep, bricks.down, bricks.across) == 0
+        index = np.stack(np.nonzero(seen)[::-1]) + 0.5
+        turn = BRICK * view.rotation @ medium.lattice
+        x, y, z = turn @ index + (view.rotation @ medium.origin + view.translation)[:, None]
+        reach, near = 0.5 * np.abs(turn).sum(axis=1), 1.0
+        if view.perspective and z.size:
+            near = float(z.min()) - reach[2]
+            if near <= max(view.near, NEAREST):
+                return np.ones_like(shown)
+            x, y = x / z, y / z
+        # Mark their squares, and all that bricks or the filter of pixels reach from there.
+        wide = np.ceil(per * (np.abs(view.focal) * reach[:2] / near + margin) + 1).astype(int)
+        right = (per * (view.focal[0] * x + view.principal[0] - box[0]) + wide[0]).astype(int)
+        down = (per * (view.focal[1] * y + view.principal[1] - box[1]) + wide[1]).astype(int)
+        marked = np.zeros(shape + 2 * wide[::-1], np.uint8)
+        is_in = (down >= 0) & (down < marked.shape[0]) & (right >= 0) & (right < marked.shape[1])
+        marked[down[is_in], right[is_in]] = 1
+        marked = maximum_filter(marked, tuple(2 * wide[::-1] + 1), mode="constant")
+        shown |= marked[wide[1] : wide[1] + shape[0], wide[0] : wide[0] + shape[1]]
+    return shown
+
+
 def _tiles_of_one(
     medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
 ) -> tuple[int, int, int, int]:
@@ -265,9 +327,11 @@ def _tiles_of_one(
     return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
 
 
-def _tile_of(size: tuple[int, int], fineness: int) -> int:
+def _tile_of(size: tuple[int, int], fineness: int, is_spread: bool, is_extreme: bool) -> int:
     """Side of a tile, px: rays at its edges are never interpolated, so large tiles need fewer."""
-    if fineness > FEW_RAYS:
+    if is_spread and fineness > FEW_RAYS:
+        return LEAST_TILE
+    if fineness > FEW_RAYS or (is_extreme and fineness > 1):
         return SMALL_TILE
     return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
 
@@ -435,7 +499,9 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
     )
     if how.interpolation != MONOTONE:
         scaled = scaled._replace(floor=-math.inf, ceiling=math.inf)
-    columnwise = [_columnwise(bound, classifier.low, per_value) for bound in field.bounds]
+    columnwise = [np.zeros((0, 0, 0), np.float32)] * 2
+    if how.style.projection not in (COMPOSITE, *EXTREMES):
+        columnwise = [_columnwise(bound, classifier.low, per_value) for bound in field.bounds]
     return Medium(
         scaled,
         _bricks(Bounds(*columnwise), field, how.style),
@@ -540,31 +606,23 @@ def visible_cells(
 
 def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
     """Bricks for ray casting; bounds are in columns."""
-    from scipy.ndimage import distance_transform_cdt
-
     from resample.engine.rays.marching import BrickBounds
 
-    classifier, cells = field.classifier, UNKNOWN
-    columns = classifier.table.shape[1] // field.classifiers
-    seen: NDArray[np.bool_] = np.ones(bounds.least.shape, bool)
+    classifier, cells, apart = field.classifier, UNKNOWN, field.apart
     if style.projection == COMPOSITE:
         cells = field.cells
         if cells.size == 0:
             most = thickest(classifier.table, field.classifiers)
             ends = (classifier.low, classifier.high)
             cells = visible_cells(field.spline, field.bounds, most, ends)
-        seen = cells > 0
+        if apart.size == 0:
+            apart = bricks_to_next(cells > 0)
     elif style.projection == FIRST_HIT:
-        seen = bounds.greatest >= style.iso * (columns - 1)
-    deep, down, across = seen.shape
-    apart = np.zeros(seen.shape, np.uint8)
-    if not seen.all():
-        away = (
-            distance_transform_cdt(~seen, "chessboard")
-            if seen.any()
-            else np.full(seen.shape, MOST_BRICKS)
-        )
-        apart = np.minimum(away, MOST_BRICKS, out=away).astype(np.uint8)
+        columns = classifier.table.shape[1] // field.classifiers
+        apart = bricks_to_next(bounds.greatest >= style.iso * (columns - 1))
+    else:
+        apart = np.zeros(field.bounds.least.shape, np.uint8)
+    deep, down, across = apart.shape
     return BrickBounds(
         apart.reshape(-1),
         np.asarray(bounds.least.reshape(-1), np.float32),
@@ -574,6 +632,18 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
         down,
         deep,
     )
+
+
+def bricks_to_next(seen: NDArray[np.bool_]) -> Flags:
+    """Bricks (z, y, x) from each to the next one that is seen, along any axis; at most 255."""
+    from scipy.ndimage import distance_transform_cdt
+
+    if not seen.any():
+        return np.full(seen.shape, MOST_BRICKS, np.uint8)
+    if seen.all():
+        return np.zeros(seen.shape, np.uint8)
+    away = distance_transform_cdt(~seen, "chessboard")
+    return np.asarray(np.minimum(away, MOST_BRICKS, out=away), np.uint8)
 
 
 def _visible(bounds: Bounds, count: NDArray[np.int64]) -> NDArray[np.bool_]:

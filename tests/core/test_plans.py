@@ -52,7 +52,7 @@ def test_the_number_of_a_brick_is_how_far_the_next_visible_one_is(rng):
     shape = (3, 2, 4)
     cells = np.where(rng.uniform(size=shape) < 0.2, np.uint64(1) << np.uint64(63), np.uint64(0))
     looks = SimpleNamespace(table=np.zeros((1, 4, 4)))
-    field = SimpleNamespace(classifier=looks, classifiers=1, cells=cells)
+    field = SimpleNamespace(classifier=looks, classifiers=1, cells=cells, apart=cells[:0])
     bounds = Bounds(np.zeros(shape), np.ones(shape))
     found = rays._bricks(bounds, field, SimpleNamespace(projection=COMPOSITE))
     assert (found.across, found.down, found.deep) == shape[::-1]

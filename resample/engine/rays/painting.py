@@ -5,7 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, packed_kernel, tasks
+from resample.engine.jit import (
+    Counter,
+    inner_kernel,
+    inner_step,
+    kernel,
+    packed_kernel,
+    tasks,
+)
 from resample.engine.rays.adaptive_sampling import (
     ALPHA,
     COVER,
@@ -22,9 +29,11 @@ from resample.engine.rays.adaptive_sampling import (
 from resample.engine.rays.media import Medium
 from resample.engine.rays.meshes import Way, integrate_with_mesh, is_on_mesh
 from resample.engine.subpixels import Home, pixel_weights
-from resample.types import Film, Floats, Indices, Tables, View
+from resample.types import Film, Flags, Floats, Indices, Tables, View
 
-GRID, CENTERS, BETWEEN = range(3)  # stages of sampling
+GRID, CENTERS, BETWEEN, REST = range(4)  # stages of sampling
+ALIKE = np.float32(0.1)  # opacity by which squares beside each other differ that are even
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 class Output(NamedTuple):
@@ -38,6 +47,8 @@ class Output(NamedTuple):
     even: Evenness  # tolerance for sub-pixels that are interpolated
     drift: float  # of rays in sub-pixels, from one row or column to the next; 0..1, 0: a grid
     apart: int  # sub-pixels between rays of the coarsest grid, a power of 2
+    shown: Flags  # (R, C) squares of the screen in which something may be visible; or (0, 0)
+    per_square: float  # squares per px; the first begins at the first tile
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
     which: Indices  # (T,) numbers of the tiles to be painted
@@ -62,18 +73,19 @@ def _point(output: Output, home: Home, n: int, row: int, column: int) -> tuple[f
 
 @inner_step
 def _cast(
-    way: Any, medium: Medium, output: Output, home: Home, n: int, row: int, column: int,
-    fine: Floats, beside: tuple[int, int],
+    way: Any, medium: Medium, output: Output, home: Home, n: int, place: tuple[int, int],
+    here: Floats, fine: Floats, beside: tuple[int, int],
 ) -> None:  # fmt: skip
-    """Cast the ray of a sub-pixel, and store its result in `fine`.
+    """Cast the ray of a sub-pixel, and store its result in `here`.
 
-    `beside`: how far up and left one lies that was cast before, unless that is outside the tile.
+    `place`: its row and column in `fine`. `beside`: how far up and left one lies that was cast
+    before, unless that is outside the tile.
     """
+    row, column = place
     x, y = _point(output, home, n, row, column)
     up, left, hint = row - beside[0], column - beside[1], math.inf
     if up >= 0 and left >= 0:
         hint = float(fine[up, left, FIRST])
-    here = fine[row, column]
     result = integrate_with_mesh(x, y, hint, way, medium, output.camera)
     here[0], here[1], here[2] = result[0], result[1], result[2]
     here[ALPHA], here[DEEP], here[FIRST] = result[3], result[4], result[5]
@@ -100,25 +112,110 @@ def _interpolate_if_even(
 
 
 @inner_kernel
+def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int, int]:
+    """Sub-pixel whose ray is cast first in a square of `apart` sub-pixels, by its corner.
+
+    As in `_point`: a line along an axis passes one in three of the squares on it, if it is half as
+    wide as they are.
+    """
+    down = int(apart * (GOLDEN * (left // apart) % 1.0))
+    right = int(apart * (GOLDEN * (top // apart) % 1.0))
+    return min(fine.shape[0] - 1, top + down), min(fine.shape[1] - 1, left + right)
+
+
+@inner_kernel
+def _may_show(output: Output, home: Home, n: int, row: int, column: int) -> bool:
+    """Whether anything may be visible in a square around a sub-pixel."""
+    margin, (rows, columns) = output.tables.pixel_margin, output.shown.shape
+    down = (row / n + home.top - margin - output.top) * output.per_square
+    right = (column / n + home.left - margin - output.left) * output.per_square
+    return bool(
+        output.shown[min(max(0, int(down)), rows - 1), min(max(0, int(right)), columns - 1)]
+    )
+
+
+@inner_kernel
+def _is_even_square(
+    apart: int, output: Output, home: Home, n: int, fine: Floats, top: int, left: int
+) -> bool:
+    """Whether a square of sub-pixels is as opaque as those around it, by the first ray of each.
+
+    Where all are empty, but something may be visible, it may lie between the rays.
+    """
+    rows, columns, _ = fine.shape
+    here = fine[top, left, ALPHA]
+    above, below = here, here
+    for row in range(max(0, top - apart), min(rows, top + 2 * apart), apart):
+        for column in range(max(0, left - apart), min(columns, left + 2 * apart), apart):
+            beside = fine[row, column, ALPHA]
+            above, below = max(above, beside), min(below, beside)
+    if above - below > ALIKE:
+        return False
+    return bool(above > 0.0 or not _may_show(output, home, n, top, left))
+
+
+@inner_kernel
+def _fill_even_squares(apart: int, output: Output, home: Home, n: int, fine: Floats) -> None:
+    """Copy the first ray of each square, which its corner has, to all of it if it is even.
+
+    Elsewhere opacity that is not a number tells where rays are still to be cast.
+    """
+    rows, columns, _ = fine.shape
+    # Decide for all squares before any corner changes; light leaves room for that in its value.
+    for top in range(0, rows, apart):
+        for left in range(0, columns, apart):
+            is_even = _is_even_square(apart, output, home, n, fine, top, left)
+            fine[top, left, VALUE] = 1.0 if is_even else 0.0
+    for top in range(0, rows, apart):
+        for left in range(0, columns, apart):
+            here = fine[top, left]
+            is_even, here[VALUE] = here[VALUE] > 0.0, np.float32(0.0)
+            if is_even and here[COVER] == 0.0 and apart == output.apart:
+                continue
+            first = _place_in_square(apart, top, left, fine)
+            for number in range(NUMBERS):
+                fine[first[0], first[1], number] = here[number]
+            for row in range(top, min(rows, top + apart)):
+                for column in range(left, min(columns, left + apart)):
+                    if is_even:
+                        for number in range(NUMBERS):
+                            fine[row, column, number] = here[number]
+                    elif apart > 2 or row != first[0] or column != first[1]:
+                        fine[row, column, ALPHA] = np.nan
+
+
+@inner_kernel
 def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fine: Floats) -> None:
     """Sample the sub-pixels (R, C, NUMBERS) of a tile adaptively.
 
     First cast rays `apart`. Then, at half that distance, fill in those in the middle of four, and
     those between these, by rays only where their surroundings are uneven; and so on.
+
+    Where it is known in which squares something may be visible, a ray is cast in each of them, then
+    in each of their quarters where they differ from those around, and so on.
     """
     rows, columns, _ = fine.shape
-    half, stage = output.apart, GRID
+    half, stage, is_in_squares = output.apart, GRID, output.shown.size > 0
     while half > 0:
         for row in range(
             half if stage == CENTERS else 0, rows, half if stage != CENTERS else 2 * half
         ):
             # Points between start half a step in, in every other row.
-            start = 0 if stage == GRID or (stage == BETWEEN and row % (2 * half) > 0) else half
-            for column in range(start, columns, half if stage == GRID else 2 * half):
+            is_each = stage == GRID or is_in_squares
+            start = 0 if is_each or (stage == BETWEEN and row % (2 * half) > 0) else half
+            for column in range(start, columns, half if is_each else 2 * half):
+                # Leave out what is empty, and what is known already.
+                place = row, column
+                if is_in_squares:
+                    if stage == GRID and not _may_show(output, home, n, row, column):
+                        continue
+                    if stage == REST and not np.isnan(fine[row, column, ALPHA]):
+                        continue
+                    place = _place_in_square(half, row, column, fine)
                 # Interpolate where four sub-pixels on each line are inside the tile.
                 far = 3 * half
                 if (
-                    stage != GRID
+                    not is_each
                     and far <= row < rows - far
                     and far <= column < columns - far
                     and _interpolate_if_even(
@@ -129,9 +226,13 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
                     continue
                 up = half if stage == CENTERS or column == 0 else 0
                 left = half if stage == CENTERS or column > 0 else 0
-                _cast(way, medium, output, home, n, row, column, fine, (up, left))
+                _cast(way, medium, output, home, n, place, fine[row, column], fine, (up, left))
         # Halve the distance: first the centers of squares, then the points between.
-        if stage == CENTERS:
+        if is_in_squares:
+            if half > 1:
+                _fill_even_squares(half, output, home, n, fine)
+            half, stage = half >> 1, REST
+        elif stage == CENTERS:
             stage = BETWEEN
         else:
             half, stage = half >> 1, CENTERS
@@ -152,6 +253,10 @@ def _resolve(fine: Floats, n: int, weight: Floats, home: Home, output: Output) -
             for down in range(weight.size):
                 for right in range(weight.size):
                     here = fine[(row - home.top) * n + down, (column - home.left) * n + right]
+                    # Nothing adds nothing, except to the length over which values are integrated.
+                    is_nothing = here[ALPHA] == 0.0 and here[COVER] == 0.0 and here[PRESENCE] == 0.0
+                    if is_nothing and not output.is_sum:
+                        continue
                     share = weight[down] * weight[right]
                     # All numbers are averages, but for the nearest depth and the weighted value.
                     for number in range(NUMBERS):
@@ -189,7 +294,7 @@ def paint_tile(tile: int, n: int, way: Any, medium: Medium, output: Output) -> N
     rows = (min(size, height - home.top) + 2 * margin) * n
     columns = (min(size, width - home.left) + 2 * margin) * n
     # Sample its sub-pixels, then filter them to pixels.
-    fine = np.empty((rows, columns, NUMBERS), np.float32)
+    fine = np.zeros((rows, columns, NUMBERS), np.float32)
     _cast_rays(way, medium, output, home, n, fine)
     _resolve(fine, n, pixel_weights(output.tables, n), home, output)
 

@@ -11,7 +11,7 @@ from resample.memory.mapped import array_like, is_in_file
 from resample.outofcore.caching import memo_of
 from resample.outofcore.passes import DIGIT, counts_by_digit, ranked
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.rays import thickest, visible_cells
+from resample.painting.rays import bricks_to_next, thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
 from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
@@ -19,6 +19,7 @@ from resample.types import (
     UNBLOCKED,
     UNBOUNDED,
     UNKNOWN,
+    UNMEASURED,
     UNTINTED,
     BlockLevels,
     Bounds,
@@ -90,6 +91,7 @@ class Gathered(NamedTuple):
     reached: Reached = UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
     cells: NDArray[np.uint64] = UNKNOWN  # as of `LatticeField`
+    apart: Flags = UNMEASURED  # as of `LatticeField`
     levels: BlockLevels = UNBOUNDED  # as of `LatticeField`
 
 
@@ -144,10 +146,11 @@ def gathered(
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
-    cells = UNKNOWN
+    cells, apart = UNKNOWN, UNMEASURED
     if is_composite and resampler.iso is None:
         ends = looks.low, looks.high
         cells = visible_cells(spline, bounds, thickest(looks.table, beside), ends)
+        apart = bricks_to_next(cells > 0)
     return Gathered(
         spline,
         bounds,
@@ -161,6 +164,7 @@ def gathered(
         tint,
         thin=thin,
         cells=cells,
+        apart=apart,
         levels=levels,
     )
 
@@ -222,6 +226,7 @@ def lit_lattice(
         classifiers=field.each,
         tint=field.tint,
         cells=field.cells,
+        apart=field.apart,
         levels=field.levels,
     )
 
