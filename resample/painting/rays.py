@@ -70,6 +70,7 @@ OF_ROWS = 2  # px beyond some rows on which their edges and means depend
 MESH_RAYS = 4  # the same at edges of meshes
 BEND = np.array([1, -2, 1])  # weights of a second difference
 MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
+BRICK_PLANES = 16  # planes of bricks that are projected together
 MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
 EXTREMES = (MAXIMUM, MINIMUM)
@@ -140,7 +141,7 @@ class RayPainter:
         if is_spread and not any(len(field.mesh.face) for field in fields):
             apart = 1 << max(0, int(math.log2(fineness / FIRST_RAYS)))
         per_square = fineness / apart if is_spread else 1.0
-        if style.projection == COMPOSITE and fineness > 1:
+        if style.projection == COMPOSITE and count:
             shown = _squares_shown(media, view, box, per_square, self.tables.pixel_margin)
             row, column = (at // round(tile * per_square) for at in np.nonzero(shown))
             which = np.unique(row * (right - left) + column)
@@ -158,7 +159,7 @@ class RayPainter:
             ),
             GOLDEN if is_spread else 0.0,
             apart,
-            shown if is_spread and apart > 1 else shown[:0],
+            shown,
             per_square,
             tile,
             right - left,
@@ -190,7 +191,9 @@ class RayPainter:
         of_rows = (edges >= rows[0] * width) & (edges < rows[1] * width)
         edges = edges[of_rows] if self.quality != "fast" else edges[:0]
         _mean_from_middles(output.film)
-        again = output._replace(apart=1, size=1, columns=width, which=edges, left=0, top=0)
+        again = output._replace(
+            apart=1, shown=output.shown[:0], size=1, columns=width, which=edges, left=0, top=0
+        )
         is_light = self.style.projection not in MEASURED
         n = OF_STEEP_EDGES if is_light and any(map(_is_steep, fields)) else OF_EDGES
         cast(edges.size, n, again)
@@ -269,51 +272,61 @@ def _squares_shown(
     shape = np.rint([(box[3] - box[1]) * per, (box[2] - box[0]) * per]).astype(int)
     shown = np.zeros(shape, np.uint8)
     for medium in media:
+        bricks, turn = medium.bricks, BRICK * view.rotation @ medium.lattice
+        seen = bricks.empty.reshape(bricks.deep, bricks.down, bricks.across) == 0
+        start, reach = view.rotation @ medium.origin + view.translation, np.abs(turn).sum(axis=1)
         if len(medium.mesh.face):
             return np.ones_like(shown)
-        # Project the centers of visible bricks, and find how far the nearest brick reaches.
-        bricks = medium.bricks
-        seen = bricks.empty.reshape(bricks.deep, bricks.down, bricks.across) == 0
-        index = np.stack(np.nonzero(seen)[::-1]) + 0.5
-        turn = BRICK * view.rotation @ medium.lattice
-        x, y, z = turn @ index + (view.rotation @ medium.origin + view.translation)[:, None]
-        reach, near = 0.5 * np.abs(turn).sum(axis=1), 1.0
-        if view.perspective and z.size:
-            near = float(z.min()) - reach[2]
-            if near <= max(view.near, NEAREST):
-                return np.ones_like(shown)
-            x, y = x / z, y / z
-        # Mark their squares, and all that bricks or the filter of pixels reach from there.
-        wide = np.ceil(per * (np.abs(view.focal) * reach[:2] / near + margin) + 1).astype(int)
-        right = (per * (view.focal[0] * x + view.principal[0] - box[0]) + wide[0]).astype(int)
-        down = (per * (view.focal[1] * y + view.principal[1] - box[1]) + wide[1]).astype(int)
+        if not seen.any():
+            continue
+        # Find how far the nearest brick, and the filter of pixels, reach from a brick's center.
+        near = float((_corners_seen(medium) @ view.rotation[2] + view.translation[2]).min())
+        if view.perspective and near <= max(view.near, NEAREST):
+            return np.ones_like(shown)
+        away = near if view.perspective else 1.0
+        wide = np.ceil(per * (np.abs(view.focal) * 0.5 * reach[:2] / away + margin) + 1).astype(int)
+        if wide.max() > max(shape):
+            return np.ones_like(shown)
+        # Mark the squares of the centers, some planes of bricks at a time, and all within reach.
         marked = np.zeros(shape + 2 * wide[::-1], np.uint8)
-        is_in = (down >= 0) & (down < marked.shape[0]) & (right >= 0) & (right < marked.shape[1])
-        marked[down[is_in], right[is_in]] = 1
+        for first in range(0, bricks.deep, BRICK_PLANES):
+            k, j, i = np.nonzero(seen[first : first + BRICK_PLANES])
+            x, y, z = turn @ (np.stack([i, j, k + first]) + 0.5) + start[:, None]
+            x, y = (x / z, y / z) if view.perspective else (x, y)
+            right = (per * (view.focal[0] * x + view.principal[0] - box[0]) + wide[0]).astype(int)
+            down = (per * (view.focal[1] * y + view.principal[1] - box[1]) + wide[1]).astype(int)
+            is_in = (
+                (down >= 0) & (down < marked.shape[0]) & (right >= 0) & (right < marked.shape[1])
+            )
+            marked[down[is_in], right[is_in]] = 1
         marked = maximum_filter(marked, tuple(2 * wide[::-1] + 1), mode="constant")
         shown |= marked[wide[1] : wide[1] + shape[0], wide[0] : wide[0] + shape[1]]
     return shown
+
+
+def _corners_seen(medium: "Medium") -> Doubles:
+    """Corners (8, 3), in the scene, of the box around the bricks that are visible."""
+    from resample.engine.rays.coefficients import BRICK
+
+    bricks = medium.bricks
+    seen = bricks.empty.reshape(bricks.deep, bricks.down, bricks.across) == 0
+    axes = [np.flatnonzero(seen.any(axis=others)) for others in ((0, 1), (0, 2), (1, 2))]
+    ends = np.array([[axis[0] * BRICK, (axis[-1] + 1) * BRICK] for axis in axes])
+    place = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
+    return np.asarray(medium.origin + place @ medium.lattice.T)
 
 
 def _tiles_of_one(
     medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
 ) -> tuple[int, int, int, int]:
     """As `_tiles_of`, of one field."""
-    from resample.engine.rays.coefficients import BRICK
-
     height, width = size
     whole = (0, 0, -(-width // tile), -(-height // tile))
-    bricks = medium.bricks
-    seen = bricks.empty.reshape(bricks.deep, bricks.down, bricks.across) == 0
     if len(medium.mesh.face):
         return whole
-    if not seen.any():
+    if medium.bricks.empty.all():
         return (0, 0, 0, 0)
-    axes = [np.flatnonzero(seen.any(axis=others)) for others in ((0, 1), (0, 2), (1, 2))]
-    ends = np.array([[axis[0] * BRICK, (axis[-1] + 1) * BRICK] for axis in axes])
-    place = np.stack(np.meshgrid(*ends), axis=-1).reshape(-1, 3)
-    position = medium.origin + place @ medium.lattice.T
-    x, y, z = (position @ view.rotation.T + view.translation).T
+    x, y, z = (_corners_seen(medium) @ view.rotation.T + view.translation).T
     away = z if view.perspective else np.ones_like(z)
     if away.min() <= max(view.near, NEAREST):
         return whole

@@ -421,6 +421,31 @@ def test_walls_of_a_voxel_from_afar_have_their_area_wherever_they_meet_pixels(
     assert np.abs(areas / wall_area(tilt) - 1).max() < 0.05
 
 
+@pytest.mark.parametrize("opacity", [1.0, 0.3])
+@pytest.mark.parametrize("what", ["specks", "pores", "slits"])
+def test_what_may_hide_between_first_rays_has_its_area(
+    what: str, opacity: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng, values = np.random.default_rng(2), np.zeros((60, 60, 60), np.uint8)
+    if what == "specks":
+        values[rng.random(values.shape) < 5e-4] = 100
+    else:
+        values[24:28, 6:54, 6:54] = 100
+        where = (rng.integers(0, 60, 30), rng.integers(0, 60, 30))
+        values[:, where[0] if what == "pores" else slice(None), where[1]] = 0
+    camera, size = ahead(values, 0.125)
+    look = Appearance(from_points([(50, (1, 1, 1), 0.0), (51, (1, 1, 1), opacity)]), light=None)
+    how = Resampler(order=Rays(quality="usual"))
+    subject = Subject.of(as_volume(values), look, how)
+    eye, areas = subject.camera(camera, *size), []
+    for first in (painting.FIRST_RAYS, 99):
+        monkeypatch.setattr(painting, "FIRST_RAYS", first)
+        frame = how(subject.samples_for(eye), eye, height=size[0], width=size[1])
+        areas.append(frame.rgba[..., 3].sum(dtype=np.float64))
+    assert areas[0] == pytest.approx(areas[1], rel=0.02)
+    assert areas[1] > 0.3
+
+
 @pytest.mark.parametrize("kind", ["u1", "f4"])
 def test_a_wall_of_a_voxel_is_as_wide_from_close_by(kind: str) -> None:
     assert np.abs(areas_of_walls(kind, 3.0, 0, "best") / 20 - 1).max() < 0.05

@@ -126,6 +126,8 @@ def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int
 @inner_kernel
 def _may_show(output: Output, home: Home, n: int, row: int, column: int) -> bool:
     """Whether anything may be visible in a square around a sub-pixel."""
+    if output.shown.size == 0:
+        return True
     margin, (rows, columns) = output.tables.pixel_margin, output.shown.shape
     down = (row / n + home.top - margin - output.top) * output.per_square
     right = (column / n + home.left - margin - output.left) * output.per_square
@@ -140,7 +142,7 @@ def _is_even_square(
 ) -> bool:
     """Whether a square of sub-pixels is as opaque as those around it, by the first ray of each.
 
-    Where all are empty, but something may be visible, it may lie between the rays.
+    Where one of them is empty, but something may be visible, it may lie between the rays.
     """
     rows, columns, _ = fine.shape
     here = fine[top, left, ALPHA]
@@ -151,7 +153,7 @@ def _is_even_square(
             above, below = max(above, beside), min(below, beside)
     if above - below > ALIKE:
         return False
-    return bool(above > 0.0 or not _may_show(output, home, n, top, left))
+    return bool(below > 0.0 or not _may_show(output, home, n, top, left))
 
 
 @inner_kernel
@@ -191,11 +193,12 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
     First cast rays `apart`. Then, at half that distance, fill in those in the middle of four, and
     those between these, by rays only where their surroundings are uneven; and so on.
 
-    Where it is known in which squares something may be visible, a ray is cast in each of them, then
-    in each of their quarters where they differ from those around, and so on.
+    Rays of a grid that drifts are cast one in each square, then one in each of its quarters where
+    it differs from those around, and so on.
     """
     rows, columns, _ = fine.shape
-    half, stage, is_in_squares = output.apart, GRID, output.shown.size > 0
+    half, stage = output.apart, GRID
+    is_in_squares = output.drift > 0.0 and output.apart > 1
     while half > 0:
         for row in range(
             half if stage == CENTERS else 0, rows, half if stage != CENTERS else 2 * half
@@ -206,11 +209,12 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
             for column in range(start, columns, half if is_each else 2 * half):
                 # Leave out what is empty, and what is known already.
                 place = row, column
+                if stage == REST and not np.isnan(fine[row, column, ALPHA]):
+                    continue
+                if stage != REST and not _may_show(output, home, n, row, column):
+                    fine[row, column, FIRST] = np.inf
+                    continue
                 if is_in_squares:
-                    if stage == GRID and not _may_show(output, home, n, row, column):
-                        continue
-                    if stage == REST and not np.isnan(fine[row, column, ALPHA]):
-                        continue
                     place = _place_in_square(half, row, column, fine)
                 # Interpolate where four sub-pixels on each line are inside the tile.
                 far = 3 * half
