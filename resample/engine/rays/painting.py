@@ -124,65 +124,51 @@ def _place_in_square(apart: int, top: int, left: int, fine: Floats) -> tuple[int
 
 
 @inner_kernel
-def _may_show(output: Output, home: Home, n: int, row: int, column: int) -> bool:
-    """Whether anything may be visible in a square around a sub-pixel."""
-    if output.shown.size == 0:
+def _may_show(shown: Flags, row: float, column: float) -> bool:
+    """Whether anything may be visible around a place that counts squares; unless they are known."""
+    if shown.size == 0:
         return True
-    margin, (rows, columns) = output.tables.pixel_margin, output.shown.shape
-    down = (row / n + home.top - margin - output.top) * output.per_square
-    right = (column / n + home.left - margin - output.left) * output.per_square
-    return bool(
-        output.shown[min(max(0, int(down)), rows - 1), min(max(0, int(right)), columns - 1)]
-    )
+    rows, columns = shown.shape
+    return bool(shown[min(max(0, int(row)), rows - 1), min(max(0, int(column)), columns - 1)])
 
 
 @inner_kernel
-def _is_even_square(
-    apart: int, output: Output, home: Home, n: int, fine: Floats, top: int, left: int
-) -> bool:
-    """Whether a square of sub-pixels is as opaque as those around it, by the first ray of each.
-
-    Where one of them is empty, but something may be visible, it may lie between the rays.
-    """
-    rows, columns, _ = fine.shape
-    here = fine[top, left, ALPHA]
-    above, below = here, here
-    for row in range(max(0, top - apart), min(rows, top + 2 * apart), apart):
-        for column in range(max(0, left - apart), min(columns, left + 2 * apart), apart):
-            beside = fine[row, column, ALPHA]
-            above, below = max(above, beside), min(below, beside)
-    if above - below > ALIKE:
-        return False
-    return bool(below > 0.0 or not _may_show(output, home, n, top, left))
-
-
-@inner_kernel
-def _fill_even_squares(apart: int, output: Output, home: Home, n: int, fine: Floats) -> None:
+def _fill_even_squares(
+    apart: int, shown: Flags, first: tuple[float, float], per: float, fine: Floats
+) -> None:
     """Copy the first ray of each square, which its corner has, to all of it if it is even.
 
-    Elsewhere opacity that is not a number tells where rays are still to be cast.
+    A square is even if it is as opaque as those around it, by the first ray of each. Where one of
+    them is empty, but something may be visible, it may lie between the rays. Elsewhere opacity that
+    is not a number tells where rays are still to be cast. `first`: place of the tile, in squares
+    that may be shown, `per` sub-pixel.
     """
     rows, columns, _ = fine.shape
     # Decide for all squares before any corner changes; light leaves room for that in its value.
     for top in range(0, rows, apart):
         for left in range(0, columns, apart):
-            is_even = _is_even_square(apart, output, home, n, fine, top, left)
+            above = below = fine[top, left, ALPHA]
+            for row in range(max(0, top - apart), min(rows, top + 2 * apart), apart):
+                for column in range(max(0, left - apart), min(columns, left + 2 * apart), apart):
+                    beside = fine[row, column, ALPHA]
+                    above, below = max(above, beside), min(below, beside)
+            is_even = above - below <= ALIKE and (
+                below > 0.0 or not _may_show(shown, first[0] + top * per, first[1] + left * per)
+            )
             fine[top, left, VALUE] = 1.0 if is_even else 0.0
     for top in range(0, rows, apart):
         for left in range(0, columns, apart):
             here = fine[top, left]
             is_even, here[VALUE] = here[VALUE] > 0.0, np.float32(0.0)
-            if is_even and here[COVER] == 0.0 and apart == output.apart:
-                continue
-            first = _place_in_square(apart, top, left, fine)
+            known = _place_in_square(apart, top, left, fine)
             for number in range(NUMBERS):
-                fine[first[0], first[1], number] = here[number]
+                fine[known[0], known[1], number] = here[number]
             for row in range(top, min(rows, top + apart)):
                 for column in range(left, min(columns, left + apart)):
                     if is_even:
                         for number in range(NUMBERS):
                             fine[row, column, number] = here[number]
-                    elif apart > 2 or row != first[0] or column != first[1]:
+                    elif apart > 2 or row != known[0] or column != known[1]:
                         fine[row, column, ALPHA] = np.nan
 
 
@@ -199,6 +185,12 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
     rows, columns, _ = fine.shape
     half, stage = output.apart, GRID
     is_in_squares = output.drift > 0.0 and output.apart > 1
+    # Place of the tile, and of a sub-pixel, in squares of the screen.
+    per, margin = output.per_square / n, output.tables.pixel_margin
+    first = (
+        (home.top - margin - output.top) * output.per_square,
+        (home.left - margin - output.left) * output.per_square,
+    )
     while half > 0:
         for row in range(
             half if stage == CENTERS else 0, rows, half if stage != CENTERS else 2 * half
@@ -211,7 +203,9 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
                 place = row, column
                 if stage == REST and not np.isnan(fine[row, column, ALPHA]):
                     continue
-                if stage != REST and not _may_show(output, home, n, row, column):
+                if stage != REST and not _may_show(
+                    output.shown, first[0] + row * per, first[1] + column * per
+                ):
                     fine[row, column, FIRST] = np.inf
                     continue
                 if is_in_squares:
@@ -234,7 +228,7 @@ def _cast_rays(way: Any, medium: Medium, output: Output, home: Home, n: int, fin
         # Halve the distance: first the centers of squares, then the points between.
         if is_in_squares:
             if half > 1:
-                _fill_even_squares(half, output, home, n, fine)
+                _fill_even_squares(half, output.shown, first, per, fine)
             half, stage = half >> 1, REST
         elif stage == CENTERS:
             stage = BETWEEN
