@@ -219,13 +219,13 @@ def test_a_process_that_is_forked_while_another_thread_compiles_can_compile():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_a_forked_process_does_not_keep_others_from_compiling(kept):
     ends, lives = os.pipe()
-    with compiling.in_turn("a_kernel"):
+    with compiling.in_turn(kept / "a_kernel.kernel"):
+        lock = os.open(kept / "a_kernel.lock", os.O_RDWR)
         child = os.fork()
         if child == 0:
             os.close(lives)
             os.read(ends, 1)  # lives on, with all that was open
             os._exit(0)
-    lock = os.open(kept / "a_kernel.lock", os.O_RDWR)
     compiling.fcntl.flock(lock, compiling.fcntl.LOCK_EX | compiling.fcntl.LOCK_NB)
     for opened in (lock, ends, lives):
         os.close(opened)
@@ -292,6 +292,56 @@ def test_of_processes_that_want_one_kernel_at_once_one_compiles_it(tmp_path):
         process.stdin.flush()
     counts = [compiled_and_loaded(process) for process in processes]
     assert sorted(counts) == [[0, 1], [0, 1], [1, 0]]
+
+
+SLOW_FOR_INTEGERS = """
+import sys
+from numba import types
+from numba.extending import overload
+from resample.engine import jit
+
+def same(x):
+    return x
+
+@overload(same)
+def compiled(x):
+    if isinstance(x, types.Integer):
+        print("compiling", flush=True)
+        sys.stdin.readline()
+    return lambda x: x
+
+@jit.kernel
+def doubled(x):
+    return 2 * same(x)
+
+print(doubled(2.5 if "real" in sys.argv else 2), flush=True)
+"""
+
+
+@pytest.mark.sweep
+@compiled_only
+def test_a_process_that_compiles_a_kernel_keeps_no_other_from_compiling_it_for_other_types(
+    tmp_path,
+):
+    source = tmp_path / "a_kernel_of_a_test.py"
+    source.write_text(SLOW_FOR_INTEGERS)
+    cache = tmp_path / "cache"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    command = [sys.executable, str(source)]
+    with subprocess.Popen(command, env=environment, **pipes) as slow:
+        try:
+            assert slow.stdout.readline() == "compiling\n"
+            printed = subprocess.check_output(
+                [*command, "real"], env=environment, timeout=PATIENCE, text=True
+            )
+            assert printed == "5.0\n"
+            assert slow.poll() is None
+        finally:
+            printed = slow.communicate("go on\n", PATIENCE)[0]
+    assert printed == "4\n"
+    assert len(files(cache)) == 2
+    assert not list(cache.glob("*.lock"))
 
 
 @pytest.mark.sweep

@@ -223,18 +223,23 @@ def _note_use(path: Path) -> None:
 
 
 @contextmanager
-def in_turn(name: str) -> Iterator[None]:
-    """Wait until no other process or thread loads or compiles the kernel of a name."""
+def in_turn(path: Path) -> Iterator[None]:
+    """Wait until no other process or thread compiles the kernel that a file is to hold."""
+    lock_path = path.with_suffix(".lock")
     with ExitStack() as held:
         with suppress(OSError):  # a folder that has gone, a file system without locks: do not wait
             if fcntl is not None:
-                folder().mkdir(0o755, parents=True, exist_ok=True)
-                check_own(folder())
-                lock = held.enter_context((folder() / f"{name}.lock").open("ab"))
+                path.parent.mkdir(0o755, parents=True, exist_ok=True)
+                check_own(path.parent)
+                lock = held.enter_context(lock_path.open("ab"))
                 fcntl.flock(lock, fcntl.LOCK_EX)
                 # To close the file is not enough: a forked process may hold it, too.
                 held.callback(fcntl.flock, lock, fcntl.LOCK_UN)
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):  # who comes later finds the kernel, so it needs no lock
+                lock_path.unlink()
 
 
 @cache
@@ -248,12 +253,15 @@ def _say_that_it_compiles(name: str) -> None:
 
 
 def _keep(compiled: Any, called: Any) -> None:
-    """Keep a kernel's machine code on disk, compiled by one process at a time."""
-    compiled._cache = KernelCache(called)
-    compile_now, name = compiled.compile, f"{called.__module__}.{called.__qualname__}"
+    """Keep a kernel's machine code on disk; each file's is compiled by one process at a time."""
+    compiled._cache = kept = KernelCache(called)
+    compile_now = compiled.compile
 
     def compile_in_turn(signature: Any) -> Any:
-        with in_turn(name):
+        path = kept.path(signature)
+        if path is None or path.exists():
+            return compile_now(signature)
+        with in_turn(path):
             return compile_now(signature)
 
     compiled.compile = compile_in_turn
