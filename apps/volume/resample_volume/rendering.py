@@ -78,7 +78,8 @@ if TYPE_CHECKING:
 Visible: TypeAlias = Voxels | FieldVoxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what a renderer gets
 Fit = Literal["visible", "volume"]  # what cameras orbit
-Fitted = Fit | Literal["picture"]  # as `visible`, then zoomed and panned to fill the picture
+# As `visible`, then zoomed and panned to fill the picture, or nine tenths of it.
+Fitted = Fit | Literal["picture", "most"]
 
 
 class Placement(NamedTuple):

@@ -19,9 +19,27 @@ RAMP: list[tuple[float, Color, float]] = [(0.0, CLAY, 0.0), (0.2, SAND, 0.5), (1
 
 # Thin soft material is a veil in front of dense material.
 SOFT, VEIL = (0.45, 0.62, 0.4), 0.15
+SOLID = 0.5  # fraction of a body's voxels whose neighbours are all of it
 DIP = 0.9  # greatest valley before a soft material's peak, of the peak's height
 MOST_SOFT = 3.0  # ratio to dense voxels: a larger one is an embedding medium
 MOST_AROUND = 0.01  # share of the border that may be soft: more is the surroundings
+
+# Values on both sides of zero, which is transparent. Colors are full from where they are seen on: a
+# pale rim would hide what it surrounds.
+COLD, COOL, WARM, HOT = (0.23, 0.3, 0.75), (0.5, 0.67, 0.98), (0.96, 0.62, 0.48), (0.75, 0.08, 0.15)
+OTHER_SIDE = 0.15  # least extent of the smaller side, of the larger
+NEAR_ZERO = 0.1  # of the larger side, within which half of all voxels must be
+NOISE, LEAST_START, MOST_START = 4.0, 0.08, 0.35  # standard deviations; of the larger side
+
+# Thin, faint structure away from dense material, such as small vessels: noise is `SURE` standard
+# deviations from what is around it, and never less than a fraction of the range.
+SURE, LEAST_NOISE = 5.0, 0.02
+APART, FRIENDS = 2, 4  # voxels between dense and faint ones; least faint ones in 3 x 3 x 3
+WIDTH, MOSTLY = 4, 0.5  # voxels; fraction of what is faint that must be as thin along two axes
+LEAST_FAINT = 2e-5  # of all voxels
+FAINT = 0.4  # its opacity
+# Hot spots in a body of a value of its own, as of positron emission: dense voxels are few.
+BODY, MOST_HOT, BODY_DEPTH = (0.45, 0.55, 0.7), 0.02, 0.7  # color; share; the body's opacity
 
 # HU where flesh begins and where lungs end; lungs are a peak with clear valleys, a large share of
 # voxels, rarely at the border.
@@ -64,13 +82,16 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
 
     Values below Otsu's threshold (1979), which splits the histogram into the two most homogeneous
     classes, are transparent; above it opacity rises quickly to a half per voxel. If the volume's
-    border lies above it, this is reversed. Padding and outliers are left out.
+    border lies above it, this is reversed. Padding and outliers are left out. Of floating-point
+    values around zero both signs are visible.
     """
     import cv2
 
     low, high = known.span
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
+    if volume.values.dtype.kind == "f" and is_signed(known):
+        return _signed(known)
     some = _codes(values_of(volume.values).sample(), known)
     if not some.size:  # the rest lies between the samples
         some = _codes(known.levels.value, known)
@@ -79,8 +100,46 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     is_dense = bool(around.size) and np.mean(around > threshold) >= SURROUNDING
     if is_dense and np.mean(some <= threshold) >= LEAST_WITHIN:
         return _reversed(ramp(1 - threshold / 256))
-    soft = _soft(known, _each(volume), around, low + (high - low) * threshold / 255)
-    return ramp((threshold + 1) / 256) if soft is None else _with_soft(soft, known, threshold)
+    limit = low + (high - low) * threshold / 255
+    soft = _soft(known, _each(volume), around, limit)
+    if soft is not None:
+        return _with_soft(soft, known, threshold)
+    if (body := _body(volume, known, limit)) is not None:
+        return _with_body(body, known, threshold, volume.values.size)
+    faint = _faint(values_of(volume.values).sample(), known, limit)
+    return ramp((threshold + 1) / 256) if faint is None else _with_faint(faint, known, threshold)
+
+
+def is_signed(known: Survey) -> bool:
+    """Return whether values spread to both sides of zero, around which most are."""
+    limit, smaller = max(-known.low, known.high), min(-known.low, known.high)
+    if smaller < OTHER_SIDE * limit or not known.levels.value.size:
+        return False
+    return known.levels.share(-NEAR_ZERO * limit, NEAR_ZERO * limit) >= 0.5 * known.levels.share(
+        known.low, known.high
+    )
+
+
+def _signed(known: Survey) -> TransferFunction:
+    """Return blue below zero, red above, and nothing around it, where there may be noise."""
+    limit = max(-known.low, known.high)
+    away = known.levels.value != 0  # what is outside of a measured region
+    size = np.abs(known.levels.value[away])
+    order = np.argsort(size)
+    total = np.cumsum(known.levels.number[away][order])
+    typical = size[order][np.searchsorted(total, total[-1] / 2)]
+    start = limit * float(np.clip(NOISE * typical / 0.6745 / limit, LEAST_START, MOST_START))
+    soon = start + RAMP[1][0] * (limit - start)
+    return from_points(
+        [
+            (-limit, COLD, RAMP[2][2]),
+            (-soon, COOL, RAMP[1][2]),
+            (-start, COOL, 0.0),
+            (start, WARM, 0.0),
+            (soon, WARM, RAMP[1][2]),
+            (limit, HOT, RAMP[2][2]),
+        ]
+    )
 
 
 def _soft(known: Survey, each: int, around: NDArray[np.uint8], threshold: float) -> Peak | None:
@@ -92,6 +151,68 @@ def _soft(known: Survey, each: int, around: NDArray[np.uint8], threshold: float)
     first, last = ((value - low) / (high - low) * 255 for value in (soft.before, soft.after))
     is_soft = (around >= first) & (around <= last)
     return None if around.size and np.mean(is_soft) > MOST_AROUND else soft
+
+
+def _body(volume: Volume, known: Survey, threshold: float) -> Peak | None:
+    """Find the body around few hot spots: a peak between the surroundings and the threshold."""
+    if known.levels.share(threshold, known.high) > MOST_HOT:
+        return None
+    below = known.levels.between(0, int(np.searchsorted(known.levels.value, threshold)))
+    body = peak_between(below, threshold, threshold, DIP, _each(volume))
+    values = values_of(volume.values)
+    if body is None or np.mean(values.border() >= body.before) > MOST_HOT:
+        return None
+    inside = values.sample() >= body.before
+    solid = np.count_nonzero(_joined(inside, 1, np.logical_and))
+    return body if solid >= SOLID * np.count_nonzero(inside) else None
+
+
+def _faint(some: NDArray[Any], known: Survey, threshold: float) -> tuple[float, float] | None:
+    """Find structure below a threshold that is no edge of what is above it.
+
+    Returns the value halfway to it from its surroundings, and its typical value.
+    """
+    values = some if some.dtype.itemsize <= 2 else np.asarray(some, np.float32)
+    dense = values > threshold
+    rest = values[(values >= known.low) & ~dense][::7].astype(np.float32)
+    if not rest.size or rest.min() == rest.max() or not dense.any():
+        return None
+    middle = float(np.median(rest))
+    away = np.abs(rest - middle)
+    # Where most are equal, as below a limit of the scanner, noise is what differs.
+    noise = float(np.median(away if np.median(away) else away[away > 0])) / 0.6745
+    start = middle + SURE * max(noise, LEAST_NOISE / SURE * (known.high - known.low))
+    if start >= threshold:
+        return None
+    faint = (values > start) & ~_joined(dense, APART, np.logical_or)
+    is_faint = faint & (_joined(faint.astype(np.uint8), 1, np.add) > FRIENDS)
+    is_thin = is_faint & (_ends_soon(values <= start) >= 2)
+    thin = np.count_nonzero(is_thin)
+    if thin < max(LEAST_FAINT * values.size, MOSTLY * np.count_nonzero(is_faint)):
+        return None
+    typical = float(np.median(values[is_thin]))
+    return max(start, (middle + typical) / 2), typical
+
+
+def _joined(values: NDArray[Any], reach: int, join: np.ufunc) -> NDArray[Any]:
+    """Join values of cubes that reach some voxels from their middle to each side."""
+    for axis in range(3):
+        along = np.moveaxis(values, axis, 0)
+        total = along.copy(order="K")
+        for away in range(1, reach + 1):
+            join(total[away:], along[:-away], out=total[away:])
+            join(total[:-away], along[away:], out=total[:-away])
+        values = np.moveaxis(total, 0, axis)
+    return values
+
+
+def _ends_soon(outside: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Count the axes along which the surroundings are `WIDTH` voxels off on both sides."""
+    count = np.zeros(outside.shape, np.uint8)
+    for axis in range(3):
+        along, total = np.moveaxis(outside, axis, 0), np.moveaxis(count, axis, 0)
+        total[WIDTH:-WIDTH] += along[: -2 * WIDTH] & along[2 * WIDTH :]
+    return count
 
 
 def _each(volume: Volume) -> int:
@@ -107,6 +228,29 @@ def _with_soft(soft: Peak, known: Survey, threshold: float) -> TransferFunction:
     points = [(before, SOFT, 0.0), (peak, SOFT, VEIL), (after, SOFT, VEIL)]
     start = max(float(dense.value[0]), after)
     points += [(start, CLAY, VEIL), *((max(start, v), c, o) for v, c, o in _points(dense)[1:])]
+    return from_points(points, normalized=True)
+
+
+def _with_body(body: Peak, known: Survey, threshold: float, size: int) -> TransferFunction:
+    """Return hot spots in a body that is a veil as deep as it is large."""
+    low, high = known.span
+    before, peak, _ = ((value - low) / (high - low) for value in body)
+    across = np.cbrt(body.share(known.levels) / known.levels.share(low, high) * size)
+    veil = 1 - (1 - BODY_DEPTH) ** (1 / max(1.0, float(across)))
+    hot = ramp((threshold + 1) / 256)
+    points = [(before, BODY, 0.0), (peak, BODY, veil)]
+    points += [(max(peak, v), c, max(o, VEIL)) for v, c, o in _points(hot)]
+    return from_points(points, normalized=True)
+
+
+def _with_faint(faint: tuple[float, float], known: Survey, threshold: float) -> TransferFunction:
+    """Return dense material as in `ramp`, from the values on that faint structure has."""
+    low, high = known.span
+    start, typical = ((value - low) / (high - low) for value in faint)
+    dense = ramp((threshold + 1) / 256)
+    end = max(float(dense.value[0]), typical)
+    points = [(start, CLAY, 0.0), (typical, CLAY, FAINT), (end, CLAY, FAINT)]
+    points += [(max(end, v), c, max(o, FAINT)) for v, c, o in _points(dense)]
     return from_points(points, normalized=True)
 
 

@@ -106,6 +106,11 @@ BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of cha
 POINT, SLASHED = (rf"{NUMBER}{by}[^/,:+\s]+{by}{NUMBER}" for by in ",/")
 POINTS = re.compile(rf"{POINT}(?:\s+{POINT})*|{SLASHED}(?:,{SLASHED})*", re.IGNORECASE)
 SOFT = 0.1  # of a range of values, over which its opacity rises and falls
+# Colormaps of two colors with a neutral middle: it is transparent, and zero if there is one.
+DIVERGING = re.compile(
+    "(PiYG|PRGn|BrBG|PuOr|RdGy|RdBu|RdYlBu|RdYlGn|Spectral|coolwarm|bwr|seismic|berlin|managua|"
+    "vanimo)(_r)?"
+)
 
 Window = tuple[float, float]  # least and greatest value
 
@@ -164,7 +169,14 @@ class Names:
             return PRESETS[name]()
         if name in TISSUES:
             raise ValueError(self._why_no_tissue(name))
-        return _colormap(name)
+        found = _colormap(name)
+        if not DIVERGING.fullmatch(name):
+            return found
+        found = replace(found, opacity=(2 * found.value - 1) ** 2)  # noise stays faint
+        if self.window is None and self.known is not None and self.known.low < 0 < self.known.high:
+            limit = max(-self.known.low, self.known.high)
+            return spread(found, (-limit, limit))
+        return found
 
     def _automatic(self, volume: Volume, known: Survey) -> Transfer:
         if self.window is not None:
@@ -213,7 +225,8 @@ def load_transfer(name: str | Path) -> Transfer:
         One of `PRESETS`; one of `TISSUES`, which are in Hounsfield units; a range of data
         values such as `300..900`, soft at its borders; points of value, color and opacity such as
         `40,tomato,0 120,#ffcc00,0.4`, linear between them; a matplotlib colormap, over the range of
-        the data and with an opacity that rises from 0 to 1; or a file ending in .json or .toml.
+        the data and with an opacity that rises from 0 to 1, of diverging ones (RdBu, coolwarm) from
+        0 in the middle, which is zero if values have both signs; or a .json or .toml file.
         After all but a file `:opacity=0.2,low=0.3` multiplies all opacities (0..1) and makes
         transparent what is below a value (for functions of fractions 0..1 of the data's range);
         `color=tomato` takes one color, and `gradient=0.1,0.5` fades homogeneous regions, as in

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from resample_volume.types import Volume
 
 Lit = under(LIGHT)
+FROM_ABOVE = "30,20,1"  # the camera if none is asked for
 TRANSFER = Inline(rule="resample_volume.classification.presets:names_file")
 
 
@@ -194,7 +195,7 @@ class AppearanceChoices(Choices):
             description="Length in scene units to which opacities refer. [default: a voxel's size]",
         ),
     ] = None
-    camera: Viewed = "30,20,1"
+    camera: Viewed = FROM_ABOVE
     fov: FieldOfView = 30.0
     up: Up = "z"
     fit: Annotated[
@@ -553,7 +554,8 @@ class BesidePicture(BesideFilm):
         Switch,
         Field(
             description="Zoom and pan so that everything visible fills the picture, and print "
-            "that camera. The zoom of --camera multiplies it."
+            "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
+            "in space, what is visible fills nine tenths of the picture."
         ),
     ] = False
     deep: Annotated[
@@ -567,7 +569,10 @@ class BesidePicture(BesideFilm):
 
     def fit(self, look: AppearanceChoices) -> "Fitted":
         """Return what the camera is fitted to."""
-        return "picture" if self.zoom_in else look.fit
+        if self.zoom_in:
+            return "picture"
+        is_free = look.camera == FROM_ABOVE and look.fit == "visible"
+        return "most" if is_free and not self.annotations().is_any else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Reject an impossible color bar or deep picture before any work is done."""

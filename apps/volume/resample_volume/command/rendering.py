@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Viewpoint
+from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.command.session import Session, libraries
 from resample.command.settings import Sharing
 from resample.console import Color, say
@@ -187,19 +187,23 @@ def to_paint(
 ) -> PreparedPicture:
     """Prepare volumes to be painted here, or by workers.
 
-    The fit `picture` is `visible` with the camera zoomed and panned to fill the picture; that
-    camera is printed.
+    The fits `picture` and `most` are `visible` with the camera zoomed and panned to fill the
+    picture, or most of it; the camera of the first is printed.
     """
     if context.sharing.has_workers:
         from resample_volume.command.bands import SharedScene, check_workers, painted_by
 
         check_workers(media, resampler)
-    around: Fit = "visible" if fit == "picture" else fit
+    around: Fit = "volume" if fit == "volume" else "visible"
     subject = scene_of(session, media, resampler, around, size)
-    if fit == "picture":
-        from resample_volume.command.filling import filled
+    if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
+        from resample_volume.command.filling import MOST, filled
 
-        viewpoint = filled(viewpoint, subject, media, resampler, size)
+        part = MOST if fit == "most" else 1.0
+        viewpoint = filled(viewpoint, subject, media, resampler, size, part)
+        if fit == "picture":
+            turned = (viewpoint.azimuth, viewpoint.elevation, viewpoint.zoom, *viewpoint.pan)
+            say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
     camera = subject.camera(viewpoint, *size)
     seen, painter = lit(session, subject, camera), subject.painter(resampler)
 

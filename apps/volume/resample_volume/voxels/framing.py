@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from math import prod
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -14,9 +15,11 @@ from resample.cameras.viewpoints import MARGIN, Orbit, Sphere
 from resample.memory import require_memory
 from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats, Indices, View
-from resample_volume.classification.surveys import ends
+from resample_volume.classification.surveys import ends, survey
 from resample_volume.classification.transfer import Transfer, visible_places
 from resample_volume.data.parts import slabs
+from resample_volume.data.scanning import step_of
+from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import inside
 from resample_volume.voxels.visible import finite_range, lattice_of, positions_at
@@ -31,6 +34,7 @@ STRAY_GAP, STRAY_VOXELS = (
     0.05,
     3.0,
 )  # distance of outliers from the others: fraction of the extent, and voxels
+FLESH = -200.0  # HU, from which on voxels are a body's
 REACH = 2.0  # voxels by which kernels extend beyond the outermost voxels
 BINS = 4096  # along an axis
 
@@ -46,6 +50,14 @@ class Placed(Protocol):
     def lattice(self) -> Doubles:
         """(3, 3) columns are the steps to the neighbours, scene units."""
 
+
+# What a camera frames of a volume: the largest connected parts.
+CELLS = 64  # along the longest axis, in which connections are looked for
+LEAST_PART, MOST_LEFT_OUT = 0.005, 0.02  # of the largest part; of all that is visible
+THIN, LEAST_BODY = (
+    5.0,
+    0.05,
+)  # mm off a body's surface; smallest body, of the largest
 
 Parts = Callable[[], Iterable[Floats]]  # positions (N, 3) of some voxels after others, each time
 
@@ -74,6 +86,7 @@ def shown_by(
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     lattice = lattice_of(volume)
+    shape = volume.values.shape
 
     def places() -> Iterator[Indices]:
         start = 0
@@ -85,22 +98,88 @@ def shown_by(
             yield start + seen
             start += value.size
 
-    def placed(place: Indices) -> Floats:
-        position = positions_at(volume, place)
-        return position[inside(position, lattice, planes, radius)] if len(planes) else position
+    kept: Callable[[], Iterable[Indices]] = places
+    if not is_in_file(volume.values):
+        found, count = [], 0
+        for seen in places():
+            found.append(seen)
+            count += seen.size
+            require_memory(
+                BYTES_PER_PLACE * count,
+                f"a camera around the {count} or more visible voxels of {volume.name}",
+                "fit it to the whole volume (--fit volume), or show less of it",
+            )
+        kept = partial(iter, (np.concatenate(found),))
+    counting = None if len(planes) else _body(volume) or _main_parts(kept(), shape)
+
+    def placed() -> Iterator[Floats]:
+        for place in kept():
+            position = positions_at(volume, _counted(counting, place, shape))
+            yield position[inside(position, lattice, planes, radius)] if len(planes) else position
 
     if is_in_file(volume.values):
-        return FramedVoxels(lambda: map(placed, places()), lattice)
-    found, count = [], 0
-    for seen in places():
-        found.append(seen)
-        count += seen.size
-        require_memory(
-            BYTES_PER_PLACE * count,
-            f"a camera around the {count} or more visible voxels of {volume.name}",
-            "fit it to the whole volume (--fit volume), or show less of it",
-        )
-    return FramedVoxels(partial(iter, (placed(np.concatenate(found)),)), lattice)
+        return FramedVoxels(placed, lattice)
+    return FramedVoxels(partial(iter, tuple(placed())), lattice)
+
+
+class Counting(NamedTuple):
+    """Cells of a volume in which visible voxels count for a camera."""
+
+    cells: NDArray[np.bool_]  # (Z, Y, X)
+    side: int  # voxels
+
+
+def _counted(counting: Counting | None, place: Indices, shape: tuple[int, ...]) -> Indices:
+    """Return those of the flat indices of voxels that count; all if None."""
+    if counting is None:
+        return place
+    at = tuple(index // counting.side for index in np.unravel_index(place, shape))
+    return place[counting.cells[at]]
+
+
+def _body(volume: Volume) -> Counting | None:
+    """Return the bodies in a CT scan, without tables, headrests and cables.
+
+    These are thin: nothing of them is left when a surface of `THIN` is worn off. None: the values
+    are no CT scan, or all of it is thin.
+    """
+    from scipy.ndimage import label, maximum_filter, minimum_filter
+
+    known = survey(volume)
+    if known.units.added is None:
+        return None
+    some, step = values_of(volume.values).sample(), step_of(volume.values.size)
+    worn = np.ceil(THIN / (volume.spacing[::-1] * step)).astype(np.int64)
+    thick = minimum_filter(some > FLESH + known.units.added, tuple(2 * worn + 1), mode="nearest")
+    part, count = label(thick, np.ones((3, 3, 3)))
+    if not count:
+        return None
+    sizes = np.bincount(part.ravel())
+    sizes[0] = 0
+    bodies = (sizes >= LEAST_BODY * sizes.max())[part]
+    return Counting(maximum_filter(bodies, tuple(2 * worn + 3)), step)
+
+
+def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
+    """Return all but the small parts of what is visible, by flat indices of voxels.
+
+    None: small parts are too many to be left out.
+    """
+    from scipy.ndimage import label
+
+    side = -(-max(shape) // CELLS)
+    cells = tuple(-(-size // side) for size in shape)
+    number = np.zeros(prod(cells), np.int64)
+    for place in places:
+        of_cell = np.ravel_multi_index([n // side for n in np.unravel_index(place, shape)], cells)
+        number += np.bincount(of_cell, minlength=number.size)
+    part, _ = label(number.reshape(cells) > 0, np.ones((3, 3, 3)))
+    sizes = np.bincount(part.ravel(), number)
+    is_small = sizes < LEAST_PART * sizes[1:].max(initial=0)
+    is_small[0] = False
+    if not 0 < sizes[is_small].sum() <= MOST_LEFT_OUT * sizes.sum():
+        return None
+    return Counting(~is_small[part], side)
 
 
 def corners(volume: Volume) -> Doubles:
