@@ -1,7 +1,8 @@
 """Render a volume: classify, shade, resample."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
@@ -78,7 +79,7 @@ if TYPE_CHECKING:
 Visible: TypeAlias = Voxels | FieldVoxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what a renderer gets
 Fit = Literal["visible", "volume"]  # what cameras orbit
-# As `visible`, then zoomed and panned to fill the picture, or nine tenths of it.
+# As `visible`, then zoomed and panned to fill the picture, or most of it.
 Fitted = Fit | Literal["picture", "most"]
 
 
@@ -129,6 +130,11 @@ def shown_together(
         shown.append(shown_by(volume, framing, clip, radius, resampler.iso))
     coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))
     return coarsest._replace(parts=lambda: chain.from_iterable(one.parts() for one in shown))
+
+
+def _visible_part(voxels: Visible, resampler: Resampler) -> "Placed | FramedVoxels":
+    """Return those of classified voxels that a camera frames."""
+    return framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
 
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
@@ -250,6 +256,8 @@ class Subject:
     clip: Doubles  # (M, 4) planes, for the resampler
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
     tone: Tone = AS_IT_IS  # of its frames
+    # Voxels that are visible, found anew at each call; None: cameras orbit the whole volume.
+    seen: "Callable[[], Placed | FramedVoxels] | None" = None
 
     @classmethod
     def of(
@@ -295,13 +303,12 @@ class Subject:
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
-        shown: Placed | FramedVoxels
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
-            shown = shown_together([(scene, appearance)], clip, resampler)
+            shown = partial(shown_together, [(scene, appearance)], clip, resampler)
         else:
-            shown = framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
-        ball = around_both(sphere_around(shown, scene), mesh.corner)
-        return cls(voxels, appearance, ball, middle, clip, mesh, tone)
+            shown = partial(_visible_part, voxels, resampler)
+        ball = around_both(sphere_around(shown(), scene), mesh.corner)
+        return cls(voxels, appearance, ball, middle, clip, mesh, tone, shown)
 
     @classmethod
     def of_several(
@@ -332,11 +339,12 @@ class Subject:
         mesh, light = _placed(tuple(meshes), place.middle), looks[0].light
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
-        ball = ball_around(scene)
-        if fit != "volume":
-            shown = shown_together(zip(volumes, looks, strict=True), clip, resampler)
-            ball = around_both(sphere_around(shown, scene), mesh.corner)
-        return cls(fields, looks[0], ball, place.middle, clip, mesh)
+        if fit == "volume":
+            return cls(fields, looks[0], ball_around(scene), place.middle, clip, mesh)
+        layers = list(zip(volumes, looks, strict=True))
+        shown = partial(shown_together, layers, clip, resampler)
+        ball = around_both(sphere_around(shown(), scene), mesh.corner)
+        return cls(fields, looks[0], ball, place.middle, clip, mesh, seen=shown)
 
     def placed(self, volume: Volume) -> Volume:
         """Return one of the volumes, moved around the scene's origin."""

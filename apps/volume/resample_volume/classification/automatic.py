@@ -172,9 +172,9 @@ def _faint(some: NDArray[Any], known: Survey, threshold: float) -> tuple[float, 
 
     Returns the value halfway to it from its surroundings, and its typical value.
     """
-    values = some if some.dtype.itemsize <= 2 else np.asarray(some, np.float32)
+    values = some if some.dtype.itemsize <= 2 else np.asarray(some, np.float64)
     dense = values > threshold
-    rest = values[(values >= known.low) & ~dense][::7].astype(np.float32)
+    rest = values[(values >= known.low) & ~dense][::7].astype(np.float64)
     if not rest.size or rest.min() == rest.max() or not dense.any():
         return None
     middle = float(np.median(rest))

@@ -555,7 +555,7 @@ class BesidePicture(BesideFilm):
         Field(
             description="Zoom and pan so that everything visible fills the picture, and print "
             "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
-            "in space, what is visible fills nine tenths of the picture."
+            "in space, what is visible fills most of it."
         ),
     ] = False
     deep: Annotated[

@@ -197,10 +197,9 @@ def to_paint(
     around: Fit = "volume" if fit == "volume" else "visible"
     subject = scene_of(session, media, resampler, around, size)
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
-        from resample_volume.command.filling import MOST, filled
+        from resample_volume.command.filling import AROUND, filled
 
-        part = MOST if fit == "most" else 1.0
-        viewpoint = filled(viewpoint, subject, media, resampler, size, part)
+        viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
         if fit == "picture":
             turned = (viewpoint.azimuth, viewpoint.elevation, viewpoint.zoom, *viewpoint.pan)
             say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")

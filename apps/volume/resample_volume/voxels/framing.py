@@ -248,11 +248,13 @@ def filling(
     shown: "Placed | FramedVoxels",
     size: tuple[int, int],
     corner: Doubles = NO_CORNERS,
+    around: float = 0.0,
 ) -> Orbit:
     """Zoom and pan an orbit so that everything visible fills the picture; unchanged if nothing is.
 
     `shown`: visible voxels; outliers as of `sphere_around` do not count. `size`: height and width
     of the picture, px. `corner`: (N, 3) vertices of meshes, which are framed, too.
+    `around`: fraction of the sphere's radius that is left free on each side.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
     kept = _without_strays(parts_of(shown), voxel)
@@ -268,7 +270,8 @@ def filling(
     if not count:
         return orbit
     # The radius of kernels.
-    reach, distance = REACH * voxel, float((view.rotation @ sphere.center + view.translation)[2])
+    reach = max(REACH * voxel, around * sphere.radius)
+    distance = float((view.rotation @ sphere.center + view.translation)[2])
     half = np.maximum(np.array(size[::-1]) / 2 - MARGIN, 0.25 * min(size))
     shorter = min(size)
     if not view.perspective:
