@@ -207,7 +207,8 @@ def test_splats_are_red_when_colored_by_primitive():
     ],
 )
 def test_every_choice_changes_the_picture(words):
-    before, after = usual(volume=TREE), rendered(*words, volume=TREE)
+    from_afar = () if "--camera" in words else ("--camera", "30/20/1")
+    before, after = usual(*from_afar, volume=TREE), rendered(*from_afar, *words, volume=TREE)
     assert before.shape == after.shape
     assert np.abs(before - after).max() > 1e-3
 

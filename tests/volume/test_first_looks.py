@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import SimpleITK
 from scipy.ndimage import gaussian_filter
 
 from resample.files.images import read_image
@@ -201,3 +202,13 @@ def test_a_first_picture_is_filled(tmp_path, shape):
     seen = read_image(tmp_path / "a.png").any(axis=-1)
     share = [np.ptp(np.flatnonzero(seen.any(axis=axis))) / seen.shape[1 - axis] for axis in (0, 1)]
     assert 0.8 <= max(share) <= 0.97
+
+
+def test_info_says_where_no_orientation_is_stated(tmp_path, capsys):
+    np.save(tmp_path / "a.npy", vessels())
+    assert commands.ended(cli.app, "info", tmp_path / "a.npy") == 0
+    assert "--up -z" in capsys.readouterr().out
+    image = SimpleITK.GetImageFromArray(vessels())
+    SimpleITK.WriteImage(image, str(tmp_path / "a.nii"))
+    assert commands.ended(cli.app, "info", tmp_path / "a.nii") == 0
+    assert "--up" not in capsys.readouterr().out

@@ -40,6 +40,7 @@ LEAST_FAINT = 2e-5  # of all voxels
 FAINT = 0.4  # its opacity
 # Hot spots in a body of a value of its own, as of positron emission: dense voxels are few.
 BODY, MOST_HOT, BODY_DEPTH = (0.45, 0.55, 0.7), 0.02, 0.7  # color; share; the body's opacity
+MOST_CUT = 0.2  # share of the border at which the body is cut
 
 # HU where flesh begins and where lungs end; lungs are a peak with clear valleys, a large share of
 # voxels, rarely at the border.
@@ -160,7 +161,7 @@ def _body(volume: Volume, known: Survey, threshold: float) -> Peak | None:
     below = known.levels.between(0, int(np.searchsorted(known.levels.value, threshold)))
     body = peak_between(below, threshold, threshold, DIP, _each(volume))
     values = values_of(volume.values)
-    if body is None or np.mean(values.border() >= body.before) > MOST_HOT:
+    if body is None or np.mean(values.border() >= body.before) > MOST_CUT:
         return None
     inside = values.sample() >= body.before
     solid = np.count_nonzero(_joined(inside, 1, np.logical_and))

@@ -224,6 +224,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     any_known, at = bool(known.levels.value.size), partial(value_at, scale=volume.scale)
     labels = label_count(volume)
     seeming = f"{labels} whole numbers in regions: are they labels? (--labels)" if labels else ""
+    turned = "" if volume.space else "no orientation is stated: z points up (or --up -z, y, -y ...)"
     counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
     is_whole = volume.values.dtype.kind in "iu"
     spans = [at(np.array(span)).tolist() for span in (known.whole, known.span)]
@@ -246,7 +247,7 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "padded": known.padded,
         "stray": known.stray,
         "thresholds": {str(n): at(np.array(otsu(known.levels, n))).tolist() for n in (2, 3)},
-        "findings": [line for line in (volume.note, assumed(volume), seeming) if line]
+        "findings": [line for line in (volume.note, assumed(volume), turned, seeming) if line]
         + findings(known),
         "histogram": counts,
     }
