@@ -132,11 +132,6 @@ def shown_together(
     return coarsest._replace(parts=lambda: chain.from_iterable(one.parts() for one in shown))
 
 
-def _visible_part(voxels: Visible, resampler: Resampler) -> "Placed | FramedVoxels":
-    """Return those of classified voxels that a camera frames."""
-    return framed(voxels, resampler) if isinstance(voxels, FieldVoxels) else voxels
-
-
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Return the voxels that the transfer function shows, with gradients if needed."""
     transfer = transfer_of(volume, appearance)
@@ -303,10 +298,11 @@ class Subject:
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
+        shown: Callable[[], Placed | FramedVoxels]
         if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
             shown = partial(shown_together, [(scene, appearance)], clip, resampler)
         else:
-            shown = partial(_visible_part, voxels, resampler)
+            shown = partial(framed, voxels, resampler)
         ball = around_both(sphere_around(shown(), scene), mesh.corner)
         return cls(voxels, appearance, ball, middle, clip, mesh, tone, shown)
 

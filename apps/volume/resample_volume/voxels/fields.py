@@ -12,6 +12,7 @@ from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, TransferTable, tabulated
 from resample_volume.data.memory import require_memory
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import Placed
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.visible import (
     BYTES_PER_VOXEL,
@@ -77,11 +78,13 @@ def field_voxels(
     return FieldVoxels(positions_at(volume, voxel), value, slope, lattice, looks)
 
 
-def framed(voxels: FieldVoxels, resampler: Resampler) -> FieldVoxels:
+def framed(voxels: Placed, resampler: Resampler) -> Placed:
     """Return the voxels that are visible themselves, not only by interpolation.
 
-    A camera frames these. If there are none, all are returned.
+    A camera frames these. If there are none, all are returned, and so are classified ones.
     """
+    if not isinstance(voxels, FieldVoxels):
+        return voxels
     looks, iso = voxels.table, resampler.iso
     if iso is not None:
         seen = voxels.value >= iso
