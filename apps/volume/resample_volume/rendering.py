@@ -49,12 +49,11 @@ from resample_volume.media.appearance import (
     transfer_of,
 )
 from resample_volume.media.xrays import AS_IT_IS, MU_WATER, Tone, XRay, exposed, settled, tone_of
-from resample_volume.types import Volume
+from resample_volume.types import Placed, Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
     FramedVoxels,
-    Placed,
     Shifted,
     around_both,
     ball_around,

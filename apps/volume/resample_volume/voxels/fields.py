@@ -11,8 +11,7 @@ from resample.types import Classifier, Doubles, Field, Floats
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer, TransferTable, tabulated
 from resample_volume.data.memory import require_memory
-from resample_volume.types import Volume
-from resample_volume.voxels.framing import Placed
+from resample_volume.types import Placed, Volume
 from resample_volume.voxels.shading import Light, lamp_of
 from resample_volume.voxels.visible import (
     BYTES_PER_VOXEL,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from math import prod
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from resample_volume.classification.transfer import Transfer, visible_places
 from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import step_of
 from resample_volume.data.values import values_of
-from resample_volume.types import Volume
+from resample_volume.types import Placed, Volume
 from resample_volume.voxels.cropping import inside
 from resample_volume.voxels.visible import finite_range, lattice_of, positions_at
 
@@ -37,18 +37,6 @@ STRAY_GAP, STRAY_VOXELS = (
 FLESH = -200.0  # HU, from which on voxels are a body's
 REACH = 2.0  # voxels by which kernels extend beyond the outermost voxels
 BINS = 4096  # along an axis
-
-
-class Placed(Protocol):
-    """Protocol of anything on a lattice."""
-
-    @property
-    def position(self) -> Floats:
-        """(N, 3) scene units."""
-
-    @property
-    def lattice(self) -> Doubles:
-        """(3, 3) columns are the steps to the neighbours, scene units."""
 
 
 # What a camera frames of a volume: the largest connected parts.
