@@ -15,9 +15,9 @@ CHUNK = 1 << 22  # voxels processed together
 SHARE = 1 << 18  # voxels per task of a thread: temporaries stay in the CPU's cache
 
 
-def slabs(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Yield slices (z, Y, X) in order, about `CHUNK` voxels at a time; views, not copies."""
-    step = max(1, CHUNK // max(1, values[0].size))
+def slabs(values: NDArray[Any], voxels: int = CHUNK) -> Iterator[NDArray[Any]]:
+    """Yield slices (z, Y, X) in order, about so many voxels at a time; views, not copies."""
+    step = max(1, voxels // max(1, values[0].size))
     for z in range(0, len(values), step):
         yield values[z : z + step]
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats, Indices, View
 from resample_volume.classification.surveys import ends, survey
 from resample_volume.classification.transfer import Transfer, visible_places
-from resample_volume.data.parts import slabs
+from resample_volume.data.parts import SHARE, slabs
 from resample_volume.data.scanning import step_of
 from resample_volume.data.values import values_of
 from resample_volume.types import Placed, Volume
@@ -78,7 +78,7 @@ def shown_by(
 
     def places() -> Iterator[Indices]:
         start = 0
-        for slab in slabs(volume.values):
+        for slab in slabs(volume.values, SHARE):
             value = slab.reshape(-1)
             seen = visible_places(transfer, value, data_range)
             if iso is not None:
@@ -250,7 +250,7 @@ def filling(
 
     def places() -> Iterator[Floats]:
         """Yield places to the right, below and ahead of the sphere's center."""
-        for position in (*kept(), corner.astype(np.float32)):
+        for position in chain(kept(), (corner.astype(np.float32),)):
             away = position - sphere.center.astype(np.float32)
             yield away @ view.rotation.T.astype(np.float32)
 
