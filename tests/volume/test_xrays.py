@@ -345,13 +345,6 @@ def test_a_black_picture_of_sums_is_said_to_be_one(values, said):
     assert rendering._emptiness(frame, volume, Projection.XRAY) == said
 
 
-@pytest.mark.parametrize("share", [0.0, 0.2])
-def test_a_picture_without_coverage_is_said_to_be_empty(share):
-    frame = SimpleNamespace(coverage=np.array([0.0, share]))
-    said = rendering._emptiness(frame, None, Projection.COMPOSITE)
-    assert said == (None if share else "the picture is empty: no ray meets anything visible")
-
-
 @pytest.mark.sweep
 def test_air_alone_is_said(capsys):
     np.save("water.npy", np.full((8, 8, 8), AIR, np.float32))
