@@ -366,7 +366,7 @@ def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monk
     with allowing("3GiB"), caplog.at_level("INFO", "resample"):
         share_memory(Sharing(workers=2))
         options = FileOptions(scene.options, GaussianOptions())
-        elsewhere = frames_of(scan, options, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
+        elsewhere = frames_of([scan], options, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
     assert "and 1.00 GiB may be used: they are in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ from scipy.ndimage import gaussian_filter
 
 from resample_volume import cli
 from tests.commands import ended
+
+with suppress(ImportError):  # before a test opens a shell of IPython, which its log asks for
+    import astropy.io.fits  # noqa: F401
 
 PAGE = Path(__file__).parents[2] / "docs/howto/jobs.md"
 SECTION = re.compile(r"^## (.+?)$(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)

@@ -1,6 +1,7 @@
 """FITS, HDF5, Imaris, NetCDF, MGH, MINC, Analyze, files of microscopes, and stacks of pictures."""
 
 import sys
+from contextlib import suppress
 from types import ModuleType
 
 import numpy as np
@@ -12,6 +13,9 @@ from resample_volume.files.hdf5 import Hdf5
 from resample_volume.files.netcdf import NetCdf
 from resample_volume.files.source import open_recording, open_volume
 from tests.commands import ended
+
+with suppress(ImportError):  # before a test opens a shell of IPython, which its log asks for
+    import astropy.io.fits  # noqa: F401
 
 VALUES = np.random.default_rng(7).integers(0, 200, (4, 5, 6), np.uint8)  # (Z, Y, X)
 MORE = np.random.default_rng(8).integers(0, 200, (2, 3, 4, 5, 6), np.uint16)  # times, channels

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from resample_warp3d.command import stereo
+from resample_warp3d.command.parallax import Parallax
 from resample_warp3d.command.stereo import Eyes, StereoRendering
 
 WIDTH, FOCAL = 200, 150.0
-USUAL = SimpleNamespace(eyes=None, zero_plane=None)
+USUAL = Parallax.usual()
 
 
 def taken(nearness):
@@ -32,7 +33,7 @@ def test_a_flat_picture_has_a_parallax_of_1_5_percent_of_its_width_at_most(far, 
 
 
 def test_eyes_and_screen_are_where_they_are_asked_for():
-    found = Eyes.of(taken([0.1, 0.2, 0.5]), SimpleNamespace(eyes=0.06, zero_plane=4.0))
+    found = Eyes.of(taken([0.1, 0.2, 0.5]), Parallax(eyes=0.06, zero_plane=4.0))
     assert (found.gain, found.zero, found.apart) == pytest.approx((0.06 * FOCAL, 0.25, 0.06))
 
 
@@ -45,16 +46,16 @@ def test_pictures_of_directions_have_a_parallax_of_two_degrees(monkeypatch, far,
     monkeypatch.setattr(stereo, "_known", lambda *_: np.repeat([far, near], 500))
     found = Eyes.around(taken([1.0]), USUAL)
     assert found.apart * range_ == pytest.approx(np.radians(2.0))
-    assert Eyes.around(taken([1.0]), SimpleNamespace(eyes=0.06)).apart == 0.06
+    assert Eyes.around(taken([1.0]), Parallax(eyes=0.06)).apart == 0.06
 
 
 def test_parallax_is_told_in_px_and_degrees(monkeypatch):
     told = []
     monkeypatch.setattr(stereo, "say", told.append)
-    Eyes.of(taken([0.1, 0.2, 0.5]), SimpleNamespace(eyes=0.1, zero_plane=5.0))
+    Eyes.of(taken([0.1, 0.2, 0.5]), Parallax(eyes=0.1, zero_plane=5.0))
     monkeypatch.setattr(stereo, "_lengths", lambda _: 1.0)
     monkeypatch.setattr(stereo, "_known", lambda *_: np.repeat([0.1, 0.5], 500))
-    Eyes.around(taken([1.0]), SimpleNamespace(eyes=0.1))
+    Eyes.around(taken([1.0]), Parallax(eyes=0.1))
     assert told == [
         "the eyes are 0.1 apart, the screen is 5 away: parallax from -1.5 to 4.5 px",
         "the eyes are 0.1 apart: parallax from 0.57 to 2.86 degrees",

@@ -181,7 +181,10 @@ def test_panoramas_take_relative_depth(panorama):
     ("words", "complaint"),
     [
         (["--layout", "vr180", "--size", "64x32"], "each eye of vr180 has a square"),
-        (["--layout", "vr180", "--zero-plane", "2"], "--zero-plane belongs to flat pictures"),
+        (
+            ["--layout", "vr180", "--zero-plane", "2"],
+            "--zero-plane, --divergence and --convergence belong to flat pictures",
+        ),
         (["--size", "64"], "--size belongs to --layout vr180 and panoramas"),
         (["--layout", "vr180", "--depth-kind", "pair"], "need depth, by --depth-kind"),
         (["--source-projection", "equirectangular", "--fov", "60"], "--fov is for a pinhole"),
