@@ -270,6 +270,51 @@ def fields() -> list[Case]:
     ]
 
 
+def science() -> list[Case]:
+    """Cubes of astronomy, climate, microscopy and brains, of the libraries that are installed."""
+    files: dict[str, Callable[[Path], object]] = {}
+    if find_spec("astropy") is not None:
+        from astropy.io import fits
+
+        files["a.fits"] = lambda path: fits.PrimaryHDU(VALUES).writeto(path)
+        files["b.fits"] = lambda path: fits.HDUList(
+            [fits.PrimaryHDU(), fits.CompImageHDU(VALUES.astype(np.int16))]
+        ).writeto(path)
+    if find_spec("h5py") is not None:
+        import h5py
+
+        def held(path: Path) -> None:
+            with h5py.File(path, "w") as file:
+                file.create_dataset("data", data=VALUES, compression="gzip")
+                file["data"].attrs["element_size_um"] = [2.0, 0.5, 0.25]
+
+        files["a.h5"] = held
+    if find_spec("nibabel") is not None:
+        import nibabel
+
+        for name in ("a.mgz", "a.mgh"):
+            files[name] = lambda path: nibabel.MGHImage(VALUES, np.eye(4)).to_filename(path)
+        files["a.hdr"] = lambda path: nibabel.Spm2AnalyzeImage(VALUES, np.eye(4)).to_filename(path)
+
+    def climate(path: Path) -> None:
+        from scipy.io import netcdf_file
+
+        with netcdf_file(path, "w") as file:
+            for name, count in zip("zyx", VALUES.shape, strict=True):
+                file.createDimension(name, count)
+                file.createVariable(name, "f4", (name,))[:] = np.arange(count)
+            file.createVariable("t", "i2", ("z", "y", "x"))[:] = VALUES
+
+    files["a.nc"] = climate
+    made = []
+    for name, write in files.items():
+        with tempfile.TemporaryDirectory() as folder:
+            write(Path(folder, name))
+            parts = {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+        made.append(Case("volume", {name: parts.pop(name), **parts}))
+    return [*made, Case("volume", {"a.npz": _npz(volume=VALUES)})]
+
+
 def stores() -> list[Case]:
     """Volumes in folders and archives of chunks, of both versions; settings in pictures; kernels.
 
@@ -287,6 +332,7 @@ def stores() -> list[Case]:
         *gaussians(),
         *(Case("cloud", files) for files in scans()),
         *(Case("particles", files) for files in particles()),
+        *science(),
     ]
 
 

@@ -31,6 +31,21 @@ if TYPE_CHECKING:
     from resample_points.scenes import Shape
 
 
+Crop = Annotated[
+    str | None,
+    Hyphen,
+    Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
+]
+Only = Annotated[
+    tuple[str, ...],
+    Several,
+    Field(
+        description="Show only points with these values of a column, or of x, y or z: "
+        "classification=2, classification=2,5:6 or intensity=100:."
+    ),
+]
+
+
 class CloudOptions(Choices):
     """Look of a point cloud."""
 
@@ -45,19 +60,8 @@ class CloudOptions(Choices):
             description="Another file in the scene, placed by its coordinates: b.laz or another."
         ),
     ] = ()
-    only: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Show only points with these values of a column, or of x, y or z: "
-            "classification=2, classification=2,5:6 or intensity=100:."
-        ),
-    ] = ()
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
-    ] = None
+    only: Only = ()
+    crop: Crop = None
     color_by: Annotated[
         str | None,
         Field(

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from resample.command.flags import Hyphen, OptionTopic, Several
+from resample.command.flags import OptionTopic, Several
 from resample.command.settings import Choices
-from resample_points.command.choices import CloudOptions
-from resample_points.command.gaussians import GaussianOptions
+from resample_points.command.choices import CloudOptions, Crop
+from resample_points.command.gaussians import GaussianOptions, Largest, LeastOpacity
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -33,21 +33,12 @@ class ConvertOptions(Choices):
         OptionTopic.SOURCE,
         Field(description="File of a pose: the scene is moved and turned by it."),
     ] = None
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3, before it is moved."),
-    ] = None
+    crop: Crop = None
     degree: Annotated[
         int | None, Field(ge=0, le=3, description="Highest degree of harmonics to keep.")
     ] = None
-    least_opacity: Annotated[
-        float, Field(ge=0, le=1, description="Leave out Gaussians of less opacity.")
-    ] = 0.0
-    largest: Annotated[
-        float | None,
-        Field(description="Leave out Gaussians of larger standard deviations, scene units."),
-    ] = None
+    least_opacity: LeastOpacity = 0.0
+    largest: Largest = None
 
     def check(self) -> None:
         """Refuse invalid options before any work is done."""

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from resample.command.flags import Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, FrameFormat, Threads
-from resample_points.command.choices import CloudOptions, CloudStart
+from resample_points.command.choices import CloudOptions, CloudStart, Crop
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -66,11 +66,7 @@ class DensityOptions(ParticleOptions):
         Literal["x", "y", "z"] | None,
         Field(description="Axis along which is projected. [default: z, unless --camera is given]"),
     ] = None
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
-    ] = None
+    crop: Crop = None
     slice: Annotated[
         str | None,
         Hyphen,

@@ -29,6 +29,15 @@ FEW = 100_000  # most Gaussians of previews
 SHARE = 0.8  # share of the free memory that projected Gaussians may take
 
 
+LeastOpacity = Annotated[
+    float, Field(ge=0, le=1, description="Leave out Gaussians of less opacity.")
+]
+Largest = Annotated[
+    float | None,
+    Field(description="Leave out Gaussians of larger standard deviations, scene units."),
+]
+
+
 class GaussianOptions(Choices):
     """Look of 3D Gaussians."""
 
@@ -75,13 +84,8 @@ class GaussianOptions(Choices):
             "radius of half the scene; 0 with --look bare]"
         ),
     ] = None
-    least_opacity: Annotated[
-        float, Field(ge=0, le=1, description="Leave out Gaussians of less opacity.")
-    ] = 0.0
-    largest: Annotated[
-        float | None,
-        Field(description="Leave out Gaussians of larger standard deviations, scene units."),
-    ] = None
+    least_opacity: LeastOpacity = 0.0
+    largest: Largest = None
 
     eyes: Annotated[
         float | None,

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from resample.command.flags import Hyphen, OptionTopic, Several
+from resample.command.flags import OptionTopic, Several
 from resample.command.settings import Choices, Threads
-from resample_points.command.choices import CloudOptions
+from resample_points.command.choices import CloudOptions, Crop, Only
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -50,16 +50,8 @@ class MapOptions(Choices):
         Several,
         Field(description="Another tile of the same coordinate system: b.laz or another."),
     ] = ()
-    only: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(description="Map only points with these values of a column: classification=2,6."),
-    ] = ()
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 0:10,:,-2:3 in scene units."),
-    ] = None
+    only: Only = ()
+    crop: Crop = None
     threads: Threads = None
 
     def check(self, output: Path) -> None:
