@@ -84,6 +84,23 @@ def test_a_cut_off_fits_file_is_said_in_a_line(tmp_path):
         open_volume(path)
 
 
+@pytest.mark.parametrize(
+    ("card", "changed", "told"),
+    [
+        (b"NAXIS   =                    3", b"NAXIS   =           9999999993", "9999999993 axes"),
+        (b"BITPIX  =                    8", b"BITPIX  =                    9", "values of 9 bits"),
+        (b"NAXIS1  =                    6", b"NAXIS1  =                   -6", "is damaged"),
+    ],
+)
+def test_damaged_headers_of_fits_files_are_refused(tmp_path, card, changed, told):
+    path = fits_file(tmp_path / "a.fits", VALUES)
+    whole = path.read_bytes()
+    assert card in whole
+    path.write_bytes(whole.replace(card, changed))
+    with pytest.raises((ValueError, OSError), match=told):
+        open_volume(path)
+
+
 def hdf5_file(path, arrays, **sizes):
     h5py = pytest.importorskip("h5py")
     with h5py.File(path, "w") as file:

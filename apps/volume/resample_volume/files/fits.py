@@ -16,6 +16,8 @@ from resample_volume.types import Recording
 
 CELESTIAL = re.compile("RA|DEC|[GESH]L(ON|AT)|..L[NT]")  # names of axes in degrees
 TYPES = {8: "u1", 16: "i2", 32: "i4", 64: "i8", -32: "f4", -64: "f8"}  # by BITPIX
+BLOCK, MOST_AXES = 2880, 999  # bytes of a header's block, in the first of which NAXIS is
+AXES = re.compile(rb"NAXIS +=\s+([+-]?\d+)")
 PACKED = (".gz", ".fz", ".bz2")
 
 
@@ -37,6 +39,7 @@ class Fits(OneOfAll):
             from astropy.io import fits
         except ImportError as error:
             raise lacking(path.name, "astropy", error, "fits") from None
+        _check_axes(path)
         with path.open("rb") as raw:
             with damage(path):
                 held = fits.open(raw, memmap=False)
@@ -62,6 +65,20 @@ class Fits(OneOfAll):
             return recording_along(values.astype(values.dtype.newbyteorder("=")), axes, known)
 
 
+def _check_axes(path: Path) -> None:
+    """Refuse more axes than there can be, each of which astropy would look for."""
+    count = path.stat().st_size // BLOCK
+    if not count:
+        return
+    blocks = np.memmap(path, np.uint8, "r", shape=(count, BLOCK))
+    marks = np.frombuffer(b"XTENSION", np.uint8)
+    for n in (0, *np.flatnonzero((blocks[:, : marks.size] == marks).all(axis=1))):
+        for digits in AXES.findall(blocks[n].tobytes()):
+            if len(digits) > 5 or abs(int(digits)) > MOST_AXES:
+                axes = digits[:20].decode()
+                raise ValueError(f"{path.name} has {axes} axes; FITS has {MOST_AXES} at most")
+
+
 def _check_there(name: str, given: int, wanted: int) -> None:
     if given < wanted:
         raise ValueError(f"{name} is cut off: {given} of {wanted} bytes are there")
@@ -69,26 +86,38 @@ def _check_there(name: str, given: int, wanted: int) -> None:
 
 def _image_of(held: Any, chosen: str, name: str) -> Any:
     """Return the image that is chosen by name or number, or the first of three axes."""
-    images = [hdu for hdu in held if hdu.is_image and sum(size > 1 for size in hdu.shape) >= SPACE]
+    shapes = [_shape_of(hdu) for hdu in held]
     if chosen:
-        images = [one for n, one in enumerate(held) if chosen in (str(n), one.name)]
-        images = [one for one in images if one.is_image]
+        images = [hdu for n, hdu in enumerate(held) if shapes[n] and chosen in (str(n), hdu.name)]
+    else:
+        images = [
+            hdu
+            for hdu, shape in zip(held, shapes, strict=True)
+            if sum(size > 1 for size in shape) >= SPACE
+        ]
     if not images:
-        known = ", ".join(
-            f"{n} {hdu.name} {hdu.shape if hdu.is_image else ''}".strip()
-            for n, hdu in enumerate(held)
-        )
+        known = ", ".join(f"{n} {hdu.name} {shapes[n] or ''}".strip() for n, hdu in enumerate(held))
         raise ValueError(
             f"{name} holds no image of three axes{f' called {chosen}' if chosen else ''}: {known}"
         )
     return images[0]
 
 
+def _shape_of(hdu: Any) -> tuple[int, ...]:
+    """Return the shape of an image; () of a table, and of what a damaged header leaves unknown."""
+    shape: Any = getattr(hdu, "shape", None) if hdu.is_image else None
+    is_known = isinstance(shape, tuple) and all(isinstance(size, int) for size in shape)
+    return shape if is_known else ()
+
+
 def _type_of(header: Any) -> np.dtype[Any]:
     """Return the type of stored values; those with a blank become floats."""
     if "BLANK" in header:
         return np.dtype(np.float32)
-    return np.dtype(TYPES[header["BITPIX"]])
+    bits = header.get("BITPIX")
+    if bits not in TYPES:
+        raise ValueError(f"has values of {bits} bits; FITS has {', '.join(map(str, TYPES))}")
+    return np.dtype(TYPES[bits])
 
 
 def _axes_of(header: Any) -> list[LabelledAxis]:
