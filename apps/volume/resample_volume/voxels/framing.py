@@ -42,6 +42,7 @@ BINS = 4096  # along an axis
 # What a camera frames of a volume: the largest connected parts.
 CELLS = 64  # along the longest axis, in which connections are looked for
 LEAST_PART, MOST_LEFT_OUT = 0.005, 0.02  # of the largest part; of all that is visible
+BODY_CELLS = 48  # along the shortest side of a CT scan, at least, in which bodies are looked for
 THIN, LEAST_BODY = (
     5.0,
     0.05,
@@ -121,8 +122,17 @@ def _counted(counting: Counting | None, place: Indices, shape: tuple[int, ...]) 
     """Return those of the flat indices of voxels that count; all if None."""
     if counting is None:
         return place
-    at = tuple(index // counting.side for index in np.unravel_index(place, shape))
-    return place[counting.cells[at]]
+    return place[counting.cells.reshape(-1)[_cells_at(place, shape, counting.side)]]
+
+
+def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
+    """Return flat indices of the cells that hold voxels, by flat indices of these."""
+    (depth, height, width), down, across = shape, -(-shape[1] // side), -(-shape[2] // side)
+    row = np.arange(depth)[:, None] // side * down + np.arange(height) // side
+    first, column = (row * across).reshape(-1), np.arange(width) // side
+    line = place // width
+    found: Indices = first[line] + column[place - line * width]
+    return found
 
 
 def _body(volume: Volume) -> Counting | None:
@@ -137,6 +147,8 @@ def _body(volume: Volume) -> Counting | None:
     if known.units.added is None:
         return None
     some, step = values_of(volume.values).sample(), step_of(volume.values.size)
+    coarser = max(1, min(some.shape) // BODY_CELLS)
+    some, step = some[(slice(None, None, coarser),) * 3], step * coarser
     worn = np.ceil(THIN / (volume.spacing[::-1] * step)).astype(np.int64)
     thick = minimum_filter(some > FLESH + known.units.added, tuple(2 * worn + 1), mode="nearest")
     part, count = label(thick, np.ones((3, 3, 3)))
@@ -159,8 +171,7 @@ def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting |
     cells = tuple(-(-size // side) for size in shape)
     number = np.zeros(prod(cells), np.int64)
     for place in places:
-        of_cell = np.ravel_multi_index([n // side for n in np.unravel_index(place, shape)], cells)
-        number += np.bincount(of_cell, minlength=number.size)
+        number += np.bincount(_cells_at(place, shape, side), minlength=number.size)
     part, _ = label(number.reshape(cells) > 0, np.ones((3, 3, 3)))
     sizes = np.bincount(part.ravel(), number)
     is_small = sizes < LEAST_PART * sizes[1:].max(initial=0)
