@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, mapped
 from resample.console import Color, linear_color
-from resample.files.saving import screen_levels, write_frame
+from resample.files.saving import screen_levels, tell_empty, write_frame
 from resample.files.stores.opening import Address, place_of
 from resample.showable import Behind, ChannelOrder, Showable
 from resample.types import Floats, Frame, Statistics
@@ -127,6 +127,7 @@ def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> Non
     check_kind("path", path, str | PathLike, "a text or a pathlib.Path")
     frame = result if isinstance(result, Frame) else _as_frame(result)
     write_frame(Path(path), frame, bits, _behind(background))
+    tell_empty(Path(path), not frame.coverage.any())
 
 
 def _behind(background: Behind) -> Color | None:

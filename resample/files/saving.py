@@ -43,6 +43,8 @@ LONGEST = {".webp": 16_383, ".avif": 65_535}  # px of a side
 UNCALIBRATED = 0xFFFF  # Exif's value for neither sRGB nor Adobe RGB
 CHANNELS = ("R", "G", "B", "A", "Z", "coverage", "first.Z", "value")  # of a frame in EXR
 
+EMPTY = "the picture is empty: nothing visible lies in it"
+
 Put = Callable[[Picture], None]
 
 
@@ -160,16 +162,14 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> 
             put(picture)
         return
     with replacing(path) as temporary:
-        written, is_empty = list[WrittenPage](), True
+        written: list[WrittenPage] = []
         for picture in pictures:
             rows = _Rows(path, temporary, picture.data.shape[0], look, is_next=bool(written))
             rows.put(picture)
             written.append(rows.close())
-            is_empty = is_empty and rows.is_empty
         if not written:
             raise ValueError(f"{path}: there is no picture to write")
         _finish(path, temporary, written)
-    tell_empty(path, is_empty)
 
 
 @contextmanager
@@ -189,13 +189,12 @@ def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
         rows = _Rows(path, temporary, height, look)
         yield rows.put
         _finish(path, temporary, [rows.close()])
-    tell_empty(path, rows.is_empty)
 
 
 def tell_empty(path: Path, is_empty: bool) -> None:
     """Say that a picture or film shows nothing, if it does."""
     if is_empty:
-        note(f"{path.name}: the picture is empty: nothing visible lies in it")
+        note(f"{path.name}: {EMPTY}")
 
 
 class _Rows:
@@ -207,15 +206,10 @@ class _Rows:
         self.path, self.temporary, self.height, self.options = path, temporary, height, look
         self.is_next, self.done = is_next, 0
         self.target: Any = None
-        self.is_empty = True  # so far; what has no opacity never is
         self.stored = WrittenPage(FileMetadata(), (), "")
 
     def put(self, picture: Picture) -> None:
         """Write the next rows."""
-        channels = picture.kind.channels
-        self.is_empty = self.is_empty and "A" in channels
-        if self.is_empty:
-            self.is_empty = not picture.data[..., channels.index("A")].any()
         tells = self.target is None and not self.is_next
         page = page_of(self.path, picture, self.options, tells=tells)
         shape = self.height, *page.data.shape[1:]

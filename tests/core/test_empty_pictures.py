@@ -29,7 +29,7 @@ def test_what_shows_nothing_is_said_to_be_empty(line, tmp_path, monkeypatch, cap
     program, *words = shlex.split(line)
     assert ended(import_module(f"{program.replace('-', '_')}.cli").app, *words) == 0
     told = capsys.readouterr().err
-    assert f"{words[-1]}: the picture is empty: nothing visible lies in it" in told
+    assert told.count("the picture is empty: nothing visible lies in it") == 1
 
 
 @pytest.mark.parametrize("words", ["warp sample:bricks --corners 0,0,9,0,9,9,0,9 --size 16"])

@@ -147,8 +147,7 @@ def render(
         mention_holes(seen)
     with session.stage("write"):
         saving.write_picture(output, made_of(seen, kind, warping, showing.show), look)
-        if warping.fill:  # which leaves no opacity that would tell
-            saving.tell_empty(output, not seen.coverage.any())
+        saving.tell_empty(output, not seen.coverage.any())
         write_extras(extras, seen, meaning.scale_of_z)
         if extras.export is not None:
             write_geometry(
@@ -255,6 +254,7 @@ def stereo(
     if not warping.fill:
         mention_holes(made.warped)
     saving.write_picture(output, made.picture, look)
+    saving.tell_empty(output, not made.warped.coverage.any())
     write_extras(extras, made.warped, None)
 
 

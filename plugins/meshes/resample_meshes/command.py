@@ -33,7 +33,7 @@ def mesh(
         OBJ with its MTL, GLB, glTF or PLY.
     """
     from resample.command.session import Session, require_picture
-    from resample.files.saving import check_suffix, write_frame
+    from resample.files.saving import check_suffix, tell_empty, write_frame
     from resample.files.writing import check_targets
     from resample_meshes.rendering import load_mesh, render_mesh
 
@@ -48,3 +48,4 @@ def mesh(
     with Session().stage("paint", bar="painting"):
         frame = render_mesh(shape, camera, size=(width, height), style=style)
     write_frame(output, frame, bits=form.bits, background=behind)
+    tell_empty(output, not frame.coverage.any())

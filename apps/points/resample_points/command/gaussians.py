@@ -244,7 +244,7 @@ class GaussianPictures:
     def write(self, path: Path, camera: Any, form: FrameFormat) -> None:
         """Render a frame, and write it."""
         from resample.files.painted import check_deep, write_deep
-        from resample.files.saving import write_frame
+        from resample.files.saving import tell_empty, write_frame
 
         if self.options.deep is not None:
             check_deep(path)
@@ -253,6 +253,7 @@ class GaussianPictures:
 
         frame = self.picture(camera, form.height_and_width(), form.behind())
         write_frame(path, frame, bits=form.bits, background=form.behind())
+        tell_empty(path, not frame.coverage.any())
 
     def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
         """Return the frames of a film."""

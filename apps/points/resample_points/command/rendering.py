@@ -70,9 +70,10 @@ class ColoredScene(NamedTuple):
 
     def write(self, path: Path, frame: Any, form: FrameFormat) -> None:
         """Write a frame with its color bar."""
-        from resample.files.saving import write_frame
+        from resample.files.saving import tell_empty, write_frame
 
         write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
+        tell_empty(path, not frame.coverage.any())
 
     @property
     def framing(self) -> "Surfels":

@@ -241,12 +241,11 @@ def _warp_picture(
     with session.stage("write"):
         if held is None:
             write_picture(output, result, job.options)
-            if not result.kind.has_alpha:  # whose opacity does not tell
-                tell_empty(output, not share.any())
         else:
             write_palette_picture(output, result, held[1])
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
+    tell_empty(output, not share.any())
     told = report(session, size, result.data.shape, result.kind, job.warping)
     return {**told, "channels": ["index"], "encoding": "palette"} if held else told
 
@@ -260,7 +259,7 @@ def _warp_large(
     check_output(output, job.options, transparent=large.kind.has_alpha)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
-    has_nans = False
+    has_nans, is_empty = False, True
     with ExitStack() as files:
         put = files.enter_context(writing_rows(output, height, job.options))
         put_share = None
@@ -271,11 +270,13 @@ def _warp_large(
         for done, (strip, share) in large.strips():
             has_nans = has_nans or bool(np.isnan(strip.data).any())
             put(strip)
+            is_empty = is_empty and not share.any()
             if put_share is not None:
                 put_share(coverage_picture(share))
             if progress is not None:
                 progress((done + strip.data.shape[0]) / height)
     _say_lost(loaded.about, large.about, output, has_nans=has_nans)
+    tell_empty(output, is_empty)
     return report(session, large.form.shape, (height, width), large.kind, job.warping)
 
 

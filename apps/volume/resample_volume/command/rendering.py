@@ -18,6 +18,7 @@ from resample.cameras.viewpoints import Orbit, Viewpoint
 from resample.command.session import Session, libraries
 from resample.command.settings import Sharing
 from resample.console import Color, say
+from resample.files.saving import EMPTY
 from resample.memory import require
 from resample.memory.mapped import is_in_file
 from resample.painting.choices import SUMS, Projection
@@ -144,7 +145,9 @@ def annotated_picture(
 
 def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | None:
     """Return the message about an empty picture; None if it is not empty."""
-    if projection not in SUMS or frame.value is None or (frame.value > 0).any():
+    if projection not in SUMS:
+        return None if (frame.coverage > 0).any() else EMPTY
+    if frame.value is None or (frame.value > 0).any():
         return None
     is_below = projection is Projection.ADDITIVE and (frame.value < 0).any()
     why = "no ray meets anything that attenuates"
