@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from resample_points.data.gaussians import Gaussians
 
 QUANTILES = (0.01, 0.5, 0.99)
-DEGREES = {0: 0, 3: 1, 8: 2, 15: 3}  # of harmonics, by the number of coefficients
 
 
 def facts_in(path: Path) -> dict[str, Any]:
@@ -57,12 +56,14 @@ def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
 
 
 def _of_gaussians(gaussians: "Gaussians") -> dict[str, Any]:
+    from resample_points.data.harmonics import COUNTS
+
     sizes = gaussians.scale.max(axis=1)
     return {
         "kind": "3D Gaussians",
         "count": len(gaussians.opacity),
         "bounds": _bounds(gaussians.position),
-        "degree": DEGREES[gaussians.harmonics.shape[1]],
+        "degree": COUNTS.index(gaussians.harmonics.shape[1]),
         "antialiased": gaussians.is_antialiased,
         "up": gaussians.up,
         "opacity": _quantiles(gaussians.opacity),

@@ -136,7 +136,7 @@ def rasterized(
     """
     from resample.engine import jit
 
-    values = _values(cloud, quantity)
+    values, is_class = _values(cloud, quantity), quantity == "class"
     check_threads(threads)
     side = max(LEAST, SPREAD * _spacing(cloud, raster) / raster.resolution)
     with jit.threads(jit.workers() if threads is None else threads):
@@ -144,7 +144,7 @@ def rasterized(
             if quantity == "density":
                 yield first, _density(cloud, raster, first, last)
             else:
-                band, is_class = (first, last), quantity == "class"
+                band = first, last
                 yield first, _band(cloud, values, raster, band, side, height_unit, is_class)
             report(last, raster.height)
 

@@ -43,10 +43,7 @@ BINS = 4096  # along an axis
 CELLS = 64  # along the longest axis, in which connections are looked for
 LEAST_PART, MOST_LEFT_OUT = 0.005, 0.02  # of the largest part; of all that is visible
 BODY_CELLS = 48  # along the shortest side of a CT scan, at least, in which bodies are looked for
-THIN, LEAST_BODY = (
-    5.0,
-    0.05,
-)  # mm off a body's surface; smallest body, of the largest
+THIN, LEAST_BODY = 5.0, 0.05  # mm off a body's surface; smallest body, of the largest
 
 Parts = Callable[[], Iterable[Floats]]  # positions (N, 3) of some voxels after others, each time
 
