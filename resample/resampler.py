@@ -81,6 +81,9 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         What pixels show.
     iso
         Value that `Projection.FIRST_HIT` looks for, data units.
+    attenuation
+        How much a voxel of the brightest value dims what is behind it, of `Projection.ATTENUATED`;
+        0 is the plain maximum.
     method
         Name of the primitive, as commands take it: `Resampler(method="paper")`.
 

@@ -36,7 +36,7 @@ MOST_COLUMNS = 200
 LAST_SHEET = 2e9  # sheet numbers have 32 bits
 
 # Projections of sheets; see `resample_comparisons.volume.kernels.slabs.fields`.
-COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM = range(6)
+COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM, ATTENUATED = range(7)
 
 
 class Samples(NamedTuple):
@@ -406,7 +406,8 @@ class Style(NamedTuple):
     inflated: float  # px; smaller spacings get kernels for this spacing
     blurred: float  # px², added to the squared half extents of a splat's ellipse
     faintest: float  # samples up to this extinction are skipped
-    projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT or MINIMUM
+    projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM or ATTENUATED
+    attenuation: float  # per voxel of the classifier's highest value, of ATTENUATED
     iso: float  # position of the first hit's value between the classifier's low and high, 0..1
     linear_opacity: bool  # classic α × F instead of 1 - exp(-τ F)
     layer: float  # scene units, thickness of the layer that a sheet of points stands for

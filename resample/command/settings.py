@@ -23,6 +23,7 @@ SYNONYMS = {
     "mip max maximum-intensity": "maximum",
     "minip min minimum-intensity": "minimum",
     "avg mean aip": "average",
+    "attenuated-mip attenuated_mip": "attenuated",
     "sum": "additive",
     "dvr volume translucent": "composite",
     "surface isosurface": "first-hit",
@@ -65,11 +66,13 @@ MethodsFilter = Annotated[
     ),
 ]
 Shown = Annotated[
-    Literal["composite", "maximum", "minimum", "average", "additive", "xray", "first-hit"],
+    Literal[
+        "composite", "maximum", "minimum", "average", "additive", "xray", "first-hit", "attenuated"
+    ],
     Field(
         description="Value of a pixel: composited light; the maximum, minimum, mean or sum of "
-        "the values; an X-ray as in computed tomography; or the surface at the iso value "
-        "(first-hit)."
+        "the values; an X-ray as in computed tomography; the surface at the iso value "
+        "(first-hit); or the maximum of values that are dimmed by those in front (attenuated)."
     ),
 ]
 Iso = Annotated[
@@ -78,6 +81,15 @@ Iso = Annotated[
         allow_inf_nan=False,
         description="Value of the surface that first-hit shows. [default: none; first-hit needs "
         "one]",
+    ),
+]
+Attenuation = Annotated[
+    float,
+    Field(
+        ge=0,
+        allow_inf_nan=False,
+        description="How much a voxel of the brightest value dims what is behind it, of the "
+        "projection attenuated.",
     ),
 ]
 
@@ -195,6 +207,7 @@ class Resampling(Choices):
     ] = None
     projection: Shown = "composite"
     iso: Iso = None
+    attenuation: Attenuation = 0.05
     opacity: Annotated[
         Literal["exact", "linear"],
         Field(description="Exact transmittance of the field, or the product of classic splatting."),
@@ -242,6 +255,7 @@ class Resampling(Choices):
             opacity=Opacity(self.opacity),
             projection=Projection(self.projection),
             iso=self.iso,
+            attenuation=self.attenuation,
             splat_color=SPLAT_COLOR if self.color_by == "primitive" else None,
         )
 

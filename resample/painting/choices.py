@@ -91,6 +91,7 @@ class Projection(StrEnum):
     ADDITIVE = "additive"  # sum of values times length
     FIRST_HIT = "first-hit"  # the first isosurface
     MINIMUM = "minimum"  # minimum value; along rays only
+    ATTENUATED = "attenuated"  # maximum value, each dimmed by those in front; along rays only
     XRAY = "xray"  # additive, of attenuations derived from values by applications
 
 
@@ -98,10 +99,12 @@ FootprintName = Literal[
     "affine", "corrected", "small-angle", "exact", "disc", "equation", "projected"
 ]
 ProjectionName = Literal[
-    "composite", "maximum", "average", "additive", "first-hit", "minimum", "xray"
+    "composite", "maximum", "average", "additive", "first-hit", "minimum", "attenuated", "xray"
 ]
+OF_RAYS = (Projection.MINIMUM, Projection.ATTENUATED)
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
-MEASURING = (Projection.MAXIMUM, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
+MAXIMA = (Projection.MAXIMUM, Projection.ATTENUATED)
+MEASURING = (*MAXIMA, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
 
 
 def number_of(projection: Projection) -> int:
@@ -192,10 +195,11 @@ class PaintChoices:
     splat_color: tuple[float, float, float] | None = None
     projection: OneOf[Projection, ProjectionName] = OneOf(Projection, Projection.COMPOSITE)
     iso: float | None = None
+    attenuation: float = 0.05
     method: InitVar[str | None] = None
 
     def __post_init__(self, method: str | None) -> None:
-        check_numbers(self, "threshold", "subpixels", "iso")
+        check_numbers(self, "threshold", "subpixels", "iso", "attenuation")
         if method is not None:
             object.__setattr__(self, "primitive", _primitive_named(method))
         elif not isinstance(self.primitive, str):
@@ -255,8 +259,12 @@ def _check_together(choice: PaintChoices) -> None:
             f"the projection {choice.projection} needs the order rays or image-sheets, not "
             f"{choice.order}"
         )
-    if choice.projection is Projection.MINIMUM and choice.order.summing is not Summing.RAYS:
-        raise ValueError(f"the projection minimum needs the order rays, not {choice.order}")
+    if choice.projection in OF_RAYS and choice.order.summing is not Summing.RAYS:
+        raise ValueError(
+            f"the projection {choice.projection} needs the order rays, not {choice.order}"
+        )
+    if not 0 <= choice.attenuation < math.inf:
+        raise ValueError(f"the attenuation is {choice.attenuation}; it must be 0 or more")
     if choice.order.summing is Summing.RAYS:
         _check_rays(choice)
     if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):

@@ -128,6 +128,7 @@ def style_of(choice: PaintChoices, lattice: Doubles, look: Classifier | None) ->
         faintest=0.0 if look is None else -np.inf,
         projection=number_of(choice.projection),
         iso=float(iso),
+        attenuation=float(choice.attenuation),
         linear_opacity=choice.opacity is Opacity.LINEAR,
         layer=float(voxel * choice.order.thickness),
         opaque=OPAQUE,

@@ -20,6 +20,7 @@ from resample.painting.splines import FIELD, levels_of
 from resample.profiles.orders import MONOTONE
 from resample.types import (
     ADDITIVE,
+    ATTENUATED,
     AVERAGE,
     COMPOSITE,
     FIRST_HIT,
@@ -74,7 +75,7 @@ BRICK_PLANES = 16  # planes of bricks that are projected together
 MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
 EXTREMES = (MAXIMUM, MINIMUM)
-MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE)
+MEASURED = (MAXIMUM, MINIMUM, AVERAGE, ADDITIVE, ATTENUATED)
 
 
 class _Effort(NamedTuple):
@@ -433,7 +434,12 @@ def _corners(field: LatticeField) -> Doubles:
 
 
 def _way(field: LatticeField, view: View, how: RayPainter) -> "Way":
-    from resample.engine.rays.integrators import Composite, IsoSurfaceHit, Mean
+    from resample.engine.rays.integrators import (
+        AttenuatedMaximum,
+        Composite,
+        IsoSurfaceHit,
+        Mean,
+    )
 
     classifier, style = field.classifier, how.style
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
@@ -444,6 +450,9 @@ def _way(field: LatticeField, view: View, how: RayPainter) -> "Way":
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
         return IsoSurfaceHit(style.iso * (classifier.table.shape[1] // field.classifiers - 1))
+    if style.projection == ATTENUATED:
+        columns = classifier.table.shape[1] // field.classifiers - 1
+        return AttenuatedMaximum(voxel, style.attenuation / (columns * voxel))
     is_lit = bool(
         classifier.lamp.diffuse > 0 or classifier.lamp.specular > 0 or field.reached.share.size
     )

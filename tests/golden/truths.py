@@ -42,6 +42,7 @@ NONE = {
     "cloud, few": MANY_IN_ONE,
     "field, first-hit": SURFACE,
     "rays, first-hit": SURFACE,
+    "rays, attenuated": "values of a ball are compared with formulas, in tests/volume/test_rays.py",
     "texture, adjoint": "a derivative, whose products with any picture tests/texture knows",
 }
 

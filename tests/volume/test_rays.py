@@ -33,6 +33,7 @@ PROJECTIONS = [
     Projection.AVERAGE,
     Projection.ADDITIVE,
     Projection.FIRST_HIT,
+    Projection.ATTENUATED,
 ]
 
 
@@ -306,6 +307,24 @@ def test_maxima_of_a_ball_are_those_of_its_formula(
     inside = (away > 2) & (away < 13)
     expected = 250 * (1 - away[inside] / 15)
     record.error("largest", np.abs(frame.value[inside] - expected).max())  # type: ignore[index]
+
+
+@pytest.mark.parametrize("attenuation", [0.0, 0.05, 0.5])
+def test_values_in_front_of_an_attenuated_maximum_dim_it(
+    ball: NDArray[np.float32], attenuation: float, record: Record
+) -> None:
+    camera, size = ahead(ball, 2.0)
+    away = offsets(size, 2.0)
+    chosen = along_rays(Projection.ATTENUATED, subpixels=1, attenuation=attenuation)
+    frame = seen(ball, chosen, camera, size)
+    inside = (away > 2) & (away < 13)
+    # Values of the ball along each ray, as fractions of the table's range, every 0.01 voxels.
+    places = np.hypot(away[inside][:, None], np.arange(-15, 15, 0.01))
+    value = np.clip(1 - places / 15, 0, None)
+    before = np.cumsum(value, axis=1) - value
+    expected = 250 * (value * np.exp(-attenuation * 0.01 * before)).max(axis=1)
+    error = np.abs(frame.value[inside] - expected).max()  # type: ignore[index]
+    record.error(f"largest, {attenuation:g}", error)
 
 
 @pytest.mark.sweep

@@ -8,7 +8,7 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.painting.choices import Footprint, Opacity, Primitive, Projection
+from resample.painting.choices import OF_RAYS, Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample, Rays
@@ -135,7 +135,7 @@ def _add_volumes() -> None:
             continue  # the sums of additive
         iso = 0.5 if projection is Projection.FIRST_HIT else None
         choices = {"projection": projection, "iso": iso}
-        if projection is not Projection.MINIMUM:
+        if projection not in OF_RAYS:
             slabs = ImageSheets(0.5)
             SCENES[f"field, {projection}"] = volume(field, 16.0, order=slabs, **choices)
         SCENES[f"rays, {projection}"] = volume(lattice_field, 16.0, order=Rays(), **choices)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import array_like, is_in_file
 from resample.outofcore.caching import memo_of
 from resample.outofcore.passes import DIGIT, counts_by_digit, ranked
-from resample.painting.choices import MEASURING, Projection
+from resample.painting.choices import MAXIMA, MEASURING, Projection
 from resample.painting.rays import bricks_to_next, thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
 from resample.profiles.orders import MONOTONE
@@ -449,6 +449,6 @@ def _visible_places(
     """Return which of values (N,) are visible."""
     if resampler.iso is not None:
         return np.flatnonzero(value >= resampler.iso)
-    if resampler.projection in MEASURING and resampler.projection is not Projection.MAXIMUM:
+    if resampler.projection in MEASURING and resampler.projection not in MAXIMA:
         return np.flatnonzero(np.isfinite(value))
     return visible_places(transfer, value, data_range)
