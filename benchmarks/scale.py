@@ -112,11 +112,11 @@ def measured(job: Job) -> dict[str, Any]:
 
 def rendered(job: Job) -> dict[str, Any]:
     """Facts of a picture: memory in bytes, bricks read, seconds and a hash."""
+    from resample_volume.calls import render
     from resample_volume.command.choices import ReadOptions
     from resample_volume.command.inputs import prepared
     from resample_volume.data.bricks import Bricks
     from resample_volume.files.source import generate
-    from resample_volume.rendering import render
 
     render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # compiles or loads kernels
     base, start, busy = _peak(), time.perf_counter(), _busy()

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
+    from resample.jobs import render, resize, warp
     from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
     from resample.painting.choices import Footprint, Opacity, Primitive
@@ -38,8 +39,11 @@ _HOMES = {
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
     "particles": "library.particles",
+    "render": "jobs",
+    "resize": "jobs",
     "sample": "samples.finding",
     "sample_path": "samples.finding",
+    "warp": "jobs",
 }
 
 __all__ = [
@@ -60,8 +64,11 @@ __all__ = [
     "look_at",
     "orbit",
     "particles",
+    "render",
+    "resize",
     "sample",
     "sample_path",
+    "warp",
 ]
 
 

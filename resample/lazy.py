@@ -32,19 +32,31 @@ def installed_version() -> str:
 def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """`__getattr__` of a package; `homes` maps each public name to its module.
 
-    A module is named within the package, or in full if in the core. `__version__` is included.
+    A module is named within the package, or in full if in the core; after a colon, the object's own
+    name in it. `__version__` is included.
     """
 
     def get(name: str) -> Any:
         if name == "__version__":
             return installed_version()
         if name not in homes:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        home = homes[name]
+            raise AttributeError(
+                f"module {package!r} has no attribute {name!r}{_hint(name, homes)}"
+            )
+        home, _, other = homes[name].partition(":")
         whole = home if home.startswith("resample.") else f"{package}.{home}"
-        return getattr(import_module(whole), name)
+        return getattr(import_module(whole), other or name)
 
     return get
+
+
+def _hint(name: str, homes: Mapping[str, str]) -> str:
+    """What to take instead of a name that users guess; nothing for what Python itself asks for."""
+    if name.startswith("_"):
+        return ""
+    from resample.calling import FUNCTIONS, answer
+
+    return answer(name, list(homes), FUNCTIONS)
 
 
 def moved(home: str, package: str) -> Callable[[str], Any]:

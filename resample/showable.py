@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
+from resample.calling import RESULTS, answer
+
 if TYPE_CHECKING:  # `import resample` reads this file: NumPy would take most of the time
     import numpy as np
     from numpy.typing import DTypeLike, NDArray
@@ -25,7 +27,8 @@ def register_exporter(find: Callable[[], Any]) -> None:
     _exporters[:] = [find]
 
 
-def _results() -> Any:
+def results() -> Any:
+    """Return the module that saves and shows results."""
     return _exporters[0]()
 
 
@@ -48,6 +51,12 @@ class Showable:
 
     __slots__ = ()
 
+    def __getattr__(self, name: str) -> Any:
+        """Answer other libraries' names of what a result has."""
+        kind = type(self).__name__
+        hint = "" if name.startswith("_") else answer(name, dir(self), RESULTS)
+        raise AttributeError(f"{kind!r} object has no attribute {name!r}{hint}")
+
     def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:
         """Write the picture in the format of the suffix; no partial file is left on failure.
 
@@ -69,7 +78,7 @@ class Showable:
         OSError
             The file cannot be written.
         """
-        _results().save(self, path, bits=bits, background=background)
+        results().save(self, path, bits=bits, background=background)
 
     def to_uint8(
         self, of: str = "color", *, background: Behind = None, order: ChannelOrder = "rgb"
@@ -91,7 +100,7 @@ class Showable:
         ValueError
             There is no such part or order, or the result is not a single picture.
         """
-        levels: NDArray[np.uint8] = _results().levels_of(
+        levels: NDArray[np.uint8] = results().levels_of(
             self, of, background=background, order=order
         )
         return levels
@@ -109,15 +118,15 @@ class Showable:
 
     def to_image(self, of: str = "color", *, background: Behind = None) -> "Image":
         """Convert to a Pillow image; parameters and errors as in `to_uint8`."""
-        image: Image = _results().image_of(self, of, background=background)
+        image: Image = results().image_of(self, of, background=background)
         return image
 
     def _repr_png_(self) -> bytes:
         """PNG for notebooks."""
-        png: bytes = _results().png_of(self)
+        png: bytes = results().png_of(self)
         return png
 
     def __repr__(self) -> str:
         """Size and main properties in one line."""
-        text: str = _results().line_about(self)
+        text: str = results().line_about(self)
         return text

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.showable import Showable
+from resample.showable import Behind, Showable, results
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -517,3 +517,8 @@ class Frame(Showable, _Frame[Counts]):
     """
 
     __slots__ = ()
+
+    def over(self, background: Behind) -> "Frame[Counts]":
+        """Return the frame over a uniform background, as in `save`: its opacity is 1 throughout."""
+        made: Frame[Counts] = results().composited(self, background)
+        return made

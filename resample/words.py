@@ -5,7 +5,7 @@ import operator
 import re
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, Any
@@ -125,28 +125,6 @@ def doubles_of(name: str, given: Any, wanted: str) -> "NDArray[np.float64]":
     if found.dtype.kind not in "biuf":
         raise TypeError(f"{name} {shortly(given)}; give {wanted}")
     return np.asarray(found, np.float64)
-
-
-def check_options(call: str, given: Mapping[str, Any], group: Any) -> None:
-    """Reject keywords that a group of options, a `TypedDict`, does not have.
-
-    Examples
-    --------
-    >>> from typing import TypedDict
-    >>> from resample.words import check_options
-    >>> check_options("warp", {"fil": 0}, TypedDict("Options", {"fill": int, "threads": int}))
-    Traceback (most recent call last):
-    ...
-    TypeError: warp has no option 'fil', did you mean 'fill'? known: fill, threads
-    """
-    known = list(group.__annotations__)
-    for name in given:
-        if name not in known:
-            from difflib import get_close_matches
-
-            close = get_close_matches(name, known, 1)
-            hint = f", did you mean {close[0]!r}?" if close else ";"
-            raise TypeError(f"{call} has no option {name!r}{hint} known: {', '.join(known)}")
 
 
 def check_kind(name: str, given: Any, kinds: Any, wanted: str) -> None:

@@ -13,10 +13,11 @@ from typing import Literal, Protocol, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.calling import takes
 from resample.cameras.lens import COUNT, COUNTS
 from resample.cameras.poses import pose_of, rigid
 from resample.types import Doubles, View
-from resample.words import check_options, doubles_of, number
+from resample.words import doubles_of, number
 
 
 class Convention(StrEnum):
@@ -111,6 +112,7 @@ class Camera:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
 
     @classmethod
+    @takes(IntrinsicsOptions)
     def from_intrinsics(
         cls,
         fx: float,
@@ -138,7 +140,6 @@ class Camera:
         ValueError
             As in the class; or the convention is unknown.
         """
-        check_options("from_intrinsics", options, IntrinsicsOptions)
         skew, distortion = options.get("skew", 0.0), options.get("distortion")
         convention = options.get("convention", Convention.CORNER)
         if convention not in tuple(Convention):

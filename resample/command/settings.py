@@ -5,11 +5,14 @@ fast.
 """
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from resample.command.flags import SIZE, SQUARE, USUAL_SIZE, OptionTopic
+from resample.calling import REMEDIES, answer, choice_meant
+from resample.command.flags import SIZE, SQUARE, USUAL_SIZE, OptionTopic, name_of
 from resample.console import SPLAT_COLOR, Color, linear_color
 
 if TYPE_CHECKING:
@@ -17,33 +20,6 @@ if TYPE_CHECKING:
     from resample.resampler import Resampler
 
 OF_SAMPLES = ("method", "footprint", "threshold", "kernel", "opacity", "color_by")
-
-# What other programs call a choice -> what it is here: the first that an option has.
-SYNONYMS = {
-    "mip max maximum-intensity": "maximum",
-    "minip min minimum-intensity": "minimum",
-    "avg mean aip": "average",
-    "attenuated-mip attenuated_mip": "attenuated",
-    "sum": "additive",
-    "dvr volume translucent": "composite",
-    "surface isosurface": "first-hit",
-    "reflect reflect101 reflect-101 symmetric": "mirror",
-    "replicate nearest edge border": "clamp",
-    "repeat grid-wrap circular": "wrap",
-    "constant zeros black": "transparent",
-    "sbs full-sbs lr": "side-by-side",
-    "half-sbs hsbs": "half-side-by-side",
-    "tb ou over-under full-tb": "top-bottom",
-    "half-tb htb hou half-ou": "half-top-bottom",
-    "cross crosseye crosseyed": "cross-eyed",
-    "red-cyan": "anaglyph",
-    "dubois": "anaglyph-dubois",
-    "half-color": "anaglyph-half-color",
-    "interlaced interleaved row-interlaced": "rows",
-    "meters metric distance": "z",
-    "fill crop": "cover",
-    "fit letterbox": "contain pad",
-}
 
 Convention = Literal["corner", "opencv"]
 Threads = Annotated[
@@ -128,16 +104,7 @@ class Choices(BaseModel):
             choices = () if field is None else _choices_in(field.annotation)
             known[name] = value
             if isinstance(value, str) and choices and value not in choices:
-                known[name] = next(
-                    (
-                        here
-                        for theirs, ours in SYNONYMS.items()
-                        if value.lower().replace("_", "-") in theirs.split()
-                        for here in ours.split()
-                        if here in choices
-                    ),
-                    value,
-                )
+                known[name] = choice_meant(value, choices)
         return known
 
     @classmethod
@@ -439,6 +406,54 @@ class Written(Choices):
         if not re.fullmatch(r"\d{1,3}", given, re.ASCII) or not 1 <= int(given) <= 100:
             raise ValueError(f"--file-quality {given!r}; give 1 to 100, or {NO_LOSS}")
         return int(given)
+
+
+def option_of(model: type[Choices], field: str) -> str:
+    """Name of the option for a field of a model."""
+    return name_of(field, model.model_fields[field].metadata)
+
+
+def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list[Any]:
+    """Create models of options from settings by the options' names.
+
+    Values may be those of the command line, or Python's: several numbers as a sequence, a path, one
+    of what may be given repeatedly without a list.
+
+    Raises
+    ------
+    TypeError
+        There is no such option; it says which are alike.
+    ValueError
+        A value is not allowed.
+    """
+    parts: list[dict[str, Any]] = [{} for _ in models]
+    fields = {
+        option_of(model, field): (n, field)
+        for n, model in reversed(list(enumerate(models)))
+        for field in model.model_fields
+    }
+    fields |= {field: (n, field) for n, field in fields.values()}
+    for key, value in settings.items():
+        if key not in fields:
+            raise ValueError(f"there is no option {key!r:.60}{answer(key, list(fields), REMEDIES)}")
+        home, field = fields[key]
+        is_several = get_origin(models[home].model_fields[field].annotation) is tuple
+        parts[home][field] = as_on_a_command_line(value, is_several)
+    return [model(**part) for model, part in zip(models, parts, strict=True)]
+
+
+def as_on_a_command_line(value: Any, is_several: bool = False) -> Any:
+    """Return a value as a command would get it; `is_several`: it may be given repeatedly."""
+    if isinstance(value, PurePath):
+        value = str(value)
+    if is_several and isinstance(value, str):
+        return (value,)
+    if is_several or not (isinstance(value, list | tuple) or hasattr(value, "tolist")):
+        return value
+    found = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(found, list | tuple):
+        return found
+    return ",".join(one if isinstance(one, str) else f"{one!r}" for one in found)
 
 
 def height_and_width(size: str) -> tuple[int, int]:

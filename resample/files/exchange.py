@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import from_srgb, mapped
+from resample.colors import from_srgb, mapped, over
 from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, tell_empty, write_frame
 from resample.files.stores.opening import Address, place_of
@@ -128,6 +128,15 @@ def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> Non
     frame = result if isinstance(result, Frame) else _as_frame(result)
     write_frame(Path(path), frame, bits, _behind(background))
     tell_empty(Path(path), not frame.coverage.any())
+
+
+def composited(frame: Frame, background: Behind) -> Frame:
+    """Composite a frame over a background; see `resample.types.Frame.over`."""
+    behind = _behind(background)
+    if behind is None:
+        return frame
+    opaque = np.ones((*frame.rgba.shape[:2], 1), np.float32)
+    return frame._replace(rgba=np.concatenate([over(frame.rgba, behind), opaque], axis=-1))
 
 
 def _behind(background: Behind) -> Color | None:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.cameras.models import Camera, LensModel, Orthographic
-from resample.command.flags import Marks, OptionTopic, about, marks_of, name_of
-from resample.command.settings import Choices
+from resample.command.flags import Marks, OptionTopic, about, marks_of
+from resample.command.settings import Choices, option_of
 from resample.command.settings_files import options_of, schema_of
 from resample.types import View
 from resample.watching import Cancel, Progress
@@ -186,22 +186,6 @@ def check_page_options(command: str, options: Settings, begun: Settings) -> None
             )
 
 
-def chosen(settings: Settings, models: Sequence[type[Choices]]) -> list[Any]:
-    """Create models of options from settings."""
-    parts: list[dict[str, Any]] = [{} for _ in models]
-    fields = {
-        option_of(model, field): (n, field)
-        for n, model in reversed(list(enumerate(models)))
-        for field in model.model_fields
-    }
-    for key, value in settings.items():
-        if key not in fields:
-            raise ValueError(f"there is no option {key!r:.60}")
-        home, field = fields[key]
-        parts[home][field] = value
-    return [model(**part) for model, part in zip(models, parts, strict=True)]
-
-
 def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
     """Options that were set, by name."""
     found = {}
@@ -245,8 +229,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return list(value)
     return str(value) if isinstance(value, Path) else value
-
-
-def option_of(model: type[Choices], field: str) -> str:
-    """Name of the option for a field of a model."""
-    return name_of(field, model.model_fields[field].metadata)

@@ -12,6 +12,7 @@ from resample.files.animations import write_film
 from resample.files.saving import write_png
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
+from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.command.animation import (
     FRAMES,
@@ -26,7 +27,7 @@ from resample_volume.command.animation import (
 from resample_volume.files.generated import vessel_tree
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
-from resample_volume.rendering import Subject, render
+from resample_volume.rendering import Subject
 from resample_volume.voxels.shading import Light
 from tests.commands import ended, refused
 from tests.volume.of_voxels import of_voxels

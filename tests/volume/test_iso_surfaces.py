@@ -6,9 +6,10 @@ import pytest
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume.calls import render
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
-from resample_volume.rendering import Subject, render
+from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.surfaces import meshes
 from resample_volume.surfaces.meshes import IsoSurface

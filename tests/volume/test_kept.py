@@ -9,12 +9,12 @@ import pytest
 from benchmarks.sparse import Bubbles
 from resample.files import writing
 from resample.files.writing import replacing
+from resample_volume.calls import render
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import open_streamed
 from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.chunks import Single
 from resample_volume.files.stores.writing import Layered, write_store
-from resample_volume.rendering import render
 from resample_volume.types import Recording
 
 LOOK = "60/#804020/0,120/#e0a060/0.5,240/white/0.9"

@@ -10,10 +10,11 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
+from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
-from resample_volume.rendering import Subject, render
+from resample_volume.rendering import Subject
 from resample_volume.voxels import transmittance
 from resample_volume.voxels.shading import Light
 from resample_volume.voxels.transmittance import SKIPPED, light_transmittance, optical_depths

@@ -7,9 +7,9 @@ import pytest
 
 from resample.files.images import read_image
 from resample_volume import cli
+from resample_volume.calls import render
 from resample_volume.classification.presets import transfer_for
 from resample_volume.inputs import as_volume
-from resample_volume.rendering import render
 from tests import commands
 
 SIDE = 32

@@ -10,6 +10,7 @@ from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
+from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.data.recordings import (
     linear_colors,
@@ -20,7 +21,7 @@ from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
 from resample_volume.files.source import open_recording, open_volume, read_labels
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance, Classification
-from resample_volume.rendering import Subject, render
+from resample_volume.rendering import Subject
 from resample_volume.voxels.visible import classify
 from tests.volume.of_voxels import of_voxels
 

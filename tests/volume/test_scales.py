@@ -8,6 +8,7 @@ from matplotlib.colors import LogNorm, SymLogNorm
 
 from resample.command.settings import Resampling
 from resample_volume import cli
+from resample_volume.calls import render
 from resample_volume.classification.presets import transfer_for
 from resample_volume.classification.scales import LogScale, edges_of, on_scale, scale_named, scaled
 from resample_volume.classification.surveys import survey
@@ -17,7 +18,6 @@ from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.picking import picked
-from resample_volume.rendering import render
 from resample_volume.viewing import volume_view
 from tests import commands
 

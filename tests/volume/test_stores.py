@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from resample.command.session import libraries
 from resample.files.chunked import open_picture
 from resample.files.images import read_image
+from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.data.recordings import alone, volume_at
 from resample_volume.data.values import as_array
@@ -31,7 +32,6 @@ from resample_volume.files.source import (
 from resample_volume.files.stores import statistics_cache
 from resample_volume.files.stores.reader import Zarr
 from resample_volume.files.stores.writing import halved, per_axis
-from resample_volume.rendering import render
 from resample_volume.types import Volume
 from tests.commands import ended, imported, refused
 

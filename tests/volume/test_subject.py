@@ -12,10 +12,11 @@ from resample.profiles.orders import EverySample
 from resample.resampler import Resampler
 from resample.types import Field, Samples
 from resample_comparisons.volume.painting import AxisSheets, ImageSheets
+from resample_volume.calls import render
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.media.appearance import Appearance, Classification
-from resample_volume.rendering import Subject, render
+from resample_volume.rendering import Subject
 from resample_volume.voxels.fields import FieldVoxels
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.shading import DepthCue, Light

@@ -15,6 +15,8 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
+    from resample_points.calls import animate, render
+    from resample_points.calls import opened as open  # noqa: A004
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians, cropped_gaussians
     from resample_points.data.joining import joined_gaussians, placed_gaussians
@@ -36,7 +38,6 @@ if TYPE_CHECKING:
     from resample_points.painting.indexing import index_cloud
     from resample_points.painting.rasters import Raster, raster_of, rasterized
     from resample_points.painting.rendering import CloudStyle, render_cloud
-    from resample_points.rendering import render
     from resample_points.scenes import CloudScene
     from resample_points.viewing import view
 
@@ -65,7 +66,9 @@ _HOMES = {
     "rasterized": "painting.rasters",
     "read_cloud": "files.readers",
     "read_gaussians": "files.gaussians.reading",
-    "render": "rendering",
+    "animate": "calls",
+    "open": "calls:opened",
+    "render": "calls",
     "render_cloud": "painting.rendering",
     "render_gaussians": "painting.gaussians",
     "select_points": "data.selecting",
@@ -84,6 +87,7 @@ __all__ = [
     "Particles",
     "ProjectedCamera",
     "Raster",
+    "animate",
     "column_density",
     "cropped_gaussians",
     "framed",
@@ -91,6 +95,7 @@ __all__ = [
     "index_cloud",
     "join_clouds",
     "joined_gaussians",
+    "open",
     "placed_gaussians",
     "prepare_cloud",
     "raster_of",

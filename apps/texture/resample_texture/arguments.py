@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample import registry
+from resample.calling import choice_meant
 from resample.cameras.models import Convention
 from resample.words import shortly, warn
 from resample_texture.geometry.mappings import (
@@ -31,11 +32,11 @@ Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in t
 
 def edge_named(name: str) -> str:
     """Return the edge mode of a name: an `Edge`, or `REFLECT_101`."""
-    if name == REFLECT_101:
-        return name
-    if name not in list(Edge):
-        raise ValueError(f"edge {name!r}; known: {', '.join(Edge)}, {REFLECT_101}")
-    return Edge(name)
+    known = (*Edge, REFLECT_101)
+    meant = choice_meant(name, known) if isinstance(name, str) and name not in known else name
+    if meant not in known:
+        raise ValueError(f"edge {name!r}; known: {', '.join(known)}")
+    return meant if meant == REFLECT_101 else Edge(meant)
 
 
 def geometry_of(given: Any, shape: tuple[int, int], convention: str, inverse: bool) -> Geometry:

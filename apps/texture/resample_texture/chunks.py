@@ -14,9 +14,10 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.calling import takes
 from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
-from resample.words import check_options, check_threads
+from resample.words import check_threads
 from resample_texture.arguments import (
     REFLECT_101,
     Places,
@@ -75,6 +76,7 @@ class _LazyPicture:
         return np.asarray(self._stored[...])
 
 
+@takes(ChunkOptions)
 def warp_chunks(
     source: Any,
     matrix: ArrayLike | Geometry | Places,
@@ -129,7 +131,6 @@ def warp_chunks(
     >>> np.array_equal(made, warp(stored, matrix, (250, 200)).image, equal_nan=True)
     True
     """
-    check_options("warp_chunks", options, ChunkOptions)
     threads, total, alpha = options.get("threads"), options.get("total"), options.get("alpha")
     check_threads(threads)
     kept = _LazyPicture(source)

@@ -6,9 +6,10 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.calling import takes
 from resample.cameras.models import Camera, LensModel
 from resample.profiles.named import plugin_of
-from resample.words import check_options, number, shortly
+from resample.words import number, shortly
 from resample_texture.arguments import check_shape, whole_pair
 from resample_texture.geometry.cameras import places_by_lens
 from resample_texture.geometry.mappings import BackwardMap
@@ -34,6 +35,7 @@ from resample_texture.types import (
 from resample_texture.warping import warp
 
 
+@takes(ResizeOptions)
 def resize(
     image: Any,
     shape: AnySize | None = None,
@@ -92,7 +94,6 @@ def resize(
     >>> resize(np.zeros((48, 64, 3), np.uint8), 32).image.shape  # the longer side
     (24, 32, 3)
     """
-    check_options("resize", choices, ResizeOptions)
     picture, light = _opened(image, linear_light, choices)
     way = resized(picture.size, shape, height=height, width=width, fit=fit, box=box)
     usual: AnyEdge = "transparent" if fit == "pad" else "clamp"
@@ -100,6 +101,7 @@ def resize(
     return warp(picture.values, *way, method, edge=border, **light, alpha=alpha, **choices)
 
 
+@takes(ResizeOptions)
 def scale(
     image: Any,
     factor: float | tuple[float, float],
@@ -133,7 +135,6 @@ def scale(
     >>> scale(np.ones((15, 21)), (2, 0.5)).image.shape  # along x and y
     (8, 42)
     """
-    check_options("scale", choices, ResizeOptions)
     picture, light = _opened(image, linear_light, choices)
     pair = factor if isinstance(factor, list | tuple | np.ndarray) else (factor, factor)
     if len(pair) != 2:
@@ -144,6 +145,7 @@ def scale(
     return warp(picture.values, *way, method, edge=edge, **light, alpha=alpha, **choices)
 
 
+@takes(ResizeOptions)
 def rotate(
     image: Any,
     degrees: float,
@@ -181,7 +183,6 @@ def rotate(
     >>> rotate(np.ones((30, 40)), 30)
     WarpedMeans(46 × 50 float64, 56.3 % covered)
     """
-    check_options("rotate", choices, ResizeOptions)
     picture, light = _opened(image, linear_light, choices)
     source, degrees = picture.size, number("degrees", degrees)
     target = (
@@ -191,6 +192,7 @@ def rotate(
     return warp(picture.values, *way, method, edge=edge, **light, alpha=alpha, **choices)
 
 
+@takes(ResizeOptions)
 def undistort(
     image: Any,
     matrix: ArrayLike,
@@ -245,7 +247,6 @@ def undistort(
     >>> undistort(np.full((96, 128, 3), 200, np.uint8), camera, [-0.1, 0.01, 0, 0])
     Warped(96 × 128 × 3 uint8, 100 % covered)
     """
-    check_options("undistort", choices, ResizeOptions)
     picture, light = _opened(image, linear_light, choices)
     lens = LensModel.FISHEYE if fisheye else LensModel.PINHOLE
     camera = Camera.from_opencv(matrix, distortion, model=lens)
@@ -264,6 +265,7 @@ def _opened(
     return picture, {"linear_light": is_linear, "axis": picture.axis}
 
 
+@takes(ProjectOptions)
 def project(
     image: Any,
     source: str | PictureProjection,
@@ -305,7 +307,6 @@ def project(
     >>> project(panorama, "equirectangular", "fisheye:fov=220", (64, 64))
     Warped(64 × 64 × 3 uint8, 78.8 % covered)
     """
-    check_options("project", choices, ProjectOptions)
     given = given_pictures(image, choices.get("axis"))
     picture = given.values
     choices.setdefault("linear_light", light_for(None, picture.dtype, given.is_encoded))

@@ -7,13 +7,13 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.calling import takes
 from resample.cameras.models import AnyConvention
 from resample.painting.scenes.plans import shape_of
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Floats
 from resample.watching import Cancel
-from resample.words import check_options
 from resample_texture.arguments import (
     PREMULTIPLIED,
     Places,
@@ -96,6 +96,7 @@ class PictureScene(AnyScene):
         self._levels: list[Floats] = []  # the texels, and the levels of their 2 × 2 pyramid
         self._encoding: Encoding | None = None
 
+    @takes(PictureSceneOptions)
     def render(
         self,
         matrix: ArrayLike | Geometry | Places,
@@ -131,7 +132,6 @@ class PictureScene(AnyScene):
         resample.CancelledError
             The warp was cancelled.
         """
-        check_options("a scene's picture", choices, PictureSceneOptions)
         shape = self._shape(size)
         with self._rendering(quality, cancel) as is_preview:
             if is_preview:

@@ -5,7 +5,8 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.words import check_options, check_threads
+from resample.calling import takes
+from resample.words import check_threads
 from resample_texture.arguments import (
     Places,
     check_shape,
@@ -13,6 +14,7 @@ from resample_texture.arguments import (
     edge_named,
     fill_for,
     geometry_of,
+    is_pair_of_maps,
     method_named,
     warn_if_unknown,
     whole_pair,
@@ -20,16 +22,17 @@ from resample_texture.arguments import (
     without_nodata,
 )
 from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
-from resample_texture.geometry.mappings import Geometry
+from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.stacks import given_pictures, matrices_in, stacked
 from resample_texture.texels.levels import light_for
 from resample_texture.types import AnyEdge, Method, SamplingOptions, Warped, WarpOptions
 
 
+@takes(WarpOptions)
 def warp(
     image: Any,
     matrix: ArrayLike | Geometry | Places,
-    shape: tuple[int, int],
+    shape: tuple[int, int] | None = None,
     method: str | Method = "hybrid",
     *,
     edge: AnyEdge = "transparent",
@@ -53,7 +56,7 @@ def warp(
         `(map_x, map_y)` as `cv2.remap` takes it, or a transform of scikit-image from source to
         target, both of which count from pixel centers, whatever the `convention`.
     shape
-        Height and width of the target, px.
+        Height and width of the target, px; None: those of the maps, or of the picture.
     method
         Name such as `hybrid`, `paper` or `opencv-supersample:n=8`, or an object in that role.
         `nearest` and `majority` are for labels: they copy texels without mixing them.
@@ -134,15 +137,18 @@ def warp(
     >>> warp(image, lambda x, y: (y, x), (64, 48))  # where each pixel comes from
     Warped(64 × 48 × 3 uint8, 100 % covered)
     """
-    check_options("warp", options, WarpOptions)
     check_threads(options.get("threads"))
     nodata, roi, out = options.get("nodata"), options.get("roi"), options.get("out")
     linear_light, alpha = options.get("linear_light"), options.get("alpha")
     convention, inverse = options.get("convention", "corner"), options.get("inverse", False)
-    shape = whole_pair(shape, "height", "width")
-    matrices = matrices_in(matrix, shape)
+    if shape is None and is_pair_of_maps(matrix):
+        shape = np.shape(matrix[0])[:2]  # type: ignore[index]
+    elif shape is None and isinstance(matrix, BackwardMap):
+        shape = matrix.x.shape
+    size = (0, 0) if shape is None else whole_pair(shape, "height", "width")
+    matrices = matrices_in(matrix, size)
     given = given_pictures(image, options.get("axis"), None if matrices is None else len(matrices))
-    image = given.values
+    image, shape = given.values, given.size if shape is None else size
     linear_light = light_for(linear_light, image.dtype, given.is_encoded)
     border = edge_named(edge)
     chosen = method_named(

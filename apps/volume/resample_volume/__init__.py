@@ -15,14 +15,15 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
+    from resample_volume.calls import animate, render
     from resample_volume.classification.presets import load_transfer
     from resample_volume.classification.transfer import TransferFunction
     from resample_volume.data.rectilinear import rectilinear
     from resample_volume.files.source import open_volume
+    from resample_volume.files.source import open_volume as open  # noqa: A004
     from resample_volume.inputs import as_volume
     from resample_volume.media.appearance import Appearance
     from resample_volume.media.xrays import XRay
-    from resample_volume.rendering import render
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.lines import measure
@@ -44,15 +45,17 @@ _HOMES = {
     "TransferFunction": "classification.transfer",
     "Volume": "types",
     "XRay": "media.xrays",
+    "animate": "calls",
     "annotate": "space.annotations",
     "as_volume": "inputs",
     "load_transfer": "classification.presets",
     "measure": "space.lines",
+    "open": "files.source:open_volume",
     "open_volume": "files.source",
     "read_mesh": "surfaces.meshes",
     "picture": "viewing",
     "rectilinear": "data.rectilinear",
-    "render": "rendering",
+    "render": "calls",
     "scene_mesh": "surfaces.meshes",
     "view": "viewing",
 }
@@ -69,10 +72,12 @@ __all__ = [
     "TransferFunction",
     "Volume",
     "XRay",
+    "animate",
     "annotate",
     "as_volume",
     "load_transfer",
     "measure",
+    "open",
     "open_volume",
     "picture",
     "read_mesh",

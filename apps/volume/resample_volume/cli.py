@@ -137,7 +137,9 @@ def render(
 
                 write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
             else:
-                drawn = annotated_picture(scene, frame, shown, resampler, beside, background)
+                drawn = annotated_picture(
+                    subject, camera, frame, shown, resampler, beside, background
+                )
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
         write_json(stats, report(session, frame, subject))

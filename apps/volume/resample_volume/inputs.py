@@ -101,7 +101,7 @@ def _is_part(given: Any) -> bool:
 
 def _checked(given: Volume) -> Volume:
     """Check a volume's values and geometry, and return it with a supported type."""
-    if any(isinstance(part, np.ma.MaskedArray) for part in given[1:4]):
+    if any(type(part) is not np.ndarray for part in given[1:4]):
         spacing, origin, direction = (contiguous(part, np.float64) for part in given[1:4])
         given = given._replace(spacing=spacing, origin=origin, direction=direction)
     made = given

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.cameras.viewpoints import Orbit, Spelled, Sphere, Viewpoint, camera_from, viewpoint_of
+from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
 from resample.painting.choices import MEASURING, Projection
-from resample.painting.scenes.plans import shape_of
 from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import (
@@ -26,11 +25,11 @@ from resample.types import (
     View,
 )
 from resample.watching import Progress
-from resample.words import check_kind, warn
+from resample.words import warn
 from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
-from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
 from resample_volume.data.recordings import how
 from resample_volume.data.spacings import in_unit, mm_of, unit_of_space
@@ -59,6 +58,7 @@ from resample_volume.voxels.framing import (
     ball_around,
     centered,
     corners,
+    filling,
     shown_by,
     sphere_around,
 )
@@ -80,6 +80,7 @@ Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what 
 Fit = Literal["visible", "volume"]  # what cameras orbit
 # As `visible`, then zoomed and panned to fill the picture, or most of it.
 Fitted = Fit | Literal["picture", "most"]
+AROUND = 0.04  # of what is visible, left free where no camera is asked for
 
 
 class Placement(NamedTuple):
@@ -439,70 +440,44 @@ class Subject:
         return lit_field(faced(self.voxels, self._across(camera)), light, viewer, dimmed)
 
 
-def render(
-    volume: Any,
-    appearance: Appearance | str = "auto",
-    camera: Spelled = None,
-    *,
-    size: tuple[int, int] = (400, 400),
-    resampler: Resampler | None = None,
+def pictured(
+    media: Sequence[VolumeLayer],
+    viewpoint: Viewpoint,
+    size: tuple[int, int],
+    resampler: Resampler,
+    fit: Fitted = "visible",
+    threads: int | None = None,
     progress: Progress | None = None,
-) -> Frame:
-    """Render a volume.
+) -> tuple[Frame, Subject, AnyCamera]:
+    """Return a picture (height, width) of volumes, their scene and the camera."""
+    subject = Subject.of_several(media, resampler, "volume" if fit == "volume" else "visible")
+    warn_of_nothing(subject, media, resampler.projection)
+    if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
+        viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
+    camera = subject.camera(viewpoint, *size)
+    seen, cuts = subject.samples_for(camera), subject.cuts(camera)
+    paint = subject.painter(resampler)
+    frame = paint(
+        *(seen, camera), height=size[0], width=size[1], threads=threads, progress=progress,
+        clip=cuts,
+    )  # fmt: skip
+    return subject.developed(frame), subject, camera
 
-    Parameters
-    ----------
-    volume
-        What `as_volume` takes: a volume, an array (Z, Y, X), a path, an image of other libraries;
-        NaN is transparent. Or several, as a list of pairs (volume, appearance): see
-        `Subject.of_several`.
-    appearance
-        Look of the voxels, or the name of a transfer function. None for a list of pairs.
-    camera
-        Any camera; a `Spot` with an eye and a target; or a viewpoint around the volume: an `Orbit`,
-        (azimuth, elevation) with or without a zoom and a pan, a name such as `front`, `top` or
-        `corner`; None: `Orbit()`.
-    size
-        Width and height, px.
-    resampler
-        Renderer; None: casts rays, or paints voxels where rays cannot be used (`decided`).
-    progress
-        Called with the fraction of the work done, 0 to 1.
 
-    Returns
-    -------
-    Premultiplied linear RGBA with depth and coverage; fully transparent if no voxel is visible.
-
-    Raises
-    ------
-    ValueError
-        The array is not a volume, or a choice is not allowed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from resample_volume import render
-    >>> z, y, x = np.indices((16, 16, 16)) - 7.5
-    >>> ball = np.hypot(np.hypot(x, y), z).astype(np.float32)
-    >>> frame = render(-ball, "-6..0", (30, 20), size=(32, 32))
-    >>> frame
-    Frame(32 × 32 px, 45.7 % covered, depth from 26.07)
-    >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
-    (1.0, 0.0)
-    """
-    media = [_medium(*pair) for pair in _pairs(volume, appearance)]
-    paint = resampler or resampler_for(media[0][1])
-    check_kind(
-        "resampler", paint, Resampler, "a Resampler, or None for the one that suits the look"
-    )
-    subject = Subject.of(*media[0], paint) if len(media) == 1 else Subject.of_several(media, paint)
-    warn_of_nothing(subject, media, paint.projection)
-    height, width = shape_of(size)
-    eye = subject.camera(viewpoint_of(camera), height, width)
-    seen, cuts = subject.samples_for(eye), subject.cuts(eye)
-    paint = subject.painter(paint)
-    frame = paint(seen, eye, height=height, width=width, progress=progress, clip=cuts)
-    return subject.developed(frame)
+def filled(
+    viewpoint: Viewpoint, subject: Subject, size: tuple[int, int], around: float = 0.0
+) -> Orbit:
+    """Fit the camera so that everything visible fills the picture; `around`: as of `filling`."""
+    if not isinstance(viewpoint, Orbit):
+        raise ValueError(
+            "zoom-in needs a camera that orbits the volume, such as 30,20,1; leave it out for a "
+            "camera at a fixed position"
+        )
+    if subject.seen is None:
+        return viewpoint
+    found = filling(viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around)
+    is_smaller = around > 0 and found.zoom < viewpoint.zoom  # of a ball all is seen at zoom 1
+    return viewpoint if is_smaller else found
 
 
 def warn_of_nothing(subject: Subject, media: Sequence[VolumeLayer], projection: Projection) -> None:
@@ -523,39 +498,6 @@ def warn_of_nothing(subject: Subject, media: Sequence[VolumeLayer], projection: 
         )
     elif least == greatest and look.transfer == "auto" and volume.values.size > 1:
         warn(f"all values of {volume.name} are {least:g}: nothing can be told apart")
-
-
-def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
-    """Return volumes with their looks, also for a single one."""
-    if not _are_several(volume):
-        return [(volume, appearance)]
-    if appearance != "auto" or not all(_is_pair(one) for one in volume):
-        raise ValueError(
-            "give several volumes as a list of pairs (volume, appearance), without another "
-            "appearance"
-        )
-    return list(volume)
-
-
-def _are_several(volume: Any) -> bool:
-    """Return whether this is a list of volumes, rather than one as nested lists."""
-    if not isinstance(volume, list | tuple) or isinstance(volume, Volume):
-        return False
-    return any(isinstance(one, Volume) or _is_pair(one) for one in volume)
-
-
-def _is_pair(one: Any) -> bool:
-    is_two = isinstance(one, tuple) and len(one) == 2
-    return is_two and isinstance(one[1], str | Appearance)
-
-
-def _medium(volume: Any, appearance: Appearance | str) -> VolumeLayer:
-    """Return the volume without its padding, and its look."""
-    from resample_volume.inputs import as_volume
-
-    scene = as_volume(volume)
-    look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
-    return without_padding(scene, survey(scene)), look
 
 
 def _eye(view: View) -> Doubles:

@@ -30,10 +30,10 @@ class Volume(NamedTuple):
     # (Z, Y, X) uint8/16, int8/16/32, float32/64; NaN is "no value here". Where a caller asked for
     # values that stay in their file, these are `data.bricks.Bricks` instead.
     values: NDArray[Any]
-    spacing: Doubles  # (3,) x, y, z; scene units between neighbours, > 0
-    origin: Doubles  # (3,) x, y, z; scene position of values[0, 0, 0]
-    direction: Doubles  # (3, 3) columns are the unit steps of x, y, z; may mirror
-    name: str  # for titles and messages
+    spacing: Doubles = np.ones(3)  # (3,) x, y, z; scene units between neighbours, > 0
+    origin: Doubles = np.zeros(3)  # (3,) x, y, z; scene position of values[0, 0, 0]
+    direction: Doubles = np.eye(3)  # (3, 3) columns are the unit steps of x, y, z; may mirror
+    name: str = "volume"  # for titles and messages
     units: str = ""  # of the values: hu, hu+1024 (as stored), none of these; empty: not told
     colors: NDArray[Any] | None = None  # (Z, Y, X, 3 or 4) of voxels, see `recordings.in_color`
     note: str = ""  # how a file's values were changed, for messages

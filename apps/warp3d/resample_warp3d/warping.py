@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample import registry
+from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb
 from resample.files.exchange import as_picture, picture_and_encoding
 from resample.painting.scenes.plans import pair_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
-from resample.words import check_options, check_threads, number
+from resample.words import check_threads, number
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
@@ -49,6 +50,7 @@ class DepthWarpOptions(TypedDict, total=False):
     threads: int | None
 
 
+@takes(DepthWarpOptions)
 def warp(
     color: Any,
     depth: Any,
@@ -126,7 +128,6 @@ def warp(
     >>> warp(np.ones((32, 32, 3)), depth, camera, right, fill=True)
     Warped(32 × 32 × 3 float32, 100 % covered)
     """
-    check_options("warp", options, DepthWarpOptions)
     nearness, light = nearness_of(depth), as_light(color)
     height, width = light.shape[:2]
     image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))

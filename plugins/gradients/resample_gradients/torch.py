@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
+from resample.calling import takes
 from resample.types import Doubles
-from resample.words import check_options
 from resample_gradients.places import MapPlaces, MatrixPlaces
 from resample_gradients.warping import LinearWarp, Places
 from resample_texture.types import AnyEdge, PlaceOptions
@@ -25,6 +25,7 @@ Tensor = Any
 __all__ = ["warp", "warp_by_map"]
 
 
+@takes(PlaceOptions)
 def warp(
     image: Tensor,
     matrix: Tensor,
@@ -64,7 +65,6 @@ def warp(
     ValueError, LookupError
         A tensor, size or choice cannot be worked with.
     """
-    check_options("warp", options, PlaceOptions)
     _check_image(image)
     _check_geometry(matrix, image, 2, "a matrix has the shape (3, 3) or (N, 3, 3)")
     source_shape = int(image.shape[2]), int(image.shape[3])

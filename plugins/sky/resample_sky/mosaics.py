@@ -7,9 +7,9 @@ from typing import Any, Literal, NamedTuple, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from resample.calling import takes
 from resample.showable import array_of
 from resample.types import Doubles
-from resample.words import check_options
 from resample_sky.reprojection import ERROR, World, reprojection
 from resample_texture.arguments import PREMULTIPLIED, Places, check_shape, geometry_of, whole_pair
 from resample_texture.geometry.mappings import (
@@ -45,6 +45,7 @@ class ReprojectOptions(SamplingOptions, StackOptions, ValueOptions, ResultOption
     edge: AnyEdge
 
 
+@takes(ReprojectOptions)
 def reproject(
     image: Any,
     source: World,
@@ -95,7 +96,6 @@ def reproject(
     >>> reproject(np.ones((40, 40)), coarse, fine, (60, 60))
     WarpedMeans(60 × 60 float64, 100 % covered)
     """
-    check_options("reproject", choices, ReprojectOptions)
     shape = whole_pair(shape, "height", "width")
     check_shape(shape)
     geometry = reprojection(source, target, shape, transform=transform, error=error)

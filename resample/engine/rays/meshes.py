@@ -13,6 +13,7 @@ from resample.engine.rays.classifiers import Light
 from resample.engine.rays.extremes import Extreme
 from resample.engine.rays.integrators import (
     NOTHING,
+    AttenuatedMaximum,
     Composite,
     IsoSurfaceHit,
     Mean,
@@ -32,7 +33,7 @@ MOST_HITS = 64  # surfaces that a ray passes through
 OPAQUE = 1e-3  # transmittance that counts as none
 ALONG = 1e-30  # scene units per depth, of a ray that is parallel to a wall
 
-Way = Composite | Extreme | Mean | IsoSurfaceHit
+Way = Composite | Extreme | Mean | IsoSurfaceHit | AttenuatedMaximum
 Hit = tuple[float, int, float, float]  # depth, triangle, weights of its second and third corner
 
 

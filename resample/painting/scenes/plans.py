@@ -27,9 +27,10 @@ class PicturePlan(NamedTuple):
     visible: int  # visible samples
 
 
-def shape_of(size: Sequence[int]) -> tuple[int, int]:
-    """Height and width from a size, which is width and height, px."""
-    width, height = pair_of("size", size, "width and height")
+def shape_of(size: Sequence[int] | int) -> tuple[int, int]:
+    """Height and width from a size, which is width and height, or both of a square, px."""
+    both = (size, size) if isinstance(size, int | np.integer) else size
+    width, height = pair_of("size", both, "width and height")
     check_size(height, width)
     return height, width
 

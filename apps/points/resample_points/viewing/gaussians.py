@@ -9,21 +9,12 @@ import numpy as np
 
 from resample.cameras.models import Camera
 from resample.command.session import Session
-from resample.command.settings import Choices, FrameFormat
+from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
 from resample.scene.picking import pixel_at, place_at
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView
-from resample.view.views import (
-    PagePicture,
-    Settings,
-    Size,
-    chosen,
-    is_free,
-    option_of,
-    placed_by,
-    settings_of,
-)
+from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
 from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import (

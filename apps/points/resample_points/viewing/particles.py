@@ -6,20 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from resample.command.session import Session
-from resample.command.settings import Choices, FrameFormat
+from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView, image_of
-from resample.view.views import (
-    PagePicture,
-    Settings,
-    Size,
-    chosen,
-    is_free,
-    option_of,
-    placed_by,
-    settings_of,
-)
+from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
 from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudStart
 from resample_points.command.density import SHARED, DensityOptions, ParticleOptions, write_map

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample.command.session import Session
-from resample.command.settings import Written
+from resample.command.settings import Written, chosen
 from resample.files.exchange import levels_of
 from resample.view.files import FileView, file_of, levels_in
-from resample.view.views import PagePicture, Settings, Size, chosen, settings_of
+from resample.view.views import PagePicture, Settings, Size, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
 from resample_texture.command.inputs import PictureTarget, target_of

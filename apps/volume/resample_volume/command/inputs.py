@@ -73,7 +73,7 @@ def opened_of_several(
         volume = volume if streamed else _as_array(volume)
     else:
         volume, held = _read(place, reader, source)
-    return scaled(_changed(source, volume), source.scale), held
+    return scaled(changed(source, volume), source.scale), held
 
 
 def of_first_channel(
@@ -184,7 +184,7 @@ def over_time(source: ReadOptions, name: str) -> Recording | None:
         return held(source, name)
     if found.values.shape[:2] == (1, 1):
         return None
-    return _changed(source, found)
+    return changed(source, found)
 
 
 def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
@@ -201,13 +201,13 @@ def held(source: ReadOptions, name: str) -> Recording:
     allowed = allowed_memory(source)
     if allowed is not None:
         allow(allowed)
-    return _changed(source, open_recording(*_named(source, name)))
+    return changed(source, open_recording(*_named(source, name)))
 
 
 def channels_in_chunks(source: ReadOptions, name: str) -> Recording | None:
     """Open all times and channels of a chunked file, unread; None if it has no chunks."""
     found = open_streamed(*_named(source, name))
-    return None if found is None else _changed(source, found)
+    return None if found is None else changed(source, found)
 
 
 def stored(source: ReadOptions, name: str) -> Recording:
@@ -222,7 +222,7 @@ def stored(source: ReadOptions, name: str) -> Recording:
             found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
             return found._replace(length=volume.length)
     streamed = open_streamed(*_named(source, name))
-    return held(source, name) if streamed is None else _changed(source, streamed)
+    return held(source, name) if streamed is None else changed(source, streamed)
 
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
@@ -245,7 +245,7 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     return (Path(name) if Path(name).exists() else name), reader
 
 
-def _changed(source: ReadOptions, found: Opened) -> Opened:
+def changed(source: ReadOptions, found: Opened) -> Opened:
     """Return a volume with the properties that override its file's."""
     if source.spacing is not None:
         spacing, length = spacing_of(source.spacing)

@@ -32,7 +32,16 @@ from resample_volume.media.appearance import (
     check_several,
     check_together,
 )
-from resample_volume.rendering import Fit, Fitted, Shaded, Subject, fields_of, painted_with_bar
+from resample_volume.rendering import (
+    AROUND,
+    Fit,
+    Fitted,
+    Shaded,
+    Subject,
+    fields_of,
+    filled,
+    painted_with_bar,
+)
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 
@@ -122,7 +131,8 @@ def picture_of(
 
 
 def annotated_picture(
-    scene: PreparedPicture,
+    subject: Subject,
+    camera: AnyCamera,
     frame: Frame,
     media: Sequence[VolumeLayer],
     resampler: Resampler,
@@ -134,12 +144,12 @@ def annotated_picture(
         from resample_volume.space.annotations import annotated
 
         marks = beside.annotations(background)
-        frame = annotated(frame, scene.camera, scene.subject.placed(media[0][0]), marks)
+        frame = annotated(frame, camera, subject.placed(media[0][0]), marks)
     if beside.color_bar:
         from resample_volume.space.color_bar import with_bar
 
         for medium in media:
-            frame = with_bar(frame, *medium, resampler, background, scene.subject.tone)
+            frame = with_bar(frame, *medium, resampler, background, subject.tone)
     return frame
 
 
@@ -200,8 +210,6 @@ def to_paint(
     around: Fit = "volume" if fit == "volume" else "visible"
     subject = scene_of(session, media, resampler, around, size)
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
-        from resample_volume.command.filling import AROUND, filled
-
         viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
         if fit == "picture":
             turned = (viewpoint.azimuth, viewpoint.elevation, viewpoint.zoom, *viewpoint.pan)

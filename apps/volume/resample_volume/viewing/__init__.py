@@ -43,8 +43,8 @@ def view(volume: Any, /, **settings: Any) -> "Viewer":
     >>> shown.settings["camera"]
     'top'
     """
+    from resample.command.settings import chosen
     from resample.view import widgets
-    from resample.view.views import chosen
     from resample_volume.command.choices import ReadOptions
     from resample_volume.viewing.volumes import volume_view
 

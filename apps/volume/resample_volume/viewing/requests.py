@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from resample.command.settings import PictureFormat, Resampling
+from resample.command.settings import PictureFormat, Resampling, chosen
 from resample.outofcore.caching import Memo, memoizing
 from resample.resampler import Resampler
-from resample.view.views import Settings, chosen
+from resample.view.views import Settings
 from resample_volume.command.choices import AppearanceChoices, Beside
 from resample_volume.media.appearance import Appearance
 from resample_volume.types import Volume

@@ -13,7 +13,7 @@ import numpy as np
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.command.session import Session
-from resample.command.settings import Choices, Written
+from resample.command.settings import Choices, Written, chosen
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
@@ -21,7 +21,7 @@ from resample.files.writing import save_array
 from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
-from resample.view.views import PagePicture, Settings, Size, chosen, placed_by, settings_of
+from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing

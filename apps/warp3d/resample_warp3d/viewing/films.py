@@ -7,12 +7,13 @@ import numpy as np
 
 from resample.cameras.files import read_pose
 from resample.command.session import Session
+from resample.command.settings import chosen, option_of
 from resample.console import linear_color
 from resample.files.animations import write_film
 from resample.types import Doubles
 from resample.view.exports import STEP
 from resample.view.files import path_file
-from resample.view.views import Settings, chosen, option_of
+from resample.view.views import Settings
 from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.choices import Depth, DepthWarping

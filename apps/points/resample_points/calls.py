@@ -1,0 +1,249 @@
+"""Render and film whatever holds points in one call: arrays, clouds, 3D Gaussians, files."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resample.calling import takes, understood
+from resample.cameras.panoramic import Equirectangular
+from resample.cameras.viewpoints import Orbit, Spelled, viewpoint_of
+from resample.colors import from_srgb
+from resample.painting.scenes.plans import shape_of
+from resample.profiles.filters import PixelFilter
+from resample.types import Floats, Frame
+from resample.words import shortly
+from resample_points.data.cloud import Cloud
+from resample_points.data.coloring import colored
+from resample_points.data.gaussians import Gaussians
+from resample_points.data.joining import DOWN
+from resample_points.data.selecting import select_points
+from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
+from resample_points.files.gaussians.writing import write_gaussians
+from resample_points.files.particles import is_snapshot
+from resample_points.files.readers import read_cloud
+from resample_points.geometry.framing import FIELD
+from resample_points.geometry.spacing import LARGEST, Surfels, prepare_cloud
+from resample_points.painting.bending import CloudView, ProjectedCamera
+from resample_points.painting.gaussians import GaussianStyle, render_gaussians, shown_part
+from resample_points.painting.rendering import CloudStyle
+from resample_points.scenes import CloudScene, camera_of
+
+if TYPE_CHECKING:
+    from resample.command.settings import Choices
+
+SCENES = "a path, positions (N, 3), a Cloud or Gaussians"
+
+
+@takes()
+def render(
+    scene: str | PathLike[str] | ArrayLike | Cloud | Surfels | CloudScene | Gaussians,
+    camera: Spelled | CloudView = None,
+    *,
+    colors: ArrayLike | str | None = None,
+    colormap: str = "viridis",
+    size: tuple[int, int] = (640, 480),
+    style: CloudStyle | GaussianStyle | None = None,
+    filter: str | PixelFilter | None = None,  # noqa: A002
+    threads: int | None = None,
+    **options: Any,
+) -> Frame:
+    """Render points or 3D Gaussians.
+
+    Parameters
+    ----------
+    scene
+        A file of a cloud or of 3D Gaussians; positions (N, 3), scene units; a `Cloud` or the result
+        of `prepare_cloud`; `Gaussians`; or an open `CloudScene`, which saves time for further
+        pictures.
+    camera
+        Any camera; or a viewpoint around the scene, which fits it into the picture: an `Orbit`,
+        (azimuth, elevation) with or without a zoom and a pan, a name such as `front` or `top`;
+        None: `Orbit()`.
+    colors
+        Of points, in place of their own: (N, 3) levels, whole numbers of 8 bits or floats from 0 to
+        1, encoded as sRGB; numbers (N,), or the name of a column, or x, y or z, for a colormap.
+    colormap
+        One of matplotlib's, for numbers.
+    size
+        Width and height, px.
+    style
+        `CloudStyle` of clouds, `GaussianStyle` of Gaussians.
+    filter
+        Pixel filter of clouds; see `render_cloud`.
+    threads
+        Most threads to use; the picture does not depend on it.
+    options
+        Options of `resample-points render`: `background`, `fov`, `up`, and of clouds `point_size`,
+        `light`, `edl`, `one_sided`, `crop`, `only` and `disc_limit`, in place of a style; of
+        Gaussians `look`, `order`, `trained_focal`, `subpixels` and `nearest`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        The scene holds nothing that can be drawn, or a choice does not go with it.
+    OSError
+        The file is missing or damaged.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import render
+    >>> place = np.random.default_rng(1).normal(size=(2000, 3))
+    >>> place /= np.linalg.norm(place, axis=1)[:, None]  # of a ball
+    >>> render(place, (30, 20), colors=place[:, 2], size=(64, 48))
+    Frame(64 × 48 px, 56.5 % covered, depth from 2.079)
+    """
+    found, behind, largest = opened(scene), None, LARGEST
+    view: Any = camera
+    if np.ndim(camera) == 2:  # type: ignore[arg-type]
+        raise TypeError("the camera comes after the scene; colors are given by colors=")
+    if not isinstance(camera, Equirectangular | ProjectedCamera):
+        view = viewpoint_of(camera)
+    if isinstance(view, Orbit) and view is not camera:
+        view = replace(view, fov=FIELD)
+        if isinstance(found, Gaussians):
+            view = replace(view, up=found.up or DOWN)
+    if options:
+        from resample_points.command.choices import CloudOptions
+        from resample_points.command.gaussians import GaussianOptions
+
+        look, start, form = _chosen(
+            options, GaussianOptions if isinstance(found, Gaussians) else CloudOptions
+        )
+        behind = form.behind()
+        if isinstance(view, Orbit) and start.model_fields_set:
+            given = {name: getattr(start, name) for name in start.model_fields_set}
+            view = replace(view, **given)
+        if look.model_fields_set and style is not None:
+            raise ValueError("give a style or its options, not both")
+        style = style or look.style()
+        if isinstance(found, Cloud):
+            found = select_points(found, look.only, look.crop)
+            largest = LARGEST if look.disc_limit is None else look.disc_limit
+    if isinstance(found, Gaussians):
+        if colors is not None or filter is not None or isinstance(style, CloudStyle):
+            raise ValueError("3D Gaussians have colors and a filter of their own; leave these out")
+        if isinstance(view, Orbit):
+            view = camera_of(shown_part(found), shape_of(size), view)
+        frame = render_gaussians(found, view, size=size, style=style, threads=threads)
+    else:
+        if isinstance(style, GaussianStyle):
+            raise ValueError("a GaussianStyle is for 3D Gaussians; give a CloudStyle")
+        if colors is not None:
+            if not isinstance(found, Cloud):
+                raise ValueError(
+                    "colors are for a Cloud, a file or positions, not a prepared scene"
+                )
+            found = _colored(found, colors, colormap)
+        if isinstance(found, Cloud):
+            found = prepare_cloud(found, largest=largest, threads=threads)
+        found = found if isinstance(found, CloudScene) else CloudScene(found)
+        frame = found.render(view, size=size, style=style, filter=filter, threads=threads)
+    return frame.over(behind)
+
+
+def _chosen(options: Mapping[str, Any], look: type["Choices"]) -> list[Any]:
+    """Return the models of a look's options, of the camera's and of the picture's."""
+    from resample.command.settings import FrameFormat, chosen, option_of
+    from resample_points.command.choices import CloudStart
+
+    models = (look, CloudStart, FrameFormat)
+    apart = {"camera", "steady", "size", "bits", "also", "level", "no_cache", "eyes", "deep",
+             "color_by", "color_bar", "span", "threads", "filter", "colormap"}  # fmt: skip
+    known = [
+        option_of(model, field).replace("-", "_")
+        for model in models
+        for field in model.model_fields
+        if field not in apart
+    ]
+    return chosen(understood("render", dict(options), known), models)
+
+
+def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any) -> None:
+    """Film points or 3D Gaussians as `resample-points animate` does: a camera goes around them.
+
+    Parameters
+    ----------
+    scene
+        A file, also of particles; or positions (N, 3), a `Cloud` or `Gaussians`, which are written
+        to a temporary file.
+    output
+        Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
+    more
+        Further files, a frame each.
+    options
+        Options of the command: `frames`, `fps`, `path`, `camera`, `size`, `color_by`, ...
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        As of `render`; or the film cannot be written.
+    """
+    from resample.command.calls import run
+
+    with TemporaryDirectory() as folder:
+        file = scene
+        if not isinstance(scene, str | PathLike):
+            found = opened(scene)
+            file = Path(folder) / "points.ply"
+            if isinstance(found, Gaussians):
+                write_gaussians(file, found)
+            elif isinstance(found, Cloud):
+                file = file.with_suffix(".npz")
+                arrays: dict[str, Any] = {**found.columns, **found._asdict()}
+                del arrays["columns"]
+                np.savez(file, **arrays)
+            else:
+                raise TypeError(f"a film of {shortly(scene)}; give {SCENES}")
+        run("points", "animate", Path(file), *map(Path, more), output=Path(output), **options)
+
+
+def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
+    """Open what `render` takes: a file of points or of 3D Gaussians, or positions (N, 3).
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        The file holds neither, is missing or damaged; or positions are no numbers (N, 3).
+    """
+    if isinstance(scene, Cloud | Surfels | CloudScene | Gaussians):
+        return scene
+    if isinstance(scene, str | PathLike):
+        from pathlib import Path
+
+        path = Path(scene)
+        if is_snapshot(path):
+            raise ValueError(f"{path.name} holds particles, of which column_density makes maps")
+        return read_gaussians(path) if is_gaussians(path) else read_cloud(path)
+    place: Any = np.asarray(getattr(scene, "points", scene))  # of Open3D or a trimesh.PointCloud
+    if place.dtype.kind not in "iuf" or place.ndim != 2 or place.shape[1] != 3:
+        raise TypeError(f"a scene of {shortly(scene)}; give {SCENES}")
+    return Cloud(place.astype(np.float32 if place.dtype == np.float32 else np.float64))
+
+
+def _colored(cloud: Cloud, colors: ArrayLike | str, colormap: str) -> Cloud:
+    """Return a cloud in other colors."""
+    if isinstance(colors, str):
+        return colored(cloud, colors, colormap=colormap)[0]
+    given, count = np.asarray(colors), len(cloud.position)
+    if given.shape == (count,) and given.dtype.kind in "iufb":
+        columns = {**cloud.columns, "colors": given}
+        return colored(cloud._replace(columns=columns), "colors", colormap=colormap)[0]
+    if given.shape != (count, 3) or given.dtype.kind not in "iuf":
+        raise ValueError(
+            f"colors have the shape {given.shape}; give ({count}, 3) of levels or ({count},) of "
+            "numbers"
+        )
+    white = 1.0 if given.dtype.kind == "f" else 255.0
+    if given.size and not 0 <= given.min() <= given.max() <= white:
+        raise ValueError(
+            f"colors go from {given.min():g} to {given.max():g}; 0 to {white:g} is all"
+        )
+    light: Floats = from_srgb(given.astype(np.float32) / np.float32(white))
+    return cloud._replace(color=light)

@@ -1,0 +1,225 @@
+"""Render and film volumes in one call, with the options of the commands by their names."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resample.calling import understood
+from resample.cameras.viewpoints import Orbit, Spelled, viewpoint_of
+from resample.painting.scenes.plans import shape_of
+from resample.resampler import Resampler
+from resample.types import Frame
+from resample.watching import Progress
+from resample.words import check_kind
+from resample_volume.classification.scales import scaled
+from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.inputs import as_volume
+from resample_volume.media.appearance import Appearance, resampler_for
+from resample_volume.rendering import Fitted, pictured
+from resample_volume.types import Volume
+
+if TYPE_CHECKING:
+    from resample.command.settings import Choices
+
+PAIRS = "give several volumes as a list of pairs (volume, appearance), without another appearance"
+RANGES = ("clim", "contrast_limits")  # what others call the ends of a window
+CAMERA = ("camera", "fov", "up", "fit")  # of the look's options, those of the camera
+
+
+def render(
+    volume: Any,
+    appearance: Appearance | str = "auto",
+    camera: Spelled = None,
+    *,
+    size: tuple[int, int] | int = (400, 400),
+    resampler: Resampler | None = None,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Frame:
+    """Render a volume.
+
+    Parameters
+    ----------
+    volume
+        What `as_volume` takes: a volume, an array (Z, Y, X), a path, an image of other libraries;
+        NaN is transparent. Or several, as a list of pairs (volume, appearance): see
+        `Subject.of_several`.
+    appearance
+        Look of the voxels, or the name of a transfer function. None for a list of pairs.
+    camera
+        Any camera; a `Spot` with an eye and a target; or a viewpoint around the volume: an `Orbit`,
+        (azimuth, elevation) with or without a zoom and a pan, a name such as `front`, `top` or
+        `corner`; None: `Orbit()`, zoomed so that what is visible fills most of the picture.
+    size
+        Width and height, px, or both of a square.
+    resampler
+        Renderer; None: casts rays, or paints voxels where rays cannot be used (`decided`).
+    progress
+        Called with the fraction of the work done, 0 to 1.
+    options
+        Options of `resample-volume render`, such as `transfer`, `window`, `projection`, `iso`,
+        `spacing` along x, y and z, `background`, `method`, `shading`, `clip`, `labels`, `fov`,
+        `scale_bar` or `color_bar`. Values are texts as the command takes them, or numbers, also
+        several: `window=(40, 400)` is a center and a width, `window="-160..240"` a range.
+
+    Returns
+    -------
+    Premultiplied linear RGBA with depth and coverage; fully transparent if no voxel is visible.
+
+    Raises
+    ------
+    ValueError
+        The array is not a volume, or a choice is not allowed.
+    TypeError
+        There is no such option; it says what to give instead.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import render
+    >>> z, y, x = np.indices((16, 16, 16)) - 7.5
+    >>> ball = np.hypot(np.hypot(x, y), z).astype(np.float32)
+    >>> frame = render(-ball, "-6..0", (30, 20), size=(32, 32))
+    >>> frame
+    Frame(32 × 32 px, 45.7 % covered, depth from 26.07)
+    >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
+    (1.0, 0.0)
+    >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
+    Frame(32 × 32 px, 100 % covered, depth from 37.29)
+    """
+    shape, view = shape_of(size), viewpoint_of(camera)
+    fit: Fitted = "most" if camera is None else "visible"
+    pairs = _pairs(volume, appearance)
+    if not options:
+        media = [_layer(as_volume(one), _as_look(look)) for one, look in pairs]
+        paint = resampler or resampler_for(media[0][1])
+        wanted = "a Resampler, or None for the one that suits the look"
+        check_kind("resampler", paint, Resampler, wanted)
+        return pictured(media, view, shape, paint, fit, progress=progress)[0]
+    from resample_volume.command.inputs import changed, opened
+    from resample_volume.command.media import with_objects
+    from resample_volume.command.rendering import annotated_picture
+
+    look, resampling, beside, source, form = _chosen("render", options)
+    own = {name for name in look.model_fields_set if name not in CAMERA}
+    if own and any(isinstance(each, Appearance) for _, each in pairs):
+        raise ValueError(f"an Appearance is a whole look; leave {', '.join(sorted(own))} out")
+    paint = resampler or look.renderer(resampling, source.scale)
+    media = []
+    for one, each in pairs:
+        if isinstance(one, str | PathLike):
+            scene = opened(source, str(one))
+        else:
+            scene = scaled(changed(source, as_volume(one)), source.scale)
+        if isinstance(each, Appearance):
+            media.append(_layer(scene, each))
+            continue
+        named = look if each == "auto" else look.model_copy(update={"transfer": each})
+        media.append(_layer(scene, named.appearance(scene, paint)))
+    media = with_objects(media, beside.scene_objects(look, paint))
+    if isinstance(view, Orbit) and look.model_fields_set & {"fov", "up"}:
+        view = replace(view, fov=look.fov, up=look.up)
+    if beside.zoom_in or camera is not None or "fit" in look.model_fields_set:
+        fit = "picture" if beside.zoom_in else look.fit
+    frame, subject, eye = pictured(media, view, shape, paint, fit, form.threads, progress)
+    behind = form.behind(".exr")  # transparent unless a background is given
+    return annotated_picture(subject, eye, frame, media, paint, beside, behind).over(behind)
+
+
+def animate(
+    volume: Any,
+    output: str | PathLike[str],
+    appearance: str = "auto",
+    camera: Sequence[float] | str | None = None,
+    *,
+    size: tuple[int, int] | int = (400, 400),
+    **options: Any,
+) -> None:
+    """Film a volume as `resample-volume animate` does: a camera goes around it, or times pass.
+
+    Parameters
+    ----------
+    volume
+        A path or name, or what else `as_volume` takes, which is written to a temporary file.
+    output
+        Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
+    appearance, camera, size
+        As of `render`, but texts and numbers only.
+    options
+        Options of the command: `frames`, `fps`, `path`, and those of `render`.
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        As of `render`; or the film cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile, pathlib
+    >>> from resample_volume import animate
+    >>> film = pathlib.Path(tempfile.mkdtemp()) / "turn.webp"
+    >>> animate(np.ones((8, 8, 8), np.uint8), film, "bone", frames=2, size=(32, 24))
+    >>> film.stat().st_size > 0
+    True
+    """
+    from resample.command.calls import run
+
+    height, width = shape_of(size)
+    given = {"transfer": appearance, "camera": camera, "size": f"{width}x{height}", **options}
+    with TemporaryDirectory() as folder:
+        name = str(volume)
+        if not isinstance(volume, str | PathLike):
+            from resample_volume.files.source import write_volume
+
+            name = str(Path(folder) / "volume.nrrd")
+            write_volume(Path(name), as_volume(volume, "volume"))
+        run("volume", "animate", name, output=Path(output), **_with_window(given))
+
+
+def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
+    """Return volumes with their looks, also for a single one."""
+    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
+        is_pair = [
+            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
+            for one in volume
+        ]
+        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
+            if appearance != "auto" or not all(is_pair):
+                raise ValueError(PAIRS)
+            return list(volume)
+    return [(volume, appearance)]
+
+
+def _as_look(given: Appearance | str) -> Appearance:
+    return given if isinstance(given, Appearance) else Appearance(given)
+
+
+def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:
+    """Return a volume without its padding, and its look."""
+    return without_padding(volume, survey(volume)), look
+
+
+def _with_window(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options with a window where others' words give its ends."""
+    given = {name: value for name, value in options.items() if name not in RANGES}
+    for name in RANGES:
+        if name in options:
+            low, high = options[name]
+            given["window"] = f"{low}..{high}"
+    return given
+
+
+def _chosen(call: str, options: Mapping[str, Any]) -> "list[Any]":
+    """Return the models of options that a picture has."""
+    from resample.command.settings import PictureFormat, Resampling, chosen
+    from resample_volume.command.choices import AppearanceChoices, BesidePicture, ReadOptions
+
+    models: list[type[Choices]] = [AppearanceChoices, Resampling, BesidePicture, ReadOptions]
+    models.append(PictureFormat)
+    known = {field for model in models for field in model.model_fields} - {"bits", "deep"}
+    return chosen(understood(call, _with_window(options), sorted(known)), models)

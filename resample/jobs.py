@@ -1,0 +1,108 @@
+"""One call for whatever there is: the application is found by what it is given."""
+
+from importlib import import_module
+from os import PathLike
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from resample import registry
+from resample.words import shortly
+
+COLORS = (3, 4)  # channels of a picture
+PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".bmp")
+
+
+def render(scene: Any, *choices: Any, **options: Any) -> Any:
+    """Render a volume, points or 3D Gaussians.
+
+    Parameters
+    ----------
+    scene
+        A file; an array (Z, Y, X) of a volume or (N, 3) of points; or what an application has.
+    choices, options
+        As `resample_volume.render` or `resample_points.render` takes them.
+
+    Returns
+    -------
+    A `Frame`.
+
+    Raises
+    ------
+    TypeError
+        It is a picture, or nothing that can be rendered; it says what to do instead.
+    ValueError, LookupError, OSError
+        As of the application.
+
+    Examples
+    --------
+    >>> import numpy as np, resample
+    >>> resample.render(np.full((8, 8, 8), 200, np.uint8), size=32)
+    Frame(32 × 32 px, 41.9 % covered, depth from 16.31)
+    """
+    kind = _kind(scene)
+    if kind == "texture":
+        raise TypeError(
+            "a picture has no depth to be rendered; resample.warp and resample.resize take it, and "
+            "resample_warp3d.warp with its depth"
+        )
+    if kind not in ("volume", "points"):
+        raise TypeError(
+            f"{shortly(scene)} cannot be rendered; give a file, an array (Z, Y, X) or points (N, 3)"
+        )
+    return import_module(f"resample_{kind}").render(scene, *choices, **options)
+
+
+def warp(image: Any, *choices: Any, **options: Any) -> Any:
+    """Warp a picture: `resample_texture.warp`; with depth and cameras `resample_warp3d.warp`.
+
+    Parameters
+    ----------
+    image
+        A picture or a file.
+    choices, options
+        As `resample_texture.warp` takes them; or, with a camera, `resample_warp3d.warp`.
+
+    Examples
+    --------
+    >>> import numpy as np, resample
+    >>> resample.warp(np.zeros((48, 64, 3), np.uint8), [[1, 0, 8], [0, 1, 0], [0, 0, 1]])
+    Warped(48 × 64 × 3 uint8, 87.5 % covered)
+    """
+    given = [*choices, *options.values()]
+    has_camera = any(callable(getattr(one, "view", None)) and hasattr(one, "near") for one in given)
+    return import_module("resample_warp3d" if has_camera else "resample_texture").warp(
+        image, *choices, **options
+    )
+
+
+def resize(image: Any, *choices: Any, **options: Any) -> Any:
+    """Resize a picture: `resample_texture.resize`.
+
+    Examples
+    --------
+    >>> import numpy as np, resample
+    >>> resample.resize(np.zeros((48, 64, 3), np.uint8), 0.5)
+    Warped(24 × 32 × 3 uint8, 100 % covered)
+    """
+    return import_module("resample_texture").resize(image, *choices, **options)
+
+
+def _kind(scene: Any) -> str:
+    """Return the application of a scene; empty if none is."""
+    if isinstance(scene, str | PathLike):
+        if PurePath(scene).suffix.lower() in PICTURES:
+            return "texture"
+        is_points = registry.load("views", "points")([str(scene)])
+        return "points" if is_points else "volume"  # which says what is wrong with a file
+    home = type(scene).__module__.partition(".")[0]
+    if home.startswith("resample_"):
+        return home.removeprefix("resample_")
+    if hasattr(scene, "points"):  # of Open3D or trimesh
+        return "points"
+    shape, kind = np.shape(scene), np.asarray(scene).dtype
+    if len(shape) == 2:
+        return "points" if shape[1] == 3 and kind.kind == "f" else "texture"
+    is_picture = len(shape) == 3 and shape[-1] in COLORS and kind == np.uint8
+    return "texture" if is_picture else "volume" if len(shape) in (3, 4) else ""
