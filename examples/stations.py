@@ -20,12 +20,12 @@ from resample.colors import mapped
 from resample.command import flags
 from resample.command.films import write_shared
 from resample.command.flags import OptionTopic
-from resample.command.settings import Choices, FrameFormat, Serving
+from resample.command.settings import Choices, FrameFormat, Serving, chosen
 from resample.files.animations import Shots, check_film, fingerprint
 from resample.files.saving import screen_levels, write_png
 from resample.files.writing import check_targets
 from resample.view.files import FileView
-from resample.view.views import PagePicture, chosen, settings_of
+from resample.view.views import PagePicture, settings_of
 from resample.watching import cancellable
 
 COMMAND, BLACK = "resample-stations map", (0.0, 0.0, 0.0)

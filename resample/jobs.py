@@ -38,8 +38,8 @@ def render(scene: Any, *choices: Any, **options: Any) -> Any:
     Examples
     --------
     >>> import numpy as np, resample
-    >>> resample.render(np.full((8, 8, 8), 200, np.uint8), size=32)
-    Frame(32 × 32 px, 41.9 % covered, depth from 16.31)
+    >>> resample.render(np.arange(512).reshape(8, 8, 8), "bone", (30, 20), size=32)
+    Frame(32 × 32 px, 32.6 % covered, depth from 24.94)
     """
     kind = _kind(scene)
     if kind == "texture":

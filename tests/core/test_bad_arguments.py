@@ -197,7 +197,7 @@ BAD: list[tuple[dict[str, Callable[[Any], Any]], Any, str]] = [
     (SHAPES, "4x5", r"'4x5'.*two whole numbers of px"),
     (SIZES, (0, 5), r"a (target|picture) of 0 . 5 p"),
     (SIZES, ("4", "5"), r"\('4', '5'\).*width and height.*two whole numbers of px"),
-    (SIZES, 4, r"4.*width and height.*two whole numbers of px"),
+    (SIZES, 4.5, r"4.*width and height.*two whole numbers of px"),
     (SIZES, (4, 5, 3), r"\(4, 5, 3\).*two whole numbers of px"),
     (NUMBERS, "high", r"'high'(; give a number| is no number|$)"),
     (NUMBERS, [1, 2, 3], r"\[1, 2, 3\]"),

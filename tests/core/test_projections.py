@@ -10,6 +10,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.painting.choices import (
     MEASURING,
+    OF_RAYS,
     SUMS,
     Footprint,
     Primitive,
@@ -24,8 +25,8 @@ from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive
 from tests.samples import CAMERAS, DARK, HIGH, LOW, POSE, SIDE, field_block, field_cloud, painter
 
-OF_SLABS = [one for one in Projection if one is not Projection.MINIMUM]
-SUMMED = [one for one in MEASURING if one is not Projection.MINIMUM]
+OF_SLABS = [one for one in Projection if one not in OF_RAYS]
+SUMMED = [one for one in MEASURING if one not in OF_RAYS]
 
 
 def gray(low=LOW, high=HIGH, lamp=DARK):

@@ -204,7 +204,7 @@ def test_choices_that_there_are_not_are_refused() -> None:
         scene.render(TILTED, quality="preview", roi=(0, 0, 4, 4))
     assert scene.render(TILTED, quality="preview", filter="gaussian", detail=2.0).is_preview
     with pytest.raises(ValueError, match="give width and height"):
-        scene.render(TILTED, size=7)  # type: ignore[arg-type]
+        scene.render(TILTED, size=7.5)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="one picture"):
         PictureScene(np.zeros((2, 8, 8, 3), np.uint8)).render(TILTED)
     assert scene.render(Homography(TILTED)).image.shape == (90, 120, 3)

@@ -526,10 +526,18 @@ def test_a_target_has_at_least_one_pixel_and_fits_in_memory(shape):
         warp(picture(), np.eye(3), shape)
 
 
-@pytest.mark.parametrize("shape", [5, (5,), (5, 5, 3), (2.5, 3), ("5", "5"), None])
+@pytest.mark.parametrize("shape", [5, (5,), (5, 5, 3), (2.5, 3), ("5", "5")])
 def test_a_shape_is_two_whole_numbers(shape):
     with pytest.raises(ValueError, match="is no height and width: give two whole numbers"):
         warp(picture(), np.eye(3), shape)
+
+
+def test_without_a_shape_the_target_has_the_picture_s_or_that_of_the_maps():
+    image = picture()
+    assert warp(image, np.eye(3)).image.shape == image.shape
+    x, y = np.meshgrid(np.arange(5, dtype=np.float32), np.arange(4, dtype=np.float32))
+    for maps in ((x, y), BackwardMap.from_opencv(x, y)):
+        np.testing.assert_array_equal(warp(image, maps).image, image[:4, :5])
 
 
 @pytest.mark.parametrize("roi", [(-1, 0, 4, 4), (0, -1, 4, 4), (19, 0, 4, 4), (0, 15, 4, 4)])
@@ -598,7 +606,7 @@ def test_an_unknown_plugin_is_answered_with_the_known_ones(choice, known):
 @pytest.mark.parametrize(
     ("choice", "known"),
     [
-        ({"edge": "repeat"}, "'repeat'; known: transparent, clamp, wrap, mirror"),
+        ({"edge": "torus"}, "'torus'; known: transparent, clamp, wrap, mirror"),
         ({"convention": "cv2"}, "'cv2'; known: corner, opencv"),
         ({"alpha": "yes"}, "'yes'; known: straight, premultiplied, none"),
         ({"quality": 0.5}, "between 1 and 16, not at 0.5"),

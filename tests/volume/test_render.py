@@ -61,7 +61,9 @@ def test_arrays_go_in_and_arrays_come_out():
 @pytest.mark.parametrize("package", [resample, resample_volume])
 def test_every_name_can_be_imported(package):
     for name in package.__all__:
-        assert getattr(package, name).__name__ == name
+        assert getattr(package, name).__name__.removesuffix("_volume") == name.removesuffix(
+            "_volume"
+        )
     with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
         package.nonsense  # noqa: B018
 
@@ -91,7 +93,8 @@ def test_rendering_loads_no_forms_of_files_that_are_not_read():
 
 
 def test_a_name_stands_for_a_transfer_function_and_nothing_for_the_defaults():
-    assert np.array_equal(picture(TREE).rgba, picture(TREE, Appearance(), Orbit()).rgba)
+    by_default = render(TREE, camera=(30, 20), resampler=Resampler(), size=SQUARE)
+    assert np.array_equal(by_default.rgba, picture(TREE, Appearance(), Orbit()).rgba)
     by_name = picture(TREE, "vessels").rgba
     assert np.array_equal(by_name, picture(TREE, Appearance(load_transfer("vessels"))).rgba)
 

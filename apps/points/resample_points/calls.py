@@ -184,6 +184,15 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
     ------
     ValueError, TypeError, OSError
         As of `render`; or the film cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile, pathlib
+    >>> from resample_points import animate
+    >>> film = pathlib.Path(tempfile.mkdtemp()) / "turn.webp"
+    >>> animate(np.random.default_rng(1).normal(size=(50, 3)), film, frames=2, size="64x48")
+    >>> film.stat().st_size > 0
+    True
     """
     from resample.command.calls import run
 
@@ -211,6 +220,13 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
     ------
     ValueError, TypeError, OSError
         The file holds neither, is missing or damaged; or positions are no numbers (N, 3).
+
+    Examples
+    --------
+    >>> import resample
+    >>> import resample_points
+    >>> len(resample_points.open(resample.sample_path("sample:knot-points")).position)
+    60000
     """
     if isinstance(scene, Cloud | Surfels | CloudScene | Gaussians):
         return scene

@@ -90,7 +90,7 @@ def render(
     >>> round(float(frame.coverage[16, 16]), 2), float(frame.coverage[0, 0])
     (1.0, 0.0)
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
-    Frame(32 × 32 px, 100 % covered, depth from 37.29)
+    Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
     shape, view = shape_of(size), viewpoint_of(camera)
     fit: Fitted = "most" if camera is None else "visible"

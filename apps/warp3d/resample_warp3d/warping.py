@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable
 from functools import partial
+from os import PathLike
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
@@ -13,12 +14,13 @@ from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb
 from resample.files.exchange import as_picture, picture_and_encoding
-from resample.painting.scenes.plans import pair_of
+from resample.painting.scenes.plans import pair_of, shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample.words import check_threads, number
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.depth.files import read_depth
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.filtering import filtered
@@ -54,8 +56,8 @@ class DepthWarpOptions(TypedDict, total=False):
 def warp(
     color: Any,
     depth: Any,
-    source: Camera | Orthographic,
-    target: CameraModel,
+    source: Camera | Orthographic | ArrayLike,
+    target: CameraModel | ArrayLike,
     method: str | Method = "hybrid",
     *,
     size: tuple[int, int] | None = None,
@@ -75,9 +77,11 @@ def warp(
         (H, W) z along the source's axis, scene units; 0, negative, NaN and inf are unknown. A map
         of another size that shows the same frame is scaled to the picture's size.
     source, target
-        Cameras. Either may be parallel (`resample.cameras.models.Orthographic`), the target also a
-        panorama (`resample.cameras.panoramic.Equirectangular`). Those targets, and targets with a
-        lens, need the method hybrid.
+        Cameras, or the source's matrix (3, 3) and the pose (3, 4) or (4, 4), from the source's
+        coordinates to the target's, of the same camera moved. Either may be parallel
+        (`resample.cameras.models.Orthographic`), the target also a panorama
+        (`resample.cameras.panoramic.Equirectangular`). Those targets, and targets with a lens, need
+        the method hybrid.
     method
         Name such as `hybrid`, `paper`, `mesh:samples=4` or `mcmillan`, or an object in that role.
     size
@@ -130,7 +134,13 @@ def warp(
     """
     nearness, light = nearness_of(depth), as_light(color)
     height, width = light.shape[:2]
-    image, source = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
+    taken: Any = source
+    if np.shape(taken) == (3, 3):
+        taken = Camera(taken)
+    seen_by: Any = target
+    if np.shape(seen_by) in ((3, 4), (4, 4)) and isinstance(taken, Camera):
+        seen_by = taken.moved(seen_by)
+    image, taken = taken_by(taken, DepthImage(light, nearness, np.empty((0, 0, 2))))
     prepared = prepare(
         image,
         noise=options.get("noise"),
@@ -138,7 +148,7 @@ def warp(
         refine=options.get("refine", "auto"),
     )
     shape = (height, width) if size is None else shape_of(size)
-    equation = mapping_between(source, target, shape)
+    equation = mapping_between(taken, seen_by, shape)
     threads, pixel = options.get("threads"), options.get("filter")
     seen = partial(render, equation=equation, shape=shape, method=method, threads=threads)
     return filled(prepared, partial(seen, filter=pixel), fill)
@@ -211,7 +221,8 @@ def filled(source: Source, seen: Callable[[Source], Warped], fill: bool | Fillin
 
 def nearness_of(depth: Any) -> Floats:
     """Return 1 / depth, 0 where the depth is unknown."""
-    picture = as_picture(depth, "depth map")
+    is_file = isinstance(depth, str | PathLike)
+    picture = read_depth(depth) if is_file else as_picture(depth, "depth map")
     given = two_dimensional(picture, "depth")
     nearness = np.zeros(given.shape, np.float64)
     np.divide(1.0, given, out=nearness, where=np.isfinite(given) & (given > CLOSEST))
@@ -335,12 +346,6 @@ def render(
         rendered.image, rendered.coverage, depth, holes, rendered.magnification,
         confidence_of(rendered) * sure,
     )  # fmt: skip
-
-
-def shape_of(size: tuple[int, int]) -> tuple[int, int]:
-    """Return height and width of a size (width, height)."""
-    width, height = pair_of("size", size, "width and height")
-    return height, width
 
 
 def is_usable(equation: Equation) -> bool:

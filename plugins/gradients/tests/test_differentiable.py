@@ -294,7 +294,7 @@ def test_choices_and_shapes_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="quality lies between 1 and 16"):
         LinearWarp(quality=0.5)
     with pytest.raises(ValueError, match="known: transparent"):
-        LinearWarp(edge="black")
+        LinearWarp(edge="torus")
     with pytest.raises(ValueError, match=r"a picture has numbers .* \(3,\)"):
         chosen(np.ones(3), places)
     with pytest.raises(ValueError, match=r"places for a source of \(10, 12\)"):

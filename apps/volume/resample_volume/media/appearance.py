@@ -54,7 +54,7 @@ class Appearance:
     >>> values = np.random.default_rng(1).integers(0, 255, (12, 12, 12), np.uint8)
     >>> look = Appearance("120..400", Light(ambient=0.5), crop="2:10,:,:")
     >>> render(values, look, size=(32, 24))
-    Frame(32 × 24 px, 24.7 % covered, depth from 39.61)
+    Frame(32 × 24 px, 31.6 % covered, depth from 32.95)
     """
 
     transfer: Transfer | str = "auto"  # function, or what `load_transfer` takes

@@ -1,0 +1,167 @@
+"""Calls that users guess: most run, and all others are answered with what to write instead."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+import resample
+import resample_points
+import resample_texture
+import resample_volume
+import resample_warp3d
+
+RANDOM = np.random.default_rng(0)
+IMAGE = RANDOM.integers(0, 256, (48, 64, 3), np.uint8)
+PLANE = np.array([[1, 0.1, 3], [0.05, 1, 2], [0, 0.0005, 1]])
+LENS = np.array([[60, 0, 32], [0, 60, 24], [0, 0, 1.0]])
+POSE = np.array([[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+MAPS = tuple(np.meshgrid(np.arange(32, dtype=np.float32), np.arange(24, dtype=np.float32)))
+CUBE = RANDOM.integers(0, 256, (16, 18, 20), np.uint8)
+XYZ, RGB = RANDOM.normal(size=(300, 3)), RANDOM.integers(0, 256, (300, 3), np.uint8)
+DEPTH = (2 + RANDOM.random((48, 64))).astype(np.float32)
+NAMES = {
+    **{name: value for name, value in globals().items() if name.isupper()},
+    "np": np,
+    "resample": resample,
+    "points": resample_points,
+    "texture": resample_texture,
+    "volume": resample_volume,
+    "warp3d": resample_warp3d,
+}
+RUNNING = """
+texture.warp(IMAGE, PLANE)
+texture.warp(IMAGE, PLANE, (48, 64))
+texture.warp(IMAGE, PLANE, output_shape=(48, 64))
+texture.warp(IMAGE, PLANE, edge="reflect")
+texture.warp("a.png", PLANE)
+texture.warp(IMAGE, MAPS)
+texture.warp(IMAGE, PLANE[:2])
+texture.warp(IMAGE, PLANE).save("b.png")
+np.asarray(texture.warp(IMAGE, PLANE))
+texture.resize(IMAGE, (32, 24))
+texture.resize(IMAGE, 0.5)
+texture.resize(IMAGE, width=32)
+texture.rotate(IMAGE, angle=30)
+texture.scale(IMAGE, 2)
+texture.undistort(IMAGE, LENS, np.array([-0.1, 0.01, 0, 0, 0]))
+volume.render(CUBE)
+volume.render("a.npy")
+volume.render(CUBE, transfer="bone")
+volume.render(CUBE, cmap="viridis")
+volume.render(CUBE, colormap="viridis")
+volume.render(CUBE, projection="maximum")
+volume.render(CUBE, projection="mip")
+volume.render(CUBE, blending="mip")
+volume.render(CUBE, projection="first-hit", isovalue=128)
+volume.render(CUBE, spacing=(1, 1, 2.5))
+volume.render(CUBE, voxel_size=(1, 1, 2.5))
+volume.render(CUBE, window=(125, 150))
+volume.render(CUBE, clim=(50, 200))
+volume.render(CUBE, background="white")
+volume.render(CUBE, size=64)
+volume.render(CUBE, camera=(30, 20))
+volume.render(CUBE, camera="front", fov=0)
+volume.render(CUBE, method="paper")
+volume.render(CUBE, shade=False)
+volume.render(CUBE, scale_bar=True, color_bar=True, size=(200, 200))
+volume.render([(CUBE, "bone"), (CUBE, "hot")], background="black")
+volume.render(volume.Volume(CUBE))
+volume.render(volume.Volume(CUBE, spacing=(1, 1, 2)))
+volume.render(CUBE).to_image()
+volume.open("a.npy")
+volume.animate(CUBE, "a.webp", frames=2, size=32)
+points.render("a.ply")
+points.render(XYZ)
+points.render(XYZ, colors=RGB)
+points.render(XYZ, c=XYZ[:, 2], cmap="magma")
+points.render(XYZ, point_size=3, background="white")
+points.render(points.Cloud(XYZ), fov=0)
+points.open("a.ply")
+points.animate(XYZ, "b.webp", n_frames=2, size="32x24")
+warp3d.warp(IMAGE, DEPTH, LENS, POSE)
+warp3d.warp("a.png", "depth.npy", LENS, POSE)
+resample.render("a.npy")
+resample.render("a.ply")
+resample.render(CUBE)
+resample.render(XYZ)
+resample.warp(IMAGE, PLANE)
+resample.warp(IMAGE, DEPTH, resample.Camera(LENS), resample.Camera(LENS, POSE))
+resample.resize(IMAGE, (32, 24))
+""".strip().splitlines()
+ANSWERED = {
+    "texture.warp(IMAGE, PLANE, dsize=(64, 48))": r"shape=\(height, width\)",
+    "texture.warp(IMAGE, PLANE, flags=1)": "interpolation=",
+    "texture.warp(IMAGE, PLANE, order=3)": "interpolation=",
+    "texture.warp(IMAGE, PLANE, borderMode=1)": "edge=",
+    "texture.warp(IMAGE, PLANE, mode='constant')": "edge=",
+    "texture.warp(IMAGE, PLANE, fil=0)": "did you mean 'fill'",
+    "texture.resize(IMAGE, fx=0.5, fy=0.5)": r"scale\(image, factor\)",
+    "texture.resize(IMAGE, (24, 32), anti_aliasing=True)": "leave it out",
+    "texture.rotate(IMAGE, 30, expand=True)": "leave it out",
+    "texture.remap(IMAGE, *MAPS)": "like.opencv",
+    "texture.thumbnail(IMAGE, 16)": "resize",
+    "texture.load('a.png')": "take paths",
+    "volume.render(CUBE, width=64)": r"size=\(width, height\)",
+    "volume.render(CUBE, azimuth=30)": r"camera=\(azimuth",
+    "volume.render(CUBE, vmin=3)": "window=",
+    "volume.render(CUBE, transfre='bone')": "did you mean 'transfer'",
+    "volume.render(CUBE, cmap='bone', transfer='hot')": "twice",
+    "volume.render(CUBE, iso=3)": "first-hit needs an iso value",
+    "volume.render([CUBE, CUBE])": "list of pairs",
+    "volume.render(CUBE, volume.Appearance('bone'), window=(1, 2))": "leave window out",
+    "volume.render(CUBE).image": "np.asarray",
+    "volume.render(CUBE).to_pil()": "to_image",
+    "volume.mip(CUBE)": "projection",
+    "volume.load('a.npy')": "open",
+    "points.render(XYZ, RGB)": "colors=",
+    "points.render(XYZ, projection='orthographic')": "fov=0",
+    "points.read('a.ply')": "open",
+    "warp3d.warp(IMAGE, DEPTH, LENS, LENS, POSE)": "give",
+    "resample.render('a.png')": "resample.warp",
+    "resample.render(IMAGE)": "resample.warp",
+    "resample.render(None)": "give a file",
+}
+
+
+@pytest.fixture
+def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(IMAGE).save("a.png")
+    np.save("a.npy", CUBE)
+    np.save("depth.npy", DEPTH)
+    trimesh.PointCloud(XYZ, RGB).export("a.ply")
+
+
+def run(call: str) -> Any:
+    return eval(call, NAMES)
+
+
+@pytest.mark.usefixtures("_files")
+@pytest.mark.parametrize("call", RUNNING)
+def test_it_runs(call: str) -> None:
+    run(call)
+
+
+@pytest.mark.usefixtures("_files")
+@pytest.mark.parametrize(("call", "answer"), ANSWERED.items())
+def test_it_is_answered(call: str, answer: str) -> None:
+    with pytest.raises((TypeError, ValueError, AttributeError), match=answer) as caught:
+        run(call)
+    assert "\n" not in str(caught.value)
+
+
+def test_options_of_calls_make_the_picture_of_the_command(tmp_path: Path) -> None:
+    from resample_volume.cli import app
+
+    words = ["render", "sample:vessel-tree", "--size", "64x48", "--transfer", "bone", "--box"]
+    words += ["--camera", "40,30,1", "--fov", "20", "-o", str(tmp_path / "a.png")]
+    app(words, result_action="return_value")
+    frame = resample_volume.render(
+        "sample:vessel-tree", size=(64, 48), transfer="bone", box=True, camera=(40, 30), fov=20
+    )
+    with Image.open(tmp_path / "a.png") as written:
+        np.testing.assert_array_equal(frame.to_uint8(background="black"), np.asarray(written))
