@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from resample_volume.command.animation import (
     shots,
 )
 from resample_volume.files.generated import vessel_tree
+from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
 from resample_volume.media.appearance import Appearance
 from resample_volume.rendering import Subject
@@ -299,6 +301,30 @@ def test_a_film_has_the_color_bars_of_its_pictures(more, tmp_path, monkeypatch):
     assert frame_0.shape == picture.shape
     assert frame_0.shape[1] > 96
     np.testing.assert_array_equal(frame_0[:, 80:], picture[:, 80:])
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        ["--plane", "z=50%:colors=bone"],
+        ["--labels", "labels.nrrd", "--label", "1:color=tomato", "--label", "2:hidden"],
+        ["--also", "sample:checker-box:size=24", "--color-bar", "--scale-bar"],
+        ["--box", "--axes", "--cube", "--clip", "1,0,0"],
+        ["--slab", "0,20", "--projection", "maximum", "--color-bar"],
+    ],
+    ids=lambda words: words[0].strip("-"),
+)
+def test_films_have_what_pictures_have(drawn, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tree = as_volume("vessel-tree:size=32")
+    write_volume(Path("tree.nrrd"), tree)
+    labels = (np.indices(tree.values.shape)[0] > 15).astype(np.uint8) + 1
+    write_volume(Path("labels.nrrd"), tree._replace(values=labels))
+    words = ["tree.nrrd", "--size", "64x96", "--camera", "40,30,1", *drawn]
+    assert ended(app, "render", *words, "-o", "a.png") == 0
+    assert ended(app, "animate", *words, "--path", "still", "--frames", "1", "-o", "film") == 0
+    with Image.open("a.png") as one, Image.open("film/frame-0000.png") as frame:
+        np.testing.assert_array_equal(np.asarray(frame), np.asarray(one.convert("RGB")))
 
 
 def test_a_film_of_sums_has_no_color_bar(tmp_path, monkeypatch, capsys):
