@@ -5,6 +5,7 @@ view along +z; pixel centers are at + 0.5.
 """
 
 import errno
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -157,7 +158,11 @@ def _viewpoint_in(text: str, fov: float) -> Viewpoint:
         from resample.cameras.tables import read_viewpoint
 
         return read_viewpoint(Path(text))
-    if not text or not Path(file_and_frame(text)[0]).exists():
+    file = Path(file_and_frame(text)[0] if text else "")
+    named = Path(re.sub(r":\w+$", "", text))  # without a frame
+    if named.suffix[1:].isalpha() and not file.exists():
+        raise FileNotFoundError(f"{named}: there is no such file")
+    if not text or not file.exists():
         raise ValueError(
             f"camera {text!r}; give azimuth,elevation,zoom, such as 30,20,1.5, of which the zoom "
             f"may be left out, or with ,right,up of a pan; one of {', '.join(NAMED)}; or a file of "

@@ -2,8 +2,10 @@
 
 import re
 import sys
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from difflib import get_close_matches
+from errno import ENOENT
+from itertools import takewhile
 from pathlib import Path
 from shutil import which
 from typing import TYPE_CHECKING
@@ -58,8 +60,13 @@ SYNONYMS = {
 }
 
 
-def explained(error: BaseException) -> str:
-    """Describe an error of a command in one line, with what to do where that is known."""
+def explained(error: BaseException, words: Sequence[str] = ()) -> str:
+    """Describe an error of a command in one line, with what to do where that is known.
+
+    `words`: of the command line. A missing file is told before all else.
+    """
+    if isinstance(error, ValueError | CycloptsError) and (missing := _missing_input(words)):
+        error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), missing)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
     if isinstance(error, IsADirectoryError):
@@ -67,6 +74,10 @@ def explained(error: BaseException) -> str:
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app:
         # Cyclopts would import all commands for its message; some may not be installed.
         given, known = error.unused_tokens[0], [n for n in error.app._commands if n[0] != "-"]
+        if Path(given).exists():
+            first = "view" if "view" in known else known[0]
+            example = f"{_command(error)} {first} {given}"
+            return visible(f"{given} is a file; give a command before it, such as {example}")
         near = get_close_matches(given, known, n=1, cutoff=NEAR)
         remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
         return visible(f'Unknown command "{given}". {remedy}')
@@ -77,6 +88,13 @@ def explained(error: BaseException) -> str:
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{visible(', '.join(map(repr, error.unused_tokens)))}: {_of_too_many(error)}"
     return one_line(error)
+
+
+def _missing_input(words: Sequence[str]) -> str:
+    """Return the first input of a command if it names a file that is not there; else nothing."""
+    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
+    is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
+    return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
 
 
 def with_own_pip(text: str) -> str:
@@ -172,6 +190,8 @@ def _of_too_many(error: UnusedCliTokensError) -> str:
     found = app.assemble_argument_collection()
     inputs = [one.names[0] for one in found if one.names and one.names[0].isupper()]
     takes = " and ".join(inputs) or "no inputs"
+    if all(re.fullmatch(r"-?[\d.]+", word) for word in error.unused_tokens or ()):
+        return f"{_command(error)} takes {takes}; numbers of an option are joined by commas: 30,20"
     return f"{_command(error)} takes {takes}; options begin with --, and blanks need quotes"
 
 

@@ -205,7 +205,7 @@ BAD: list[tuple[dict[str, Callable[[Any], Any]], Any, str]] = [
     (MATRICES, [[1, 2], [3]], r"(matrix|intrinsics|pose|eye).*numbers"),
     (MATRICES, np.eye(3) * 1j, r"(matrix|intrinsics|pose|eye).*numbers"),
     (CAMERAS, 5, r"(of|by) int; (give|sources of a panorama are made by)"),
-    (CAMERAS, np.eye(4), r"ndarray|array"),
+    (CAMERAS, np.eye(5), r"ndarray|array"),
 ]  # fmt: skip
 CASES = [
     pytest.param(call, given, words, id=f"{name}-{n}")

@@ -201,3 +201,19 @@ def test_what_is_to_be_installed_is_so_for_the_python_that_runs(
     monkeypatch.setattr("sys.executable", str(tmp_path / python))
     monkeypatch.setattr(complaints, "which", lambda _: pip and str(tmp_path / pip))
     assert with_own_pip("vtk is missing; pip install x") == f"vtk is missing; {told}"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("volume render none.nrrd --bogus 3 -o a.png", "none.nrrd: there is no such file"),
+        ("texture warp none.png -o a.png", "none.png: there is no such file"),
+        ("volume render checker-box --camera none.json:3 -o a.png", "none.json: there is no such"),
+        ("volume render checker-box --camera 30 20 -o a.png", "joined by commas: 30,20"),
+        ("volume given.npy", "given.npy is a file; give a command before it, such as"),
+        ("resample given.npy", "given.npy is a file; give a command before it, such as"),
+    ],
+)
+def test_files_come_first(words, line, capsys, tmp_path):
+    (tmp_path / "given.npy").write_bytes(b"")
+    assert line in said(capsys, *words.split())

@@ -78,7 +78,8 @@ def check_shape(shape: tuple[int, ...], name: str) -> None:
     if min(shape) < 2:
         raise ValueError(
             f"{name} is a single slice of {_sized(shape)} voxels; a volume has at least 2 along "
-            "x, y and z (give the folder if it is one of a series)"
+            "x, y and z (give the folder if it is one of a series; "
+            "resample-texture takes pictures)"
         )
 
 
