@@ -355,7 +355,7 @@ BAD = {
     "an unknown method": ({"method": "hybird"}, LookupError, "did you mean 'hybrid'"),
     "a bad choice": ({"method": "hybrid:quality=99"}, ValueError, r"0\.25 to 8 parts"),
     "an unknown choice": ({"method": "hybrid:sharp=1"}, ValueError, "no parameter 'sharp'"),
-    "no height": ({"size": (5, 0)}, ValueError, "a picture of 5 x 0 pixels; both sides must be at least 1"),
+    "no height": ({"size": (5, 0)}, ValueError, "a picture of 5 x 0 pixels; both sides must be"),
     "a negative width": ({"size": (-1, 5)}, ValueError, "a picture of -1 x 5 pixels"),
     "a huge target": ({"size": (1 << 20, 1 << 20)}, ValueError, "at most 268435456 pixels"),
     "another size": ({"depth": np.ones((10, 32))}, ValueError, "32 × 24 px does not .* 32 × 10 px"),
