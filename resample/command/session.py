@@ -57,9 +57,8 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
         from resample.command.complaints import explained, with_own_pip
 
-        say(
-            f"error: {with_own_pip(explained(error, sys.argv[1:] if arguments is None else arguments))}"
-        )
+        words = sys.argv[1:] if arguments is None else arguments
+        say(f"error: {with_own_pip(explained(error, words))}")
         status = USER_ERROR
     raise SystemExit(status)
 

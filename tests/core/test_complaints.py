@@ -1,5 +1,7 @@
 """Mistakes on command lines: one line that says what to do."""
 
+from pathlib import Path
+
 import pytest
 
 from resample import registry
@@ -14,6 +16,8 @@ APPS = {"resample": core} | {name: registry.load("apps", name) for name in regis
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    for name in ("a.png", "a.ply"):
+        Path(name).write_bytes(b"")
 
 
 def said(capsys, application, *words):
