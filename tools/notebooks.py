@@ -19,7 +19,7 @@ from IPython.utils.capture import capture_output
 from traitlets.config import Config
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-NAMES = ("texture", "warp3d", "points", "volume")
+NAMES = ("jobs", "texture", "warp3d", "points", "volume")
 
 
 def read(name: str) -> dict[str, Any]:
