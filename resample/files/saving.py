@@ -197,6 +197,19 @@ def tell_empty(path: Path, is_empty: bool) -> None:
         note(f"{path.name}: {EMPTY}")
 
 
+def tell_unchanged(path: Path, made: Picture, given: Picture, remedy: str) -> None:
+    """Say that a picture is the one that was given, if it is, and what to do about it."""
+    before, after = given.data, made.data
+    if made.kind.has_alpha and not given.kind.has_alpha:
+        is_opaque = after[..., -1].min() == after[..., -1].max()
+        after = after[..., :-1] if is_opaque else after
+    if before.shape != after.shape or before.dtype != after.dtype:
+        return
+    far = 1 / 512 if after.dtype.kind == "f" else 0  # half a level of 8 bits
+    if np.allclose(before, after, rtol=0, atol=far):
+        note(f"{path.name} is the picture that was given, pixel by pixel; {remedy}")
+
+
 class _Rows:
     """A page being written; `is_next`: to a file that has others."""
 

@@ -3,8 +3,11 @@
 import shlex
 from importlib import import_module
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from resample import registry
 from tests.commands import ended
 
 AWAY = "--matrix 1,0,5000,0,1,5000,0,0,1"
@@ -39,3 +42,21 @@ def test_what_shows_something_is_not(words, tmp_path, monkeypatch, capsys):
     for name in ("a.png", "a.jpg"):
         assert ended(app, *words.split(), "-o", name) == 0
         assert "empty" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "is_same"),
+    [
+        ("texture warp a.png --matrix 1,0,0,0,1,0,0,0,1 -o b.png", True),
+        ("texture warp a.png --matrix 1,0,1,0,1,0,0,0,1 -o b.png", False),
+        ("texture rotate a.png b.png --degrees 0", True),
+        ("warp3d render sample:room --fov 60 --move 0,0,0 -o b.png", True),
+        ("warp3d render sample:room --fov 60 --move 0.1,0,0 -o b.png", False),
+    ],
+)
+def test_a_result_that_is_its_input_is_said(words, is_same, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8)).save("a.png")
+    application, *rest = words.split()
+    assert ended(registry.load("apps", application), *rest) == 0
+    assert ("is the picture that was given" in capsys.readouterr().err) == is_same

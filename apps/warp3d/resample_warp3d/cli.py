@@ -146,8 +146,10 @@ def render(
     if not warping.fill:
         mention_holes(seen)
     with session.stage("write"):
-        saving.write_picture(output, made_of(seen, kind, warping, showing.show), look)
+        made = made_of(seen, kind, warping, showing.show)
+        saving.write_picture(output, made, look)
         saving.tell_empty(output, not seen.coverage.any())
+        saving.tell_unchanged(output, made, taken.picture, "--move and --turn move the camera")
         write_extras(extras, seen, meaning.scale_of_z)
         if extras.export is not None:
             write_geometry(

@@ -24,7 +24,7 @@ from resample.files.formats import (
     takes_alpha,
 )
 from resample.files.pictures import Picture, form_of, picture_at
-from resample.files.saving import tell_empty, write_picture, writing_rows
+from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import (
     Frames,
     batch_of,
@@ -246,6 +246,7 @@ def _warp_picture(
         if coverage is not None:
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
     tell_empty(output, not share.any())
+    tell_unchanged(output, result, picture, "nothing is moved, turned or scaled")
     told = report(session, size, result.data.shape, result.kind, job.warping)
     return {**told, "channels": ["index"], "encoding": "palette"} if held else told
 
