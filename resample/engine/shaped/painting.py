@@ -4,9 +4,17 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.lanes import expm1_of, line_integral, of_16_times
-from resample.engine.jit import Counter, inner_step, lane_step, load_soon, parallel_kernel, tasks
+from resample.engine.jit import (
+    Counter,
+    inner_kernel,
+    inner_step,
+    lane_step,
+    load_soon,
+    parallel_kernel,
+    tasks,
+)
 from resample.engine.roles import lane_role, plays
 from resample.engine.shaped.canvas import (
     LANES,
@@ -24,14 +32,13 @@ from resample.engine.shaped.canvas import (
     subpixels_of,
     write_tile,
 )
+from resample.engine.shaped.integrals import Integral, expm1_of, line_integral, of_16_times
 from resample.engine.shaped.lists import TileGrid, TileLists
 from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, WIDTH
-from resample.types import Floats, Pieces, Profile, Single, Tabulated
+from resample.types import Floats, Single
 
 OFTEN = 16  # members of a tile after which opaque groups are looked for
 DEEPEST = np.float32(-1.0)
-
-Integral = Profile | Pieces | Tabulated
 
 
 class PeakOpacity(NamedTuple):
@@ -184,6 +191,27 @@ def tile_at(grid: TileGrid, tile: int, near: float) -> tuple[tuple[int, int], Ti
     return (top, left), TilePlace(grid.left + left, grid.top + top, step, nearest)
 
 
+@inner_kernel
+def _paint_members(
+    canvas: Floats,
+    is_open: Open,
+    records: Floats,
+    lists: TileLists,
+    tile: int,
+    spot: TilePlace,
+    opacity: PeakOpacity | DepthOpacity,
+) -> None:
+    """Composite the members of a tile under what its canvas holds."""
+    flat = records.reshape(-1)
+    end = lists.start[tile + 1]
+    for k in range(lists.start[tile], end):
+        if k + 4 < end:
+            load_soon(flat, lists.member[k + 4] * WIDTH)
+        _visit(canvas, is_open, records, lists.member[k], spot, opacity)
+        if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
+            break
+
+
 @parallel_kernel
 def paint_shapes(
     counter: Counter,
@@ -199,15 +227,42 @@ def paint_shapes(
     `lists`: members of tiles, nearest first. `near`: scene units. `picture`: filled.
     """
     canvas, is_open = np.empty(SIZE, np.float32), np.empty(SIDE, np.uint32)
-    flat = records.reshape(-1)
     for tile in tasks(counter, lists.start.size - 1):
         origin, spot = tile_at(grid, tile, near)
         clear(canvas, is_open)
-        end = lists.start[tile + 1]
-        for k in range(lists.start[tile], end):
-            if k + 4 < end:
-                load_soon(flat, lists.member[k + 4] * WIDTH)
-            _visit(canvas, is_open, records, lists.member[k], spot, opacity)
-            if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
-                break
+        _paint_members(canvas, is_open, records, lists, tile, spot, opacity)
         write_tile(canvas, origin, grid.fine, picture)
+
+
+@parallel_kernel
+def paint_behind(
+    counter: Counter,
+    records: Floats,
+    lists: TileLists,
+    grid: TileGrid,
+    near: float,
+    opacity: PeakOpacity | DepthOpacity,
+    canvas: Floats,
+    is_open: NDArray[np.uint32],
+) -> None:
+    """Paint all tiles behind what their canvases (T, SIZE) hold; `is_open` (T, SIDE)."""
+    for tile in tasks(counter, lists.start.size - 1):
+        if lists.start[tile] < lists.start[tile + 1]:
+            _, spot = tile_at(grid, tile, near)
+            _paint_members(canvas[tile], is_open[tile], records, lists, tile, spot, opacity)
+            close_groups(canvas[tile], is_open[tile])
+
+
+@parallel_kernel
+def clear_tiles(counter: Counter, canvas: Floats, is_open: NDArray[np.uint32]) -> None:
+    """Empty canvases."""
+    for tile in tasks(counter, len(canvas)):
+        clear(canvas[tile], is_open[tile])
+
+
+@parallel_kernel
+def write_tiles(counter: Counter, canvas: Floats, grid: TileGrid, picture: PaintedShapes) -> None:
+    """Average all tiles' sub-pixels to pixels."""
+    for tile in tasks(counter, len(canvas)):
+        origin, _ = tile_at(grid, tile, 0.0)
+        write_tile(canvas[tile], origin, grid.fine, picture)

@@ -47,7 +47,8 @@ class ShapedArrays(NamedTuple):
 
     position: Floats  # (N, 3) scene units
     scale: Floats  # (N, 3) scene units, where i is 1 along each axis
-    rotation: Floats  # (N, 4) quaternions w, x, y, z, of any length, from own axes to the scene's
+    # (N, 4) quaternions w, x, y, z, of any length, from own axes to the scene's; or (1, 4) for all
+    rotation: Floats
     weight: Floats  # (N,) opacity at the center, or extinction
     color: Floats  # (N, 3)
 
@@ -350,11 +351,27 @@ def _place_in(turn: Matrix, view: View, position: Floats, n: int) -> Vector:
     return place[0] + shift[0], place[1] + shift[1], place[2] + shift[2]
 
 
+@inner_step
+def _axes_of(shaped: ShapedArrays, n: int, turn: Matrix) -> Matrix:
+    """Axes of an ellipsoid in camera space, as columns."""
+    w, x, y = shaped.rotation[n, 0], shaped.rotation[n, 1], shaped.rotation[n, 2]
+    return _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
+
+
 @inner_kernel
 def _project_one(
-    shaped: ShapedArrays, n: int, view: View, turn: Matrix, options: ShapedOptions, record: Floats
+    shaped: ShapedArrays,
+    n: int,
+    view: View,
+    turn: Matrix,
+    alike: Matrix,
+    options: ShapedOptions,
+    record: Floats,
 ) -> None:
-    """Project an ellipsoid; records with left > right are not seen."""
+    """Project an ellipsoid; records with left > right are not seen.
+
+    `alike`: axes of all, if they are.
+    """
     record[LEFT], record[RIGHT] = 1.0, -1.0
     # Skip what is too faint, or lies behind the near plane whatever its rotation.
     weight = float(shaped.weight[n])
@@ -372,8 +389,7 @@ def _project_one(
     if not z + reach > view.near:
         return
     # Axes in camera space; none is so short that it vanishes.
-    w, x, y = shaped.rotation[n, 0], shaped.rotation[n, 1], shaped.rotation[n, 2]
-    axes = _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
+    axes = alike if shaped.rotation.shape[0] == 1 else _axes_of(shaped, n, turn)
     least = THINNEST * longest
     scale = (max(s0, least), max(s1, least), max(s2, least))
     # Opacity and width as they were trained; where faces meet, as if each were looked at.
@@ -443,7 +459,8 @@ def project_shapes(
     """Project all ellipsoids to `records` (N, WHOLE), which are filled."""
     count = shaped.weight.size
     turn = matrix_of(view.rotation)
+    alike = _axes_of(shaped, 0, turn) if count else turn
     for chunk in tasks(counter, (count + CHUNK - 1) // CHUNK):
         start = int(np.int64(chunk)) * CHUNK
         for n in range(start, min(start + CHUNK, count)):
-            _project_one(shaped, n, view, turn, options, records[n])
+            _project_one(shaped, n, view, turn, alike, options, records[n])

@@ -3,19 +3,16 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.memory.mapped import contiguous
-from resample.painting.choices import PaintChoices
 from resample.painting.scenes.plans import Window, check_size
 from resample.painting.scenes.scene import Clock, check_places
-from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import (
     Reconstruction,
     footprint_pieces,
@@ -41,7 +38,7 @@ if TYPE_CHECKING:
 
 FAINTEST = 1.0 / 255.0  # opacity below which Gaussians end, as in training
 MOST_OPAQUE = 0.99  # likewise
-FINEST = 8  # sub-pixels per side of a pixel, at most
+FINEST, MOST = 8, 32  # sub-pixels per side of a pixel, at most; and where they are chosen
 WANTED = 0.6  # sub-pixels that a thin ellipsoid's standard deviation is long, at least
 WANTED_ALONG_RAYS = 1.2  # likewise where each ray has its order, so that its edges are as good
 THIN = 0.25  # share of ellipsoids that may be thinner than that
@@ -80,6 +77,8 @@ class Ellipsoids(NamedTuple):
     opacity: Floats  # (N,) of Gaussians at the center; of kernels see `particles`
     color: Floats  # (N, 3) straight
     kernel: Reconstruction | None = None  # None: opacity × exp(−i² / 2), at most 0.99
+    # (N,) optical depth per scene unit of a ray through the center, in place of the opacity
+    extinction: Floats | None = None
 
 
 class ShapedStyle(NamedTuple):
@@ -226,24 +225,6 @@ def paint_ellipsoid_parts(
     return ShapedPicture(*canvas, counts)
 
 
-def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder:
-    """Order of ellipsoids that choices stand for; refuse choices that ellipsoids do not have."""
-    usual = replace(choice, order=EverySample(), subpixels=None) == type(choice)()
-    if not usual or clip is not None:
-        raise ValueError(
-            "samples with a shape each take an order by depth, by distance or along rays, and"
-            " sub-pixels; leave other choices and clipping planes out"
-        )
-    if isinstance(choice.order, Rays):
-        return ShapedOrder.RAYS
-    if not isinstance(choice.order, EverySample):
-        raise ValueError(
-            f"samples with a shape each are not summed by {type(choice.order).__name__}; take"
-            " EverySample or Rays"
-        )
-    return ShapedOrder(choice.order.key)
-
-
 def frame_of(picture: ShapedPicture) -> Frame[Statistics]:
     """Return a picture of ellipsoids in linear light as a frame."""
     rgba, depth, _, first, coverage, counts = picture
@@ -295,7 +276,7 @@ class ShapedScene(NamedTuple):
     def finest(self) -> int:
         """Sub-pixels per side of a pixel."""
         if self.style.subpixels is not None:
-            return min(self.style.subpixels, FINEST)
+            return min(self.style.subpixels, MOST)
         if self.thickness is None or not self.thickness.any():
             return 1
         share = np.cumsum(self.thickness) / self.thickness.sum()
@@ -319,10 +300,15 @@ class ShapedScene(NamedTuple):
     def _project(self, shapes: Ellipsoids, rows: slice) -> Floats:
         from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
 
-        position, scale, rotation, weight, color = (
-            np.ascontiguousarray(array[rows], np.float32) for array in shapes[:5]
+        turn = shapes.rotation if len(shapes.rotation) == 1 else shapes.rotation[rows]
+        given = (shapes.position, shapes.scale, shapes.opacity, shapes.color)
+        position, scale, weight, color = (
+            np.ascontiguousarray(array[rows], np.float32) for array in given
         )
-        if shapes.kernel is not None:  # extinctions, of unit spheres
+        rotation = np.ascontiguousarray(turn, np.float32)
+        if shapes.extinction is not None:
+            weight = np.ascontiguousarray(shapes.extinction[rows], np.float32)
+        elif shapes.kernel is not None:  # extinctions, of unit spheres
             mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
             weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
         records = np.empty((len(weight), WHOLE), np.float32)
@@ -355,7 +341,7 @@ class ShapedScene(NamedTuple):
         records, count = held.records, held.count
         if not count:
             return 0
-        lists = _listed(records, held.front_to_back(), grid)
+        lists = listed(records, held.front_to_back(), grid)
         part = [array[y0:y1, x0:x1] for array in canvas]
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
         paint_all = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
@@ -465,7 +451,7 @@ class HeldRecords:
         return pair.view(np.uint32)[: self.count]
 
 
-def _listed(records: Floats, order: NDArray[np.uint32], grid: "TileGrid") -> "TileLists":
+def listed(records: Floats, order: NDArray[np.uint32], grid: "TileGrid") -> "TileLists":
     """Deal records to tiles."""
     from resample.engine.shaped.lists import CHUNKS, TileLists, deal_records
 
