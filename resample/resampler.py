@@ -12,7 +12,6 @@ from resample.painting.choices import (
     PaintChoices,
     check_scaled,
     check_sort_of,
-    is_exact,
 )
 from resample.painting.preparing import (
     as_gray,
@@ -196,17 +195,17 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         """
         check_size(height, width)
         check_sort_of(self, samples)
-        if is_exact(self):
+        known, view, size = self._checked(samples), camera.view(), (height, width)
+        if known.scale is not None:
+            raise ValueError("there are no records of samples that have a scale each")
+        from resample.painting.paper import PaperPainter
+
+        painter = self._painter
+        if not isinstance(painter, PaperPainter):
             raise ValueError(
                 "splats of exact footprint have no ellipses; take the primitive paper, or another "
                 "footprint"
             )
-        from resample.painting.paper import PaperPainter
-
-        known, view, size = self._checked(samples), camera.view(), (height, width)
-        painter = self._painter
-        if not isinstance(painter, PaperPainter):
-            raise ValueError(f"{type(painter).__name__} keeps no records of samples")
         scene = prepared(self, known, view, size, None)
         placed = painter.placed(scene, known, view, size)
         records = np.empty_like(placed.records)

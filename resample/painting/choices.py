@@ -149,7 +149,7 @@ def _splats(choice: "PaintChoices") -> "SamplePainter":
     technique = technique_of(choice.primitive)
     if not is_exact(choice):
         return _paper(choice)
-    from resample.painting.splats import LEAST, SplatPainter
+    from resample.painting.splats import SplatPainter
 
     return SplatPainter(
         choice.reconstruction,
@@ -158,7 +158,7 @@ def _splats(choice: "PaintChoices") -> "SamplePainter":
         getattr(choice.order, "key", "depth"),
         technique.inflated,
         technique.blurred,
-        LEAST if technique.subpixels == 0 else 0.0,  # others show what sub-pixels miss
+        is_spread=technique.subpixels == 0,  # others show what sub-pixels miss
     )
 
 

@@ -23,6 +23,7 @@ from resample.painting.shaped.ellipsoids import (
 )
 from resample.painting.strips import painted_on_subpixels
 from resample.profiles.filters import PixelFilter
+from resample.profiles.memoization import once
 from resample.profiles.reconstruction import Reconstruction, footprint_table, variance
 from resample.profiles.subpixels import subpixels_of
 from resample.types import Doubles, Film, Floats, Samples, Statistics, View
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from resample.engine.shaped.lists import TileGrid
 
 FINEST = 16  # sub-pixels per side of a pixel, at most
-LEAST = 0.6  # sub-pixels between neighbours; closer ones are widened to this spacing
 CLOSEST = 0.1  # share of neighbours that may be closer than a sub-pixel
 MOST_TILES = 1 << 12  # that are held at a time, of 28 KiB each
 FEWEST, BATCHES = 1 << 14, 16  # samples that are painted at once; else parts of them by depth
@@ -53,7 +53,7 @@ class SplatPainter:
     key: str  # "depth" or "distance", see `EverySample`
     inflated: float  # px; splats of closer neighbours are as wide as for this spacing
     blurred: float  # px², added to the variance of splats
-    least: float = LEAST  # sub-pixels between neighbours; closer ones are widened to this spacing
+    is_spread: bool  # what is smaller than a sub-pixel keeps its light
 
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
@@ -91,12 +91,11 @@ class SplatPainter:
         progress: Progress | None,
     ) -> tuple[Film, NDArray[np.int64]]:
         """Picture of a size, with so many sub-pixels, and how many splats it shows and hides."""
-        least = max(self.inflated, self.least / fine)
         order = ShapedOrder(self.key if view.perspective else "depth")
-        is_own = self.inflated == self.blurred == 0
-        widening = Widening(least, self.blurred, keeps_light=is_own)
-        source = SampleSource(samples, self.reconstruction, widening)
-        scene = ShapedScene(source, view, size, ShapedStyle(order, fine))
+        source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
+        taken = light_taken(self.reconstruction) if self.is_spread else None
+        style = ShapedStyle(order, fine, taken=taken)
+        scene = ShapedScene(source, view, size, style)
         canvas, counts, side = empty_canvas(size), np.zeros(2, np.int64), scene.tile()
         # Canvases of so many rows of tiles are held at a time.
         rows = max(1, MOST_TILES // -(-size[1] // side)) * side
@@ -206,7 +205,7 @@ def _may_be_seen(
     # An ellipse is longer where rays are oblique.
     edge = max(grid.columns, grid.rows) * grid.side + abs(view.principal).max()
     slope = edge / abs(view.focal).min() if view.perspective else 0.0
-    wide = max(size * abs(view.focal).max() / near, source.widening.least * radius)
+    wide = max(size * abs(view.focal).max() / near, source.widening.least * radius, 2.0 / grid.fine)
     wide += math.sqrt(source.widening.variance / variance(source.reconstruction)) * radius
     blocks_away = math.ceil(wide * (1 + slope**2) * per) + 1
     if blocks_away > max(blocks.shape):
@@ -230,7 +229,6 @@ class Widening(NamedTuple):
 
     least: float  # spacing of neighbours that splats are made for, at least
     variance: float  # px², added to that of splats
-    keeps_light: bool = False  # splats take as much light as before, not as much of what is thin
 
 
 class SampleSource(NamedTuple):
@@ -256,48 +254,39 @@ class SampleSource(NamedTuple):
         size = None if whole.scale is None else whole.scale[rows]
         radius, kernel = self.reconstruction.radius, self.reconstruction
         axes, steps, _ = np.linalg.svd(whole.lattice)
-        count = len(extinction)
-        scale = np.ones(1, np.float32) if size is None else size
-        half = (steps * radius).astype(np.float32) * scale[:, None]
-        apart = spacing_of(view, Samples(position, color, extinction, whole.lattice, size))
-        wide = half * np.maximum(1, np.float32(self.widening.least) / apart)[:, None]
-        # Scene units per px at each center.
-        per = 1.0 / math.sqrt(abs(float(view.focal[0] * view.focal[1])))
-        depth = np.ones(count, np.float32)
-        if view.perspective:
-            depth = along(position, view.rotation[2], float(view.translation[2]))
-            depth = np.maximum(depth, 0)
-        px = np.asarray(per * depth, np.float32)[:, None]
-        if self.widening.variance > 0:
-            more = self.widening.variance * radius**2 / variance(kernel)
-            wide = np.sqrt(half**2 + np.float32(more) * px**2)
-        share = (half / wide).prod(axis=1)
-        through = float(footprint_table(kernel).values[0]) / radius**3  # the center, per length
-        if self.widening.keeps_light:
-            thick = extinction * np.float32(through) * np.cbrt(half.prod(axis=1))
-            thin = thick * np.cbrt(share) ** 2
-            share = share * (_taken(kernel, thick) / _taken(kernel, thin))
-        return Ellipsoids(
-            position,
-            wide,
-            _quaternion(axes)[None],
-            np.zeros(count, np.float32),
-            color,
-            kernel,
-            extinction * share * np.float32(through),
-        )
+        scale = np.ones((len(extinction), 1), np.float32) if size is None else size[:, None]
+        half = (steps * radius).astype(np.float32) * scale
+        through = footprint_table(kernel).values[0] / np.float32(radius**3)  # the center, per unit
+        wide = self._widened(half, Samples(position, color, extinction, whole.lattice, size), view)
+        share = through if wide is half else through * (half / wide).prod(axis=1)
+        turn, none = _quaternion(axes)[None], np.zeros(len(extinction), np.float32)
+        return Ellipsoids(position, wide, turn, none, color, kernel, extinction * share)
+
+    def _widened(self, half: Floats, samples: Samples, view: View) -> Floats:
+        """Half axes (N, 3) as wide as they are asked to be."""
+        least, more = self.widening
+        if least > 0:
+            half = half * np.maximum(1, np.float32(least) / spacing_of(view, samples))[:, None]
+        if more > 0:
+            # Scene units per px at each center.
+            px = np.float32(1.0 / math.sqrt(abs(float(view.focal[0] * view.focal[1]))))
+            if view.perspective:
+                depth = along(samples.position, view.rotation[2], float(view.translation[2]))
+                px = px * np.maximum(depth, 0)[:, None]
+            per = self.reconstruction.radius**2 / variance(self.reconstruction)
+            half = np.sqrt(half**2 + np.float32(more * per) * px**2)
+        return half
 
 
-def _taken(kernel: Reconstruction, thick: Floats) -> Floats:
-    """Light that splats take, by the optical depths through their centers, as shares of all depth.
+@once
+def light_taken(kernel: Reconstruction) -> Floats:
+    """Light that kernels take, per area and optical depth of the center, which is of `DEPTHS`."""
+    from resample.engine.shaped.records import DEPTHS
 
-    That is 1 where they are thin.
-    """
-    depth = np.geomspace(1e-3, 1e3, 200)
     share = footprint_table(kernel).values.astype(np.float64)
-    share /= share[0]
-    taken = -np.expm1(-depth[:, None] * share).mean(axis=1) / (depth * share.mean())
-    return np.asarray(np.interp(thick, depth, taken), np.float32)
+    # Rings of equal squared radii have equal areas.
+    taken = np.trapezoid(-np.expm1(-DEPTHS[:, None] * (share / share[0])), dx=1.0 / (share.size - 1))
+    return np.asarray(taken / DEPTHS, np.float32)
 
 
 def _quaternion(axes: Doubles) -> Floats:

@@ -87,12 +87,17 @@ def test_spheres_close_to_the_eye_are_the_kernels_along_the_rays():
 )
 @pytest.mark.parametrize("focal", [1.0, 6.0])
 def test_every_choice_paints_something_sensible(primitive, model, focal):
-    frame = draw(
-        two(), Camera.from_intrinsics(focal, focal, 4.1, 3.9), primitive=primitive, footprint=model
-    )
+    camera = Camera.from_intrinsics(focal, focal, 4.1, 3.9)
+    frame = draw(two(), camera, primitive=primitive, footprint=model)
     assert 0 <= frame.rgba.min() <= frame.rgba.max() <= 1
-    seen = frame.depth[frame.rgba[..., 3] > 1e-3]
-    assert ((seen > 5.4) & (seen < 7.6)).all()  # where rays pass the centers
+    # Depths are those of the centers, or where the rays of a pixel pass nearest to them.
+    _, ray = naive.rays(Camera.from_intrinsics(4 * focal, 4 * focal, 16.4, 15.6), 32, 32)
+    place = naive.in_camera(camera, two().position)
+    nearest = ray @ place.T / (ray**2).sum(axis=-1, keepdims=True)
+    nearest = nearest.reshape(SIDE, 4, SIDE, 4, 2).transpose(0, 2, 1, 3, 4).reshape(SIDE, SIDE, 32)
+    is_seen = frame.rgba[..., 3] > 1e-3
+    assert (frame.depth >= np.minimum(nearest.min(axis=-1), 5.99))[is_seen].all()
+    assert (frame.depth <= np.maximum(nearest.max(axis=-1), 7.01))[is_seen].all()
     assert frame.statistics.points + frame.statistics.splats <= 2  # some miss all pixels
 
 

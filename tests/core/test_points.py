@@ -7,7 +7,9 @@ from resample import registry
 from resample.cameras.models import Camera, Orthographic
 from resample.painting.choices import Primitive
 from resample.profiles.filters import CatmullRom, Lanczos, Mitchell
+from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
+from tests import naive
 from tests.samples import painter
 
 SIDE = 24  # px; tiles meet at 8 px or a multiple of it
@@ -227,14 +229,41 @@ def test_negative_lobes_do_not_move_what_is_plainly_seen(primitive, lobed, rng):
     assert frame.depth[plain].max() <= samples.position[:, 2].max() + overshoot
 
 
+def light_of_rays(extinction):
+    """Light of a lone splat: what fine rays through it lose, in squared sample spacings."""
+    point, seen_by = one_point(extinction=extinction), camera(4.0)
+    integral = naive.all_line_integrals(point, seen_by, GaussianKernel(), height=16, width=16)
+    return (1 - np.exp(-extinction * integral)).sum() / 4.0**2
+
+
 @pytest.mark.some(1)
 @pytest.mark.parametrize("subpixels", [1, 2, 3, 5])
-def test_a_chosen_grid_conserves_energy_too(subpixels):
-    expected = 0.1**2 * (1 - np.exp(-0.7))
+@pytest.mark.parametrize("extinction", [0.01, 0.7, 20.0])
+def test_a_chosen_grid_conserves_light_too(subpixels, extinction):
+    """A splat smaller than a sub-pixel is as bright as when it was large, wherever it lies."""
+    expected = 0.1**2 * light_of_rays(extinction)
+    found = []
     for right in OFFSETS:
-        frame = draw(one_point(), camera(0.1, right, 0.3), subpixels=subpixels)
+        point = one_point(extinction=extinction)
+        frame = draw(point, camera(0.1, right, 0.3), subpixels=subpixels)
         assert frame.statistics.subpixels == subpixels
-        assert energy(frame)[0] / COLOR[0] == pytest.approx(expected, rel=1e-5)  # exp(-x) by table
+        found.append(energy(frame)[0] / COLOR[0])
+        assert found[-1] == pytest.approx(expected, rel=1e-3)  # rays of a quarter of a spacing
+    assert np.ptp(found) < 1e-5 * expected
+
+
+@pytest.mark.parametrize("subpixels", [1, 2, 4])
+def test_nothing_pops_where_splats_become_larger_than_sub_pixels(subpixels):
+    """Light does not step, and no pixel changes by more than a tenth of a splat's peak."""
+    for extinction in (0.01, 3.0):
+        seen = []
+        for spacing in np.geomspace(0.8, 1.1, 33) / subpixels:
+            point = one_point(extinction=extinction)
+            frame = draw(point, camera(spacing, 0.13, 0.31), subpixels=subpixels)
+            seen.append(frame.rgba[..., 0] / COLOR[0])
+        light = np.array([picture.sum() for picture in seen]) / np.geomspace(0.8, 1.1, 33) ** 2
+        assert np.ptp(light) < 5e-3 * light.mean()  # sums of a Gaussian at unit steps
+        assert np.abs(np.diff(seen, axis=0)).max() < 0.13 * np.max(seen)
 
 
 # Edges.

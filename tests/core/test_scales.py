@@ -237,5 +237,5 @@ def test_choices_that_know_no_sizes_are_refused_in_one_line(rng, choices, messag
 
 
 def test_records_know_no_sizes(rng):
-    with pytest.raises(ValueError, match="splats of exact footprint have no ellipses"):
+    with pytest.raises(ValueError, match="a scale each"):
         SPLATS.footprints(crowd(rng), CAMERAS["close"], **SIZE)

@@ -34,7 +34,20 @@ from resample.engine.shaped.canvas import (
 )
 from resample.engine.shaped.integrals import Integral, expm1_of, line_integral, of_16_times
 from resample.engine.shaped.lists import TileGrid, TileLists
-from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, WIDTH
+from resample.engine.shaped.records import (
+    BLUE,
+    GREEN,
+    HIGH,
+    LIMIT,
+    PEAK,
+    RED,
+    SMALL,
+    T_1,
+    WIDE,
+    WIDTH,
+    X,
+    Y,
+)
 from resample.types import Floats, Single
 
 OFTEN = 16  # members of a tile after which opaque groups are looked for
@@ -160,6 +173,36 @@ def _composite(
 
 
 @inner_step
+def _share_at(x: Single, wide: Single) -> Single:
+    """Share of a box that a sub-pixel takes, x sub-pixels from its center; they sum to 1."""
+    half, own = np.float32(0.5) * wide, np.float32(0.5)
+    return (min(max(x + half, -own), own) - min(max(x - half, -own), own)) / wide
+
+
+@inner_step
+def _lay_small(
+    canvas: Floats, is_open: Open, record: Floats, spot: TilePlace, rows: tuple[int, int]
+) -> None:
+    """Composite a box of what is smaller than a sub-pixel on those that it meets."""
+    t, light = record[T_1], (record[RED], record[GREEN], record[BLUE])
+    if not t > spot.near:
+        return
+    first, last = subpixels_of(record, 0, spot.left, spot.step)
+    per = 1.0 / float(spot.step)
+    # From the center to the tile's first sub-pixel.
+    left = np.float32((spot.left - float(record[X])) * per + 0.5)
+    top = np.float32((spot.top - float(record[Y])) * per + 0.5)
+    for row in range(rows[0], rows[1]):
+        bits = is_open[row]
+        taken = record[PEAK] * _share_at(top + np.float32(row), record[HIGH])
+        for column in range(first, last):
+            if bits >> np.uint32(column // LANES) & np.uint32(1) != np.uint32(0):
+                alpha = taken * _share_at(left + np.float32(column), record[WIDE])
+                k = np.uint64(row * SIDE + column)
+                lay(canvas, k, min(np.float32(1), alpha), t, light)
+
+
+@inner_step
 def _visit(
     canvas: Floats,
     is_open: Open,
@@ -170,8 +213,11 @@ def _visit(
 ) -> None:
     """Bring a record to the sub-pixels of a tile that it may cover."""
     record = records[number]
-    columns = subpixels_of(record, 0, spot.left, spot.step)
     top, bottom = subpixels_of(record, 1, spot.top, spot.step)
+    if record[LIMIT] == SMALL:
+        _lay_small(canvas, is_open, record, spot, (top, bottom))
+        return
+    columns = subpixels_of(record, 0, spot.left, spot.step)
     for row in range(top, bottom):
         bits = is_open[row]
         if bits == np.uint32(0):

@@ -18,6 +18,7 @@ from resample.profiles.reconstruction import (
     footprint_pieces,
     footprint_profile,
     footprint_table,
+    variance,
 )
 from resample.types import (
     Floats,
@@ -92,6 +93,9 @@ class ShapedStyle(NamedTuple):
     least_trained: float = 0.0  # px, that it has at least where it is the camera's, if rays allow
     is_compensated: bool = False  # training made up for the dilation by the opacity
     is_affine: bool = False  # Gaussians are projected linearly (EWA)
+    # (K,) light of kernels that are smaller than a chosen sub-pixel, see `resample.engine.shaped.
+    # records.DEPTHS`: each sub-pixel takes its share. None: what the ray of a sub-pixel meets.
+    taken: Floats | None = None
 
 
 class EllipsoidSource(Protocol):
@@ -313,7 +317,7 @@ class ShapedScene(NamedTuple):
             weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
         records = np.empty((len(weight), WHOLE), np.float32)
         arrays = ShapedArrays(position, scale, rotation, weight, color)
-        project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
+        project_shapes(arrays, self.view, self._options(shapes.kernel), records)
         return in_window(records, (0, 0, self.size[1], self.size[0]))
 
     def records(self, window: Window | None = None, most: int | None = None) -> "HeldRecords":
@@ -352,16 +356,19 @@ class ShapedScene(NamedTuple):
                 mine[...] = painted
         return count
 
-    def _options(self, is_peak: bool) -> "ShapedOptions":
+    def _options(self, kernel: Reconstruction | None) -> "ShapedOptions":
         from resample.engine.shaped.records import ShapedOptions
 
         style = self.style
+        small: tuple[float, float, Floats] | tuple[()] = ()
+        if kernel is not None and style.taken is not None:
+            small = 1.0 / self.finest(), variance(kernel) / kernel.radius**2, style.taken
         own = float(np.sqrt(abs(self.view.focal[0] * self.view.focal[1])))
         finest = style.subpixels or FINEST  # what is thinner would fall between the rays
         return ShapedOptions(
             self.size[1],
             self.size[0],
-            is_peak,
+            kernel is None,
             style.is_affine,
             style.order is ShapedOrder.DISTANCE,
             float(style.dilation),
@@ -369,6 +376,7 @@ class ShapedScene(NamedTuple):
             style.is_compensated,
             FAINTEST,
             self.nearest,
+            *small,
         )
 
     def opacity(self) -> "PeakOpacity | DepthOpacity":
