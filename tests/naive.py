@@ -99,6 +99,15 @@ def composite(alpha, color, depth):
     return result
 
 
+def layered(alpha, value, depth):
+    """Sum (H, W) of values (N, H, W) of layers, each as far as it is seen."""
+    result, passed = np.zeros(alpha.shape[1:]), np.ones(alpha.shape[1:])
+    for n in np.argsort(depth, kind="stable"):
+        result += passed * alpha[n] * value[n]
+        passed *= 1 - alpha[n]
+    return result
+
+
 def paper_points(samples, camera, profile, radius, *, height, width):
     """Points under a pixel filter, summed by slabs of one voxel, slabs front to back (H, W, 4).
 

@@ -44,7 +44,7 @@ PART = 1 << 16  # samples that are turned into ellipsoids at a time
 class SplatPainter:
     """Composites splats one by one, in the order of their centers.
 
-    A sample that a clipping plane cuts is shown if its center is.
+    Planes cut them; those that are widened are shown if their centers are.
     """
 
     reconstruction: Reconstruction
@@ -61,17 +61,19 @@ class SplatPainter:
         """Picture of samples, as means over pixels or under a filter."""
         clock, view, size = Clock(), scene.view, (scene.screen.height, scene.screen.width)
         count = samples.extinction.size
-        samples = scene.kept(samples)
+        is_own = self.inflated == self.blurred == 0
+        samples = scene.kept(samples, by_center=not is_own)
         samples = samples._replace(color=scene.tinted(samples.color))
+        planes = scene.screen.planes[:, :4] if is_own and scene.cuts(samples) else None
         fine = self.subpixels or _grid_of(view, samples)
         if self.pixel_filter is None:
-            film, found = self._painted(samples, view, size, fine, progress)
+            film, found = self._painted(samples, planes, view, size, fine, progress)
         else:
             least = 1 if self.subpixels else subpixels_of(self.pixel_filter).count
             parts, found = subpixels_of(self.pixel_filter, max(fine, least)), np.zeros(2, np.int64)
 
             def part(view: View, size: tuple[int, int]) -> Film:
-                film, counts = self._painted(samples, view, size, 1, None)
+                film, counts = self._painted(samples, planes, view, size, 1, None)
                 np.maximum(found, counts, out=found)
                 return film
 
@@ -85,6 +87,7 @@ class SplatPainter:
     def _painted(
         self,
         samples: Samples,
+        planes: Doubles | None,
         view: View,
         size: tuple[int, int],
         fine: int,
@@ -94,7 +97,7 @@ class SplatPainter:
         order = ShapedOrder(self.key if view.perspective else "depth")
         source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
         taken = light_taken(self.reconstruction) if self.is_spread else None
-        style = ShapedStyle(order, fine, taken=taken)
+        style = ShapedStyle(order, fine, taken=taken, planes=planes)
         scene = ShapedScene(source, view, size, style)
         canvas, counts, side = empty_canvas(size), np.zeros(2, np.int64), scene.tile()
         # Canvases of so many rows of tiles are held at a time.

@@ -27,12 +27,13 @@ from resample.engine.shaped.canvas import (
     write_tile,
 )
 from resample.engine.shaped.lists import TileLists
-from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, response_at
+from resample.engine.shaped.painting import OFTEN, Opacity, response_at
 from resample.engine.shaped.records import (
     BLUE,
     GREEN,
     LIMIT,
     PEAK,
+    RADIUS,
     RED,
     X,
     Y,
@@ -135,11 +136,11 @@ def _composite(
     boxes: Floats,
     record: Floats,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Composite a record on the sub-pixels of a tile that are on the face."""
     (left, right), (top, bottom) = span_of(record, 0), span_of(record, 1)
-    own = record[PEAK], record[LIMIT], np.float32(near)
+    own = record[PEAK], record[LIMIT], record[RADIUS], np.float32(near)
     light = record[RED], record[GREEN], record[BLUE]
     for row in range(SIDE):
         bits = is_open[row]
@@ -170,7 +171,7 @@ def paint_all_around(
     tiles: PlacedTiles,
     fine: int,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles.

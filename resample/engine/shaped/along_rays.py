@@ -51,6 +51,7 @@ from resample.engine.shaped.records import (
     GREEN,
     LIMIT,
     PEAK,
+    RADIUS,
     RED,
     T_1,
     T_X,
@@ -183,11 +184,11 @@ def _evaluate(
     record: Floats,
     at: tuple[int, int],
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Opacities of a record at the sub-pixels of a group, and then depths, into `lanes`."""
     row, group = at
-    own = record[PEAK], record[LIMIT], spot.near
+    own = record[PEAK], record[LIMIT], record[RADIUS], spot.near
     start = line.start + np.float32(group * LANES) * spot.step
     x = np.float32(spot.left + (group * LANES + 0.5) * float(spot.step))
     y = np.float32(spot.top + (row + 0.5) * float(spot.step))
@@ -223,7 +224,7 @@ def _paint_group(
     bound: Doubles,
     at: tuple[int, int],
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     lanes: Floats,
     canvas: Floats,
 ) -> None:
@@ -269,7 +270,7 @@ def _visit(
     records: Floats,
     number: int,
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     lanes: Floats,
 ) -> None:
     """Let a record wait at the sub-pixels of a tile that it may cover, where there is room."""
@@ -298,7 +299,7 @@ def paint_along_rays(
     lists: TileLists,
     grid: TileGrid,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles, as `paint_shapes` does, but each ray in its own order."""

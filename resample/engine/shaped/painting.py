@@ -40,6 +40,7 @@ from resample.engine.shaped.records import (
     HIGH,
     LIMIT,
     PEAK,
+    RADIUS,
     RED,
     SMALL,
     T_1,
@@ -68,6 +69,20 @@ class DepthOpacity(NamedTuple):
     principal: tuple[Single, Single]  # px
 
 
+class CutOpacity(NamedTuple):
+    """As `DepthOpacity`, of the parts of rays that planes leave."""
+
+    partial: Floats  # (K + 1, K + 1) `partial_table`, relative to the whole through the center
+    # (M, 6): rate and offset, each as a constant and per px across and down; depths are kept at
+    # which rate × depth + offset is above 0.
+    planes: Floats
+    per_focal: tuple[Single, Single]  # 1 / px, of slopes; 0 where rays are parallel
+    principal: tuple[Single, Single]  # px
+
+
+Opacity = PeakOpacity | DepthOpacity | CutOpacity
+
+
 @lane_step
 def falling(x: Single) -> Single:
     """exp(x) of a number between −12 and 0: a series of x / 16, squared four times."""
@@ -84,7 +99,7 @@ def falling(x: Single) -> Single:
 
 @lane_role
 def alpha_of(
-    opacity: PeakOpacity | DepthOpacity, peak: Single, square: Single, longer: Single
+    opacity: Opacity, peak: Single, square: Single, longer: Single
 ) -> Single:
     """Opacity at a squared distance i²; `longer`: length of the ray, as of `longer_of`."""
     raise NotImplementedError
@@ -103,7 +118,7 @@ def _of_depth(opacity, peak, square, longer):  # type: ignore[no-untyped-def]
 
 
 @lane_role
-def longer_of(opacity: PeakOpacity | DepthOpacity, x: Single, y: Single, per: Single) -> Single:
+def longer_of(opacity: Opacity, x: Single, y: Single, per: Single) -> Single:
     """Length of the ray through (x, y) px per unit of depth, times √per."""
     raise NotImplementedError
 
@@ -113,7 +128,7 @@ def _same(opacity, x, y, per):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.float32(1)
 
 
-@plays(longer_of, DepthOpacity)
+@plays(longer_of, object)
 def _slanted(opacity, x, y, per):  # type: ignore[no-untyped-def]
     across = (x - opacity.principal[0]) * opacity.per_focal[0]
     down = (y - opacity.principal[1]) * opacity.per_focal[1]
@@ -122,15 +137,15 @@ def _slanted(opacity, x, y, per):  # type: ignore[no-untyped-def]
 
 @lane_role
 def response_at(
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     line: Line,
     dx: Single,
     place: tuple[Single, Single],
-    own: tuple[Single, Single, Single],
+    own: tuple[Single, Single, Single, Single],
 ) -> tuple[Single, Single]:
     """Opacity and depth of a record at dx px from its reference.
 
-    `place`: px of the screen. `own`: peak, limit, and the depth from which on it is seen.
+    `place`: px of the screen. `own`: peak, limit, radius, and the depth from which on it is seen.
     """
     raise NotImplementedError
 
@@ -146,7 +161,70 @@ def _response_at(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
     alpha = alpha_of(
         opacity, own[0], min(square, own[1]), longer_of(opacity, place[0], place[1], per)
     )
-    return (alpha if (square <= own[1]) & (t > own[2]) else zero), t
+    return (alpha if (square <= own[1]) & (t > own[3]) else zero), t
+
+
+@lane_role
+def depths_kept(opacity: Opacity, x: Single, y: Single, near: Single) -> tuple[Single, Single]:
+    """Depths between which the ray through (x, y) px is seen."""
+    raise NotImplementedError
+
+
+@plays(depths_kept, object)
+def _beyond_near(opacity, x, y, near):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return near, np.float32(np.inf)
+
+
+@plays(depths_kept, CutOpacity)
+def _between_planes(opacity, x, y, near):  # type: ignore[no-untyped-def]
+    first, last, zero = near, np.float32(np.inf), np.float32(0)
+    for k in range(opacity.planes.shape[0]):
+        plane = opacity.planes[k]
+        rate, offset = (plane[0] + plane[1] * x + plane[2] * y), plane[3] + plane[4] * x
+        offset += plane[5] * y
+        if rate > zero:
+            first = max(first, -offset / rate)
+        elif rate < zero:
+            last = min(last, -offset / rate)
+        elif offset <= zero:
+            last = first
+    return first, last
+
+
+@lane_step
+def _integral_until(partial: Floats, square: Single, place: Single) -> Single:
+    """Line integral at a squared distance up to a place, in radii from the nearest to the center.
+
+    `partial`: table, which is interpolated.
+    """
+    steps, one = np.float32(partial.shape[0] - 1), np.float32(1)
+    across = np.float32(0.5) * steps * (min(max(place, -one), one) + one)
+    down = steps * min(max(square, np.float32(0)), one)
+    column = np.uint32(min(across, steps - one))
+    row = np.uint32(min(down, steps - one))
+    across, down = across - np.float32(column), down - np.float32(row)
+    next_row, next_column = row + np.uint32(1), column + np.uint32(1)
+    above = partial[row, column] + across * (partial[row, next_column] - partial[row, column])
+    below = partial[next_row, column]
+    below += across * (partial[next_row, next_column] - partial[next_row, column])
+    return above + down * (below - above)
+
+
+@plays(response_at, CutOpacity)
+def _response_between(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
+    zero, one = np.float32(0), np.float32(1)
+    d = line.d0 + dx * (line.d1 + dx * line.d2)
+    per = one / d
+    square = (line.n0 + dx * (line.n1 + dx * line.n2)) * per
+    t = (line.t0 + dx * line.t1) * per
+    first, last = depths_kept(opacity, place[0], place[1], own[3])
+    radii = math.sqrt(d) / own[2]  # per unit of depth
+    depth = _integral_until(opacity.partial, square, (last - t) * radii)
+    depth -= _integral_until(opacity.partial, square, (first - t) * radii)
+    depth *= own[0] * longer_of(opacity, place[0], place[1], per)
+    alpha = -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+    is_seen = (square <= own[1]) & (first < last)
+    return (alpha if is_seen else zero), min(max(t, first), last)
 
 
 @inner_step
@@ -156,11 +234,11 @@ def _composite(
     record: Floats,
     place: tuple[int, int],
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Composite a record on eight sub-pixels; `place`: their row and group."""
     row, group = place
-    own = record[PEAK], record[LIMIT], spot.near
+    own = record[PEAK], record[LIMIT], record[RADIUS], spot.near
     light = record[RED], record[GREEN], record[BLUE]
     base = np.uint64(row * SIDE + group * LANES)
     start = line.start + np.float32(group * LANES) * spot.step
@@ -181,11 +259,17 @@ def _share_at(x: Single, wide: Single) -> Single:
 
 @inner_step
 def _lay_small(
-    canvas: Floats, is_open: Open, record: Floats, spot: TilePlace, rows: tuple[int, int]
+    canvas: Floats,
+    is_open: Open,
+    record: Floats,
+    spot: TilePlace,
+    rows: tuple[int, int],
+    opacity: Opacity,
 ) -> None:
     """Composite a box of what is smaller than a sub-pixel on those that it meets."""
     t, light = record[T_1], (record[RED], record[GREEN], record[BLUE])
-    if not t > spot.near:
+    nearest, farthest = depths_kept(opacity, record[X], record[Y], spot.near)
+    if not nearest < t < farthest:
         return
     first, last = subpixels_of(record, 0, spot.left, spot.step)
     per = 1.0 / float(spot.step)
@@ -209,13 +293,13 @@ def _visit(
     records: Floats,
     number: int,
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Bring a record to the sub-pixels of a tile that it may cover."""
     record = records[number]
     top, bottom = subpixels_of(record, 1, spot.top, spot.step)
     if record[LIMIT] == SMALL:
-        _lay_small(canvas, is_open, record, spot, (top, bottom))
+        _lay_small(canvas, is_open, record, spot, (top, bottom), opacity)
         return
     columns = subpixels_of(record, 0, spot.left, spot.step)
     for row in range(top, bottom):
@@ -245,7 +329,7 @@ def _paint_members(
     lists: TileLists,
     tile: int,
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Composite the members of a tile under what its canvas holds."""
     flat = records.reshape(-1)
@@ -265,7 +349,7 @@ def paint_shapes(
     lists: TileLists,
     grid: TileGrid,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles.
@@ -287,7 +371,7 @@ def paint_behind(
     lists: TileLists,
     grid: TileGrid,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     canvas: Floats,
     is_open: NDArray[np.uint32],
 ) -> None:

@@ -34,7 +34,8 @@ PEAK = 16  # opacity at the center; or optical depth of a ray through it, for sl
 LIMIT = 17  # i² up to which it is painted; or SMALL
 BOX_X, BOX_Y = 18, 19  # how far its box reaches to both sides of X and of Y, see `packed`
 RED, GREEN, BLUE = range(20, 23)
-WIDTH = 23
+RADIUS = 23  # scene units of depth that a ray takes from the center to i = 1
+WIDTH = 24
 # While records are made they also have their boxes, and the numbers that they are ordered by.
 LEFT, TOP, RIGHT, BOTTOM = range(WIDTH, WIDTH + 4)  # px; left > right: it is not seen
 KEY = WIDTH + 4
@@ -474,10 +475,11 @@ def _project_one(
     if options.is_affine:
         if not z > view.near or not _set_affine(record, center, spread, view, options, limit):
             return
+        chord = 0.0
     else:
         chord = _set_form(record, center, axes, scale, view, options, limit)
         weight *= 1.0 if options.is_peak else chord
-    record[PEAK], record[LIMIT] = weight, limit
+    record[PEAK], record[LIMIT], record[RADIUS] = weight, limit, chord
     if options.step > 0.0:
         _spread_small(record, view, options)
     # Leave out what the frame does not show.

@@ -18,9 +18,11 @@ from resample.profiles.reconstruction import (
     footprint_pieces,
     footprint_profile,
     footprint_table,
+    partial_table,
     variance,
 )
 from resample.types import (
+    Doubles,
     Floats,
     Frame,
     Pieces,
@@ -34,7 +36,7 @@ from resample.watching import Progress, told
 if TYPE_CHECKING:
     from resample.engine.shaped.canvas import PaintedShapes
     from resample.engine.shaped.lists import TileGrid, TileLists
-    from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
+    from resample.engine.shaped.painting import Opacity
     from resample.engine.shaped.records import ShapedOptions
 
 FAINTEST = 1.0 / 255.0  # opacity below which Gaussians end, as in training
@@ -96,6 +98,9 @@ class ShapedStyle(NamedTuple):
     # (K,) light of kernels that are smaller than a chosen sub-pixel, see `resample.engine.shaped.
     # records.DEPTHS`: each sub-pixel takes its share. None: what the ray of a sub-pixel meets.
     taken: Floats | None = None
+    # (M, 4) unit normals and offsets in camera axes: planes that cut kernels, as the near plane
+    # does then; None: the near plane leaves out what rays pass nearest to before it.
+    planes: Doubles | None = None
 
 
 class EllipsoidSource(Protocol):
@@ -379,9 +384,9 @@ class ShapedScene(NamedTuple):
             *small,
         )
 
-    def opacity(self) -> "PeakOpacity | DepthOpacity":
+    def opacity(self) -> "Opacity":
         """How distances become opacities."""
-        from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
+        from resample.engine.shaped.painting import CutOpacity, DepthOpacity, PeakOpacity
 
         kernel = self.source.kernel()
         if kernel is None:
@@ -389,7 +394,22 @@ class ShapedScene(NamedTuple):
         along = self.view.focal if self.view.perspective else np.full(2, np.inf)
         per = np.float32(1.0 / along[0]), np.float32(1.0 / along[1])
         place = np.float32(self.view.principal[0]), np.float32(self.view.principal[1])
+        if self.style.planes is not None:
+            table = partial_table(kernel)
+            return CutOpacity(table / table[0, -1], self._on_screen(self.style.planes), per, place)
         return DepthOpacity(relative_integral(kernel), per, place)
+
+    def _on_screen(self, planes: Doubles) -> Floats:
+        """Planes (M, 6) as rays through pixels meet them, see `CutOpacity`."""
+        per, middle = 1.0 / self.view.focal, self.view.principal
+        constant, across = np.zeros((len(planes), 2)), np.zeros((len(planes), 4))
+        constant[:, 0], constant[:, 1] = planes[:, 2], planes[:, 3]
+        # Slopes belong to the rate where rays leave the eye, else to the offset.
+        first = 0 if self.view.perspective else 1
+        constant[:, first] -= planes[:, :2] @ (middle * per)
+        across[:, 2 * first : 2 * first + 2] = planes[:, :2] * per
+        columns = constant[:, 0], across[:, 0], across[:, 1], constant[:, 1], *across[:, 2:].T
+        return np.ascontiguousarray(np.column_stack(columns), np.float32)
 
 
 def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
