@@ -62,9 +62,8 @@ class SplatPainter:
         clock, view, size = Clock(), scene.view, (scene.screen.height, scene.screen.width)
         count = samples.extinction.size
         is_own = self.inflated == self.blurred == 0
-        samples = scene.kept(samples, by_center=not is_own)
+        samples, planes = scene.left_by_planes(samples, by_center=not is_own)
         samples = samples._replace(color=scene.tinted(samples.color))
-        planes = scene.screen.planes[:, :4] if is_own and scene.cuts(samples) else None
         fine = self.subpixels or _grid_of(view, samples)
         if self.pixel_filter is None:
             film, found = self._painted(samples, planes, view, size, fine, progress)
@@ -87,7 +86,7 @@ class SplatPainter:
     def _painted(
         self,
         samples: Samples,
-        planes: Doubles | None,
+        planes: Doubles,
         view: View,
         size: tuple[int, int],
         fine: int,
@@ -97,7 +96,7 @@ class SplatPainter:
         order = ShapedOrder(self.key if view.perspective else "depth")
         source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
         taken = light_taken(self.reconstruction) if self.is_spread else None
-        style = ShapedStyle(order, fine, taken=taken, planes=planes)
+        style = ShapedStyle(order, fine, taken=taken, planes=planes if len(planes) else None)
         scene = ShapedScene(source, view, size, style)
         canvas, counts, side = empty_canvas(size), np.zeros(2, np.int64), scene.tile()
         # Canvases of so many rows of tiles are held at a time.

@@ -248,29 +248,30 @@ class PreparedScene:
         screen = self.screen._replace(height=size[0], width=size[1])
         return Stage(view, self.ellipsoid, screen)
 
-    def kept(self, samples: Samples, *, by_center: bool = False) -> Samples:
-        """Samples of which clipping planes leave a part, or the center."""
-        if not len(self.screen.planes):
-            return samples
-        inside = np.ones(samples.extinction.size, np.bool_)
-        size = np.float32(1) if samples.scale is None else samples.scale
-        size = size * np.float32(0.0 if by_center else 1.001)
-        for plane in self.screen.planes:
-            offset = plane[:3] @ self.view.translation + plane[3]
-            away = along(samples.position, plane[:3] @ self.view.rotation, offset)
-            inside &= away > np.float32(-plane[4]) * size
+    def left_by_planes(
+        self, samples: Samples, *, by_center: bool = False
+    ) -> tuple[Samples, Doubles]:
+        """Samples of which clipping planes leave a part, or the center; and planes that cut them.
+
+        These (M, 4) are those of `Screen`, and the near plane, or that of the eye.
+        """
+        view, covariance = self.view, self.ellipsoid.covariance
+        near = [0.0, 0.0, 1.0, -view.near, math.sqrt(covariance[2, 2])]
+        size = np.ones(1, np.float32) if samples.scale is None else samples.scale
+        size = size * np.float32(0.0 if by_center else 1.001)  # float32
+        inside, cutting = np.ones(samples.extinction.size, np.bool_), []
+        for plane in (*self.screen.planes, np.array(near)):
+            offset = plane[:3] @ view.translation + plane[3]
+            away, reach = along(samples.position, plane[:3] @ view.rotation, offset), plane[4] * size
+            inside &= away > -reach
+            if (abs(away) < reach).any():
+                cutting.append(plane[:4])
+        planes = np.array(cutting).reshape(-1, 4)
+        if inside.all():
+            return samples, planes
         parts = {name: getattr(samples, name)[inside] for name in ("position", "color")}
         scale = None if samples.scale is None else samples.scale[inside]
-        return samples._replace(extinction=samples.extinction[inside], scale=scale, **parts)
-
-    def cuts(self, samples: Samples) -> bool:
-        """Whether planes may cut samples: clipping planes, the near plane, or that of the eye."""
-        if len(self.screen.planes):
-            return True
-        depth = along(samples.position, self.view.rotation[2], float(self.view.translation[2]))
-        reach = np.float32(math.sqrt(self.ellipsoid.covariance[2, 2]))
-        first = depth - reach * (1 if samples.scale is None else samples.scale)
-        return bool(first.min(initial=np.inf) < self.view.near)
+        return samples._replace(extinction=samples.extinction[inside], scale=scale, **parts), planes
 
     def tinted(self, color: Floats) -> Floats:
         """Colors (N, 3) of splats: their own, or as bright in the one that tells them apart."""
