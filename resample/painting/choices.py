@@ -159,6 +159,7 @@ def _splats(choice: "PaintChoices") -> "SamplePainter":
         technique.inflated,
         technique.blurred,
         is_spread=technique.subpixels == 0,  # others show what sub-pixels miss
+        is_linear=choice.opacity is Opacity.LINEAR,
     )
 
 
@@ -177,11 +178,11 @@ _TECHNIQUES = {
 
 
 def is_exact(choice: "PaintChoices") -> bool:
-    """Whether samples are splats of exact footprint, each absorbing as its depth says."""
+    """Whether samples are splats of exact footprint."""
     technique = technique_of(choice.primitive)
     is_own = technique.painter is None and choice.threshold in (None, 0)
     footprint = choice.footprint or technique.own_footprint
-    return is_own and footprint is Footprint.EXACT and choice.opacity is Opacity.EXACT
+    return is_own and footprint is Footprint.EXACT
 
 
 @cache
@@ -348,7 +349,8 @@ def check_scaled(choice: PaintChoices) -> None:
     """Refuse choices that would paint samples of a scale each as if they had none."""
     if choice.order.summing is not Summing.POINTS:
         raise ValueError(f"samples of a scale each need the order every-sample, not {choice.order}")
-    if not technique_of(choice.primitive).has_scales or not is_exact(choice):
+    is_linear = choice.opacity is Opacity.LINEAR
+    if is_linear or not technique_of(choice.primitive).has_scales or not is_exact(choice):
         scaled = [name for name, known in _TECHNIQUES.items() if known.has_scales]
         raise ValueError(
             f"samples of a scale each are {', '.join(scaled)} of exact footprint and opacity "

@@ -53,7 +53,8 @@ class SplatPainter:
     key: str  # "depth" or "distance", see `EverySample`
     inflated: float  # px; splats of closer neighbours are as wide as for this spacing
     blurred: float  # px², added to the variance of splats
-    is_spread: bool  # what is smaller than a sub-pixel keeps its light
+    is_spread: bool = True  # what is smaller than a sub-pixel keeps its light
+    is_linear: bool = False  # opacities are α F of classic splatting
 
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
@@ -64,6 +65,9 @@ class SplatPainter:
         is_own = self.inflated == self.blurred == 0
         samples, planes = scene.left_by_planes(samples, by_center=not is_own)
         samples = samples._replace(color=scene.tinted(samples.color))
+        if self.is_linear:
+            layer = scene.style.layer
+            samples = samples._replace(extinction=-np.expm1(-layer * samples.extinction) / layer)
         fine = self.subpixels or _grid_of(view, samples)
         if self.pixel_filter is None:
             film, found = self._painted(samples, planes, view, size, fine, progress)
@@ -95,8 +99,9 @@ class SplatPainter:
         """Picture of a size, with so many sub-pixels, and how many splats it shows and hides."""
         order = ShapedOrder(self.key if view.perspective else "depth")
         source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
-        taken = light_taken(self.reconstruction) if self.is_spread else None
-        style = ShapedStyle(order, fine, taken=taken, planes=planes if len(planes) else None)
+        taken = light_taken(self.reconstruction, self.is_linear) if self.is_spread else None
+        cutting = planes if len(planes) else None
+        style = ShapedStyle(order, fine, is_linear=self.is_linear, taken=taken, planes=cutting)
         scene = ShapedScene(source, view, size, style)
         canvas, counts, side = empty_canvas(size), np.zeros(2, np.int64), scene.tile()
         # Canvases of so many rows of tiles are held at a time.
@@ -281,13 +286,14 @@ class SampleSource(NamedTuple):
 
 
 @once
-def light_taken(kernel: Reconstruction) -> Floats:
+def light_taken(kernel: Reconstruction, is_linear: bool) -> Floats:
     """Light that kernels take, per area and optical depth of the center, which is of `DEPTHS`."""
     from resample.engine.shaped.records import DEPTHS
 
     share = footprint_table(kernel).values.astype(np.float64)
+    depth = DEPTHS[:, None] * (share / share[0])
     # Rings of equal squared radii have equal areas.
-    taken = np.trapezoid(-np.expm1(-DEPTHS[:, None] * (share / share[0])), dx=1.0 / (share.size - 1))
+    taken = np.trapezoid(depth if is_linear else -np.expm1(-depth), dx=1.0 / (share.size - 1))
     return np.asarray(taken / DEPTHS, np.float32)
 
 

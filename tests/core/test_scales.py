@@ -88,11 +88,7 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
     frame = SPLATS(samples, camera, clip=clip, **SIZE)
     np.testing.assert_allclose(frame.rgba, truth, atol=TOLERANCE)
     # Of each, the depth at which the ray passes nearest to its center, of what is left of the ray.
-    origin, ray = naive.rays(camera, **SIZE)
-    to_unit = np.linalg.inv(camera.view().rotation @ samples.lattice)
-    center = naive.in_camera(camera, samples.position)[:, None, None]
-    across, along = (center - origin) @ to_unit.T, ray @ to_unit.T
-    nearest = (across * along).sum(axis=-1) / (along**2).sum(axis=-1)
+    nearest = naive.nearest_depths(samples, camera, **SIZE)
     low, high = camera.view().near, np.inf
     if clip is not None:
         low, high = naive.kept_by(camera, clip, **SIZE)

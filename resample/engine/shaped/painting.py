@@ -62,11 +62,12 @@ class PeakOpacity(NamedTuple):
 
 
 class DepthOpacity(NamedTuple):
-    """Opacities 1 − exp(−τ) of optical depths, by a kernel's line integrals."""
+    """Opacities 1 − exp(−τ) of optical depths, by a kernel's line integrals; or these depths."""
 
     integral: Integral  # relative to that through the center
     per_focal: tuple[Single, Single]  # 1 / px, of slopes; 0 where rays are parallel
     principal: tuple[Single, Single]  # px
+    is_linear: bool
 
 
 class CutOpacity(NamedTuple):
@@ -78,6 +79,7 @@ class CutOpacity(NamedTuple):
     planes: Floats
     per_focal: tuple[Single, Single]  # 1 / px, of slopes; 0 where rays are parallel
     principal: tuple[Single, Single]  # px
+    is_linear: bool
 
 
 Opacity = PeakOpacity | DepthOpacity | CutOpacity
@@ -97,6 +99,13 @@ def falling(x: Single) -> Single:
     return p * p
 
 
+@lane_step
+def _absorbed(depth: Single, is_linear: bool) -> Single:
+    """Opacity of an optical depth."""
+    exact = -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+    return min(np.float32(1), depth) if is_linear else exact
+
+
 @lane_role
 def alpha_of(
     opacity: Opacity, peak: Single, square: Single, longer: Single
@@ -113,8 +122,7 @@ def _of_peak(opacity, peak, square, longer):  # type: ignore[no-untyped-def]  # 
 @plays(alpha_of, DepthOpacity)
 def _of_depth(opacity, peak, square, longer):  # type: ignore[no-untyped-def]
     t = max(np.float32(0), np.float32(1) - square)
-    depth = peak * line_integral(opacity.integral, t, longer)
-    return -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+    return _absorbed(peak * line_integral(opacity.integral, t, longer), opacity.is_linear)
 
 
 @lane_role
@@ -222,7 +230,7 @@ def _response_between(opacity, line, dx, place, own):  # type: ignore[no-untyped
     depth = _integral_until(opacity.partial, square, (last - t) * radii)
     depth -= _integral_until(opacity.partial, square, (first - t) * radii)
     depth *= own[0] * longer_of(opacity, place[0], place[1], per)
-    alpha = -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+    alpha = _absorbed(depth, opacity.is_linear)
     is_seen = (square <= own[1]) & (first < last)
     return (alpha if is_seen else zero), min(max(t, first), last)
 

@@ -95,6 +95,7 @@ class ShapedStyle(NamedTuple):
     least_trained: float = 0.0  # px, that it has at least where it is the camera's, if rays allow
     is_compensated: bool = False  # training made up for the dilation by the opacity
     is_affine: bool = False  # Gaussians are projected linearly (EWA)
+    is_linear: bool = False  # kernels are as opaque as they are deep: α F of classic splatting
     # (K,) light of kernels that are smaller than a chosen sub-pixel, see `resample.engine.shaped.
     # records.DEPTHS`: each sub-pixel takes its share. None: what the ray of a sub-pixel meets.
     taken: Floats | None = None
@@ -396,8 +397,9 @@ class ShapedScene(NamedTuple):
         place = np.float32(self.view.principal[0]), np.float32(self.view.principal[1])
         if self.style.planes is not None:
             table = partial_table(kernel)
-            return CutOpacity(table / table[0, -1], self._on_screen(self.style.planes), per, place)
-        return DepthOpacity(relative_integral(kernel), per, place)
+            planes = self._on_screen(self.style.planes)
+            return CutOpacity(table / table[0, -1], planes, per, place, self.style.is_linear)
+        return DepthOpacity(relative_integral(kernel), per, place, self.style.is_linear)
 
     def _on_screen(self, planes: Doubles) -> Floats:
         """Planes (M, 6) as rays through pixels meet them, see `CutOpacity`."""

@@ -166,13 +166,16 @@ def test_pixels_are_means_over_their_rays(rng):
     np.testing.assert_allclose(seen, means, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["perspective", "parallel"])
+@pytest.mark.parametrize("kind", ["perspective", "inside", "near plane", "parallel"])
 def test_transmittance_is_that_of_exact_splats(rng, kind):
     samples = some_samples(rng)
     pose = look_at([4, -8, 5], [4.0, 4.5, 1.0])
+    inside = look_at([4.0, 4.0, 1.0], [5.0, 9.0, 0.0])
     camera = {
         "perspective": a_camera(),
-        "parallel": Orthographic(2, 3, 15, 10, pose, -50.0),
+        "inside": Camera.from_fov(60, height=20, width=30, world_to_camera=inside),
+        "near plane": a_camera(near=12.0),
+        "parallel": Orthographic(2, 3, 15, 10, pose, 11.0),
     }[kind]
     size = {"height": 20, "width": 30}
     seen = cast_rays(samples, camera, **size, look=Casting(rays=2, step=0.1)).rgba[..., 3]
