@@ -158,7 +158,8 @@ def _splats(choice: "PaintChoices") -> "SamplePainter":
         getattr(choice.order, "key", "depth"),
         technique.inflated,
         technique.blurred,
-        is_spread=technique.subpixels == 0,  # others show what sub-pixels miss
+        # Others show what sub-pixels miss.
+        is_spread=technique.subpixels == 0 and choice.threshold is None,
         is_linear=choice.opacity is Opacity.LINEAR,
     )
 

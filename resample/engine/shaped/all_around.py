@@ -33,7 +33,6 @@ from resample.engine.shaped.records import (
     GREEN,
     LIMIT,
     PEAK,
-    RADIUS,
     RED,
     X,
     Y,
@@ -140,7 +139,7 @@ def _composite(
 ) -> None:
     """Composite a record on the sub-pixels of a tile that are on the face."""
     (left, right), (top, bottom) = span_of(record, 0), span_of(record, 1)
-    own = record[PEAK], record[LIMIT], record[RADIUS], np.float32(near)
+    own = record[PEAK], record[LIMIT], np.float32(near)
     light = record[RED], record[GREEN], record[BLUE]
     for row in range(SIDE):
         bits = is_open[row]

@@ -36,8 +36,7 @@ from resample.engine.shaped.canvas import (
 )
 from resample.engine.shaped.lists import TileGrid, TileLists
 from resample.engine.shaped.painting import (
-    DepthOpacity,
-    PeakOpacity,
+    Opacity,
     response_at,
     tile_at,
 )
@@ -51,7 +50,6 @@ from resample.engine.shaped.records import (
     GREEN,
     LIMIT,
     PEAK,
-    RADIUS,
     RED,
     T_1,
     T_X,
@@ -188,7 +186,7 @@ def _evaluate(
 ) -> None:
     """Opacities of a record at the sub-pixels of a group, and then depths, into `lanes`."""
     row, group = at
-    own = record[PEAK], record[LIMIT], record[RADIUS], spot.near
+    own = record[PEAK], record[LIMIT], spot.near
     start = line.start + np.float32(group * LANES) * spot.step
     x = np.float32(spot.left + (group * LANES + 0.5) * float(spot.step))
     y = np.float32(spot.top + (row + 0.5) * float(spot.step))

@@ -40,7 +40,6 @@ from resample.engine.shaped.records import (
     HIGH,
     LIMIT,
     PEAK,
-    RADIUS,
     RED,
     SMALL,
     T_1,
@@ -107,9 +106,7 @@ def _absorbed(depth: Single, is_linear: bool) -> Single:
 
 
 @lane_role
-def alpha_of(
-    opacity: Opacity, peak: Single, square: Single, longer: Single
-) -> Single:
+def alpha_of(opacity: Opacity, peak: Single, square: Single, longer: Single) -> Single:
     """Opacity at a squared distance i²; `longer`: length of the ray, as of `longer_of`."""
     raise NotImplementedError
 
@@ -149,11 +146,11 @@ def response_at(
     line: Line,
     dx: Single,
     place: tuple[Single, Single],
-    own: tuple[Single, Single, Single, Single],
+    own: tuple[Single, Single, Single],
 ) -> tuple[Single, Single]:
     """Opacity and depth of a record at dx px from its reference.
 
-    `place`: px of the screen. `own`: peak, limit, radius, and the depth from which on it is seen.
+    `place`: px of the screen. `own`: peak, limit, and the depth from which on it is seen.
     """
     raise NotImplementedError
 
@@ -169,7 +166,7 @@ def _response_at(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
     alpha = alpha_of(
         opacity, own[0], min(square, own[1]), longer_of(opacity, place[0], place[1], per)
     )
-    return (alpha if (square <= own[1]) & (t > own[3]) else zero), t
+    return (alpha if (square <= own[1]) & (t > own[2]) else zero), t
 
 
 @lane_role
@@ -223,15 +220,15 @@ def _response_between(opacity, line, dx, place, own):  # type: ignore[no-untyped
     zero, one = np.float32(0), np.float32(1)
     d = line.d0 + dx * (line.d1 + dx * line.d2)
     per = one / d
-    square = (line.n0 + dx * (line.n1 + dx * line.n2)) * per
+    square = (line.n0 + dx * (line.n1 + dx * line.n2)) * per / own[1]
     t = (line.t0 + dx * line.t1) * per
-    first, last = depths_kept(opacity, place[0], place[1], own[3])
-    radii = math.sqrt(d) / own[2]  # per unit of depth
+    first, last = depths_kept(opacity, place[0], place[1], own[2])
+    radii = math.sqrt(d / own[1])  # per unit of depth
     depth = _integral_until(opacity.partial, square, (last - t) * radii)
     depth -= _integral_until(opacity.partial, square, (first - t) * radii)
     depth *= own[0] * longer_of(opacity, place[0], place[1], per)
     alpha = _absorbed(depth, opacity.is_linear)
-    is_seen = (square <= own[1]) & (first < last)
+    is_seen = (square <= one) & (first < last)
     return (alpha if is_seen else zero), min(max(t, first), last)
 
 
@@ -246,7 +243,7 @@ def _composite(
 ) -> None:
     """Composite a record on eight sub-pixels; `place`: their row and group."""
     row, group = place
-    own = record[PEAK], record[LIMIT], record[RADIUS], spot.near
+    own = record[PEAK], record[LIMIT], spot.near
     light = record[RED], record[GREEN], record[BLUE]
     base = np.uint64(row * SIDE + group * LANES)
     start = line.start + np.float32(group * LANES) * spot.step

@@ -31,17 +31,18 @@ N_1, N_X, N_Y, N_XX, N_XY, N_YY = range(2, 8)  # numerator of i²
 D_X, D_Y, D_XX, D_XY, D_YY = range(8, 13)  # its denominator, less 1
 T_1, T_X, T_Y = range(13, 16)  # numerator of the depth
 PEAK = 16  # opacity at the center; or optical depth of a ray through it, for slopes of 0
-LIMIT = 17  # i² up to which it is painted; or SMALL
+# I² up to which it is painted; or SMALL. Where planes cut kernels, i is not 1 where they end, but
+# the depth that a ray through the reference takes from the center until there.
+LIMIT = 17
 BOX_X, BOX_Y = 18, 19  # how far its box reaches to both sides of X and of Y, see `packed`
 RED, GREEN, BLUE = range(20, 23)
-RADIUS = 23  # scene units of depth that a ray takes from the center to i = 1
-WIDTH = 24
+WIDTH = 23
 # While records are made they also have their boxes, and the numbers that they are ordered by.
 LEFT, TOP, RIGHT, BOTTOM = range(WIDTH, WIDTH + 4)  # px; left > right: it is not seen
 KEY = WIDTH + 4
 WHOLE = WIDTH + 5
-# What is smaller than a sub-pixel is a box that each sub-pixel takes its share of, so that its light
-# is the same wherever it lies; the peak is all of that light.
+# What is smaller than a sub-pixel is a box, of which each sub-pixel takes its share: its light is
+# the same wherever it lies. The peak is all of that light.
 SMALL = -1.0  # in place of the limit
 WIDE, HIGH = N_XX, N_YY  # sub-pixels, sides of the box
 LARGEST = 0.36  # variance, sub-pixels², from which on sums over a grid are right to 0.3 %
@@ -78,6 +79,7 @@ class ShapedOptions(NamedTuple):
     is_compensated: bool  # opacities make up for that (Mip-Splatting, Yu et al. 2024)
     faintest: float  # opacity below which Gaussians end
     nearest: float  # scene units; centers nearer to the eye are left out
+    is_cut: bool = False  # planes cut kernels
     step: float = 0.0  # px between sub-pixels that what is smaller is spread over; 0: it is not
     variance: float = 0.0  # of the kernel along an axis, radii²
     # (K,) light that a kernel takes of its area, per optical depth of its center; of DEPTHS
@@ -479,9 +481,13 @@ def _project_one(
     else:
         chord = _set_form(record, center, axes, scale, view, options, limit)
         weight *= 1.0 if options.is_peak else chord
-    record[PEAK], record[LIMIT], record[RADIUS] = weight, limit, chord
+    record[PEAK], record[LIMIT] = weight, limit
     if options.step > 0.0:
         _spread_small(record, view, options)
+    if options.is_cut and record[LIMIT] != SMALL:
+        record[LIMIT] = chord * chord
+        for k in range(N_1, N_YY + 1):
+            record[k] *= record[LIMIT]
     # Leave out what the frame does not show.
     is_beside = record[RIGHT] <= 0.0 or record[LEFT] >= options.width
     if is_beside or record[BOTTOM] <= 0.0 or record[TOP] >= options.height:

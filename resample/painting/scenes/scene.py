@@ -262,7 +262,8 @@ class PreparedScene:
         inside, cutting = np.ones(samples.extinction.size, np.bool_), []
         for plane in (*self.screen.planes, np.array(near)):
             offset = plane[:3] @ view.translation + plane[3]
-            away, reach = along(samples.position, plane[:3] @ view.rotation, offset), plane[4] * size
+            away = along(samples.position, plane[:3] @ view.rotation, offset)
+            reach = np.float32(plane[4]) * size
             inside &= away > -reach
             if (abs(away) < reach).any():
                 cutting.append(plane[:4])

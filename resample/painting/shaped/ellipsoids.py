@@ -382,6 +382,7 @@ class ShapedScene(NamedTuple):
             style.is_compensated,
             FAINTEST,
             self.nearest,
+            style.planes is not None,
             *small,
         )
 
