@@ -166,7 +166,7 @@ def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64]
     # The same samples come together whatever their order is: equal keys are never parted.
     ends = np.partition(key, [count * n // BATCHES for n in range(1, BATCHES)])
     ends = ends[[count * n // BATCHES for n in range(1, BATCHES)]]
-    batch = np.searchsorted(ends, key, side="right")
+    batch = np.searchsorted(ends, key, side="right").astype(np.uint8)  # sorted by counting
     order = np.argsort(batch, kind="stable")
     first = np.searchsorted(batch[order], np.arange(BATCHES + 1))
     for n in range(BATCHES):
@@ -183,16 +183,12 @@ def _chosen(samples: Samples, index: NDArray[np.int64]) -> Samples:
 def _may_be_seen(
     source: "SampleSource", view: View, grid: "TileGrid", is_open: NDArray[np.uint32]
 ) -> NDArray[np.bool_]:
-    """Return whether samples (N,) may meet sub-pixels that are not opaque.
+    """Return whether samples (N,) may meet sub-pixels that are not opaque, or lie beside them.
 
-    Blocks of 8 × 8 sub-pixels are looked at, and those around that the samples extend to.
+    Rows of 8 sub-pixels are looked at.
     """
     from resample.engine.shaped.canvas import GROUPS, LANES, SIDE
 
-    down = SIDE // LANES
-    bits = np.bitwise_or.reduce(is_open.reshape(grid.rows, grid.columns, down, LANES), axis=3)
-    blocks = (bits[..., None] >> np.arange(GROUPS, dtype=np.uint32)) & 1 > 0
-    blocks = blocks.transpose(0, 2, 1, 3).reshape(grid.rows * down, grid.columns * GROUPS)
     samples = source.samples
     x, y, z = (
         along(samples.position, view.rotation[n], float(view.translation[n])) for n in range(3)
@@ -200,35 +196,45 @@ def _may_be_seen(
     radius = source.reconstruction.radius
     size = radius * float(np.linalg.norm(samples.lattice, 2))
     size *= 1.0 if samples.scale is None else float(samples.scale.max(initial=0.0))
-    ahead = (
-        z - np.float32(size) > max(view.near, 1e-9)
-        if view.perspective
-        else np.ones(len(z), np.bool_)
-    )
+    ahead = np.ones(len(z), np.bool_)
+    if view.perspective:
+        ahead = z - np.float32(size) > max(view.near, 1e-9)
     if not ahead.any():
         return ~ahead
-    per = np.float32(grid.fine / LANES)
     near = float(z[ahead].min()) - size if view.perspective else 1.0
     # An ellipse is longer where rays are oblique.
     edge = max(grid.columns, grid.rows) * grid.side + abs(view.principal).max()
     slope = edge / abs(view.focal).min() if view.perspective else 0.0
     wide = max(size * abs(view.focal).max() / near, source.widening.least * radius, 2.0 / grid.fine)
     wide += math.sqrt(source.widening.variance / variance(source.reconstruction)) * radius
-    blocks_away = math.ceil(wide * (1 + slope**2) * per) + 1
-    if blocks_away > max(blocks.shape):
-        return np.ones(len(z), np.bool_)
-    padded = np.pad(blocks, blocks_away).astype(np.int32).cumsum(axis=0).cumsum(axis=1)
-    padded, width = np.pad(padded, ((1, 0), (1, 0))), 2 * blocks_away + 1
-    around = padded[width:, width:] - padded[:-width, width:]
-    around = around - padded[width:, :-width] + padded[:-width, :-width] > 0
+    reach = np.float32(wide * (1 + slope**2) + 1.0 / grid.fine)
+
+    def stored(px: Floats) -> Floats:
+        """Sub-pixel of tiles, which also hold some of the next where grids do not divide them."""
+        tile = np.floor(px * np.float32(1.0 / grid.side))
+        return tile * np.float32(SIDE) + (px - tile * grid.side) * np.float32(grid.fine)
+
+    # How many of all rows above and left of a place are not opaque.
+    bits = is_open.reshape(grid.rows, grid.columns, SIDE, 1) >> np.arange(GROUPS, dtype=np.uint32)
+    is_left = (bits & 1).transpose(0, 2, 1, 3).reshape(grid.rows * SIDE, grid.columns * GROUPS)
+    total = np.pad(is_left.cumsum(axis=0, dtype=np.int32).cumsum(axis=1), ((1, 0), (1, 0)))
     with np.errstate(all="ignore"):
         if view.perspective:
             x, y = x / z, y / z
-        column = (x * np.float32(view.focal[0]) + np.float32(view.principal[0] - grid.left)) * per
-        row = (y * np.float32(view.focal[1]) + np.float32(view.principal[1] - grid.top)) * per
-        column = np.clip(np.nan_to_num(column), 0, around.shape[1] - 1).astype(np.int32)
-        row = np.clip(np.nan_to_num(row), 0, around.shape[0] - 1).astype(np.int32)
-    return np.asarray(around[row, column] | ~ahead, np.bool_)
+        x = x * np.float32(view.focal[0]) + np.float32(view.principal[0] - grid.left)
+        y = y * np.float32(view.focal[1]) + np.float32(view.principal[1] - grid.top)
+        rows, columns = np.float32(total.shape[0] - 1), np.float32(total.shape[1] - 1)
+        above, below = (
+            np.clip(np.nan_to_num(stored(y + way)) + more, 0, rows).astype(np.int32)
+            for way, more in ((-reach, 0), (reach, 1))
+        )
+        before, after = (
+            np.clip(np.nan_to_num(stored(x + way)) / LANES + more, 0, columns).astype(np.int32)
+            for way, more in ((-reach, 0), (reach, 1))
+        )
+    seen = total[below, after] - total[above, after] - total[below, before] + total[above, before]
+    is_beside = (above >= below) | (before >= after)
+    return np.asarray((seen > 0) | is_beside | ~ahead, np.bool_)
 
 
 class Widening(NamedTuple):

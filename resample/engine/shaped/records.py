@@ -339,6 +339,7 @@ def _set_form(
     center: Vector,
     axes: Matrix,
     scale: Vector,
+    spread: Covariance,
     view: View,
     options: ShapedOptions,
     limit: float,
@@ -356,7 +357,7 @@ def _set_form(
         ray = (across, (record[Y] - view.principal[1]) / view.focal[1], 1.0)
     else:
         _set_parallel(record, center, to_unit, view)
-    _set_bounds(record, center, _spread(axes, scale), view, options, limit)
+    _set_bounds(record, center, spread, view, options, limit)
     there = multiply(to_unit, ray)
     return 1.0 / math.sqrt(dot(there, there))
 
@@ -479,7 +480,7 @@ def _project_one(
             return
         chord = 0.0
     else:
-        chord = _set_form(record, center, axes, scale, view, options, limit)
+        chord = _set_form(record, center, axes, scale, spread, view, options, limit)
         weight *= 1.0 if options.is_peak else chord
     record[PEAK], record[LIMIT] = weight, limit
     if options.step > 0.0:
