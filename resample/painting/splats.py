@@ -212,7 +212,8 @@ def _may_be_seen(
     def stored(px: Floats) -> Floats:
         """Sub-pixel of tiles, which also hold some of the next where grids do not divide them."""
         tile = np.floor(px * np.float32(1.0 / grid.side))
-        return tile * np.float32(SIDE) + (px - tile * grid.side) * np.float32(grid.fine)
+        inside = (px - tile * grid.side) * np.float32(grid.fine)
+        return np.asarray(tile * np.float32(SIDE) + inside, np.float32)
 
     # How many of all rows above and left of a place are not opaque.
     bits = is_open.reshape(grid.rows, grid.columns, SIDE, 1) >> np.arange(GROUPS, dtype=np.uint32)
@@ -282,7 +283,7 @@ class SampleSource(NamedTuple):
             half = half * np.maximum(1, np.float32(least) / spacing_of(view, samples))[:, None]
         if more > 0:
             # Scene units per px at each center.
-            px = np.float32(1.0 / math.sqrt(abs(float(view.focal[0] * view.focal[1]))))
+            px = np.full((1, 1), 1.0 / math.sqrt(abs(view.focal[0] * view.focal[1])), np.float32)
             if view.perspective:
                 depth = along(samples.position, view.rotation[2], float(view.translation[2]))
                 px = px * np.maximum(depth, 0)[:, None]

@@ -8,6 +8,7 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at, orbit
+from resample.measuring.quality import psnr
 from resample.painting.choices import Primitive
 from resample.profiles.orders import EverySample, Summing, layers_of, sheets_of
 from resample.profiles.reconstruction import GaussianKernel
@@ -197,6 +198,33 @@ def test_every_sample_by_depth_pops_where_the_lattice_does(largest):
     """At 45 degrees all pairs of diagonal neighbours change places at once."""
     assert largest["axis"] > 5 * largest["depth"]  # measured 9
     assert largest["depth"] > 20 * largest["image"]
+
+
+def block_shot(scale):
+    side = int(60 * scale) + 6
+    pose = orbit((0, 0, 0), 100, 30, 25)
+    return Camera.from_intrinsics(
+        100 * scale, 100 * scale, side / 2 + 0.137, side / 2 + 0.21, pose
+    ), side
+
+
+@pytest.mark.some(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [0.4, 0.125, 0.035])
+@pytest.mark.parametrize("order", ORDERS[:2], ids=str)
+def test_minified_hybrid_comes_near_supersampled_splats_of_the_same_order(order, scale, record):
+    samples, (camera, side) = checker(alpha=0.5), block_shot(scale)
+    truth = draw(samples, camera, order, side=side, subpixels=16).rgba
+    seen = truth[..., 3] > 1e-4
+    hybrid = draw(samples, camera, order, side=side, primitive=Primitive.HYBRID)
+    plain = draw(samples, camera, order, side=side)
+    quality = {
+        "hybrid": psnr(hybrid.rgba, truth, mask=seen),
+        "splats": psnr(plain.rgba, truth, mask=seen),
+    }
+    sys.stdout.write(f"\n{order}, {scale} px: {quality}\n")
+    record.quality("hybrid", quality["hybrid"])
+    assert quality["hybrid"] > quality["splats"]
 
 
 # Bits.

@@ -385,7 +385,7 @@ def _light_of(depth: float, taken: Floats) -> float:
     k = min(max(int(place), 0), last - 1)
     share = min(max(place - k, 0.0), 1.0)
     ratio = taken[k] + share * (taken[k + 1] - taken[k])
-    return min(depth, DEEPEST) * ratio
+    return float(min(depth, DEEPEST) * ratio)
 
 
 @inner_kernel
@@ -420,6 +420,17 @@ def _spread_small(record: Floats, view: View, options: ShapedOptions) -> None:
     reach = 0.5 * options.step * (1.0 + wide), 0.5 * options.step * (1.0 + high)
     record[LEFT], record[RIGHT] = record[X] - reach[0], record[X] + reach[0]
     record[TOP], record[BOTTOM] = record[Y] - reach[1], record[Y] + reach[1]
+
+
+@inner_kernel
+def _adapt(record: Floats, chord: float, view: View, options: ShapedOptions) -> None:
+    """Make a record one of small kernels, or of those that planes cut, where it is."""
+    if options.step > 0.0:
+        _spread_small(record, view, options)
+    if options.is_cut and record[LIMIT] != SMALL:
+        record[LIMIT] = chord * chord
+        for k in range(N_1, N_YY + 1):
+            record[k] *= record[LIMIT]
 
 
 @inner_kernel
@@ -483,12 +494,7 @@ def _project_one(
         chord = _set_form(record, center, axes, scale, spread, view, options, limit)
         weight *= 1.0 if options.is_peak else chord
     record[PEAK], record[LIMIT] = weight, limit
-    if options.step > 0.0:
-        _spread_small(record, view, options)
-    if options.is_cut and record[LIMIT] != SMALL:
-        record[LIMIT] = chord * chord
-        for k in range(N_1, N_YY + 1):
-            record[k] *= record[LIMIT]
+    _adapt(record, chord, view, options)
     # Leave out what the frame does not show.
     is_beside = record[RIGHT] <= 0.0 or record[LEFT] >= options.width
     if is_beside or record[BOTTOM] <= 0.0 or record[TOP] >= options.height:
