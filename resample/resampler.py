@@ -10,12 +10,13 @@ from resample.painting.choices import (
     MEASURING,
     SUMS,
     PaintChoices,
+    check_scaled,
     check_sort_of,
 )
 from resample.painting.preparing import (
     as_gray,
-    checked,
     limited,
+    order_of_shapes,
     prepared,
     style_of,
     tables_of,
@@ -23,7 +24,7 @@ from resample.painting.preparing import (
 from resample.painting.scenes.plans import check_call, check_size
 from resample.painting.scenes.scene import (
     PaintTarget,
-    PreparedScene,
+    check_samples,
     kernel_field,
     nothing_painted,
 )
@@ -31,14 +32,10 @@ from resample.painting.shaped.ellipsoids import (
     Ellipsoids,
     ShapedStyle,
     frame_of,
-    order_of_shapes,
     paint_ellipsoids,
 )
 from resample.profiles.orders import Rays
 from resample.types import (
-    FOOTPRINT,
-    Classifier,
-    Field,
     Frame,
     LatticeField,
     Records,
@@ -58,7 +55,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     primitive
         Points, splats, or each where it is better.
     footprint
-        Model of the splats; None is exact, and corrected under `Primitive.PAPER`.
+        Model of the splats; None is exact, and corrected under `Primitive.PAPER`. What is not exact
+        is painted by `resample.hybrid`, as are points.
     pixel_filter
         Filter from sub-pixels to pixels, by name, such as `tent`, or as an object; under
         `Primitive.PAPER` the filter that points are summed under at the pixels, where a box would
@@ -68,11 +66,11 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
     order
         Order of compositing, by name, such as `every-sample:key=distance`, or as an object.
     threshold
-        A sample is a point when neighbours are at most this many sub-pixels apart on screen;
-        None takes the primitive's own.
+        A sample is a point when neighbours are at most this many sub-pixels apart on screen, by
+        `resample.hybrid`; None takes the primitive's own.
     subpixels
-        Sub-pixels per side of a pixel; None lets hybrid and points choose per tile, up to 16 for
-        splats and for points, and is 1 otherwise.
+        Sub-pixels per side of a pixel; None lets hybrid and points choose, up to 16 and 8, and is
+        1 otherwise.
     opacity
         Exact, or classic.
     splat_color
@@ -104,7 +102,7 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
 
     def __call__(
         self,
-        samples: Samples | Field | LatticeField | list[LatticeField] | Ellipsoids,
+        samples: Samples | LatticeField | list[LatticeField] | Ellipsoids,
         camera: AnyCamera,
         *,
         height: int,
@@ -118,10 +116,9 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         Parameters
         ----------
         samples
-            What is seen; the result does not depend on their order. A `Field` is classified after
-            its reconstruction, which needs an order that cuts splats, as `ImageSheets` does; a
-            `LatticeField` needs `Rays`, as do several of them in a list, whose emission and
-            absorption add up; and `Ellipsoids` take `EverySample` or `Rays`.
+            What is seen; the result does not depend on their order. A `LatticeField` needs `Rays`,
+            as do several of them in a list, whose emission and absorption add up; and `Ellipsoids`
+            take `EverySample` or `Rays`.
         camera
             Where from.
         height, width
@@ -131,8 +128,8 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         progress
             Called with the share of the work that is done, 0 to 1, and may raise to stop.
         clip
-            (M, 4) planes: normal and offset, scene units. Of the reconstructed field only that is
-            seen where n · p + d is 0 or more for all of them.
+            (M, 4) planes: normal and offset, scene units. Of a field only that is seen where
+            n · p + d is 0 or more for all of them; of samples, those whose centers are there.
 
         Raises
         ------
@@ -150,12 +147,12 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             fields = samples if isinstance(samples, list) else [samples]
             with limited(threads):
                 return self._gathered(fields, camera.view(), (height, width), clip, progress)
-        known, look = checked(self, samples)
+        known = self._checked(samples)
         if known.extinction.size == 0:
             nothing = nothing_painted(height, width, has_values=True)
             return self._developed(nothing, Statistics(0, 0, 0, 0, 1, {}))
         with limited(threads):
-            scene = self._scene(known, camera.view(), (height, width), look, clip)
+            scene = prepared(self, known, camera.view(), (height, width), clip)
             return self._developed(*self._painter.paint(scene, known, progress))
 
     def paint_rows(
@@ -193,23 +190,37 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
             return self._gathered(every, camera.view(), (height, width), clip, progress, rows)
 
     def footprints(
-        self, samples: Samples | Field, camera: AnyCamera, *, height: int, width: int
+        self, samples: Samples, camera: AnyCamera, *, height: int, width: int
     ) -> Records:
-        """Records (N,) of `resample.types.FOOTPRINT`: each sample as the camera sees it.
+        """Records (N,) of `resample.hybrid.record.RECORD`: each sample as the camera sees it.
 
-        Same parameters and errors as a call; left > right marks samples that cannot be seen.
+        Same parameters and errors as a call, of primitives and footprints of `resample.hybrid`.
         """
         check_size(height, width)
-        from resample.engine.ellipsoids.footprints import project
-
-        if isinstance(samples, Samples) and samples.scale is not None:
+        check_sort_of(self, samples)
+        known, view, size = self._checked(samples), camera.view(), (height, width)
+        if known.scale is not None:
             raise ValueError("there are no records of samples that have a scale each")
-        known, look = checked(self, samples)
-        with limited(None):
-            scene = self._scene(known, camera.view(), (height, width), look, None)
-            records = np.zeros(known.extinction.size, FOOTPRINT)
-            project(records, known, scene.view, scene.ellipsoid, scene.screen, scene.style)
-            return records
+        from resample.painting.paper import PaperPainter
+
+        painter = self._painter
+        if not isinstance(painter, PaperPainter):
+            raise ValueError(
+                "splats of exact footprint have no ellipses; take the primitive paper, or another "
+                "footprint"
+            )
+        scene = prepared(self, known, view, size, None)
+        placed = painter.placed(scene, known, view, size)
+        records = np.empty_like(placed.records)
+        records[placed.order] = placed.records
+        return records
+
+    def _checked(self, samples: Samples) -> Samples:
+        """Samples as painters take them."""
+        known = check_samples(samples)
+        if known.scale is not None:
+            check_scaled(self)
+        return known
 
     def _gathered(
         self,
@@ -253,16 +264,5 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
 
     @cached_property
     def _tables(self) -> Tables:
-        """Everything that kernels look up."""
+        """Pixel filter of rays."""
         return tables_of(self)
-
-    def _scene(
-        self,
-        samples: Samples,
-        view: View,
-        size: tuple[int, int],
-        look: Classifier | None = None,
-        clip: ArrayLike | None = None,
-    ) -> PreparedScene:
-        """What painters get to know besides the samples."""
-        return prepared(self, self._tables, samples, view, size, look, clip)

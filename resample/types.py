@@ -25,17 +25,11 @@ Tally = NDArray[np.int64]  # (T, 4) or one row of it: points, splats, hidden, su
 Record = Any  # an element of Records
 Single = Any  # a float32 number: half the bytes and twice the vector lanes
 
-# The footprint models; see `resample.engine.ellipsoids.footprints`.
-AFFINE, CORRECTED, SMALL_ANGLE, EXACT, DISC = range(5)
-
 NO_PLANES = np.zeros((0, 5))
-
-# Sub-pixels in a row of a tile, with the margins of its filter.
-MOST_COLUMNS = 200
 
 LAST_SHEET = 2e9  # sheet numbers have 32 bits
 
-# Projections of sheets; see `resample_comparisons.volume.kernels.slabs.fields`.
+# Projections of fields; see `resample.engine.rays`.
 COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM, ATTENUATED = range(7)
 
 
@@ -82,16 +76,6 @@ class Classifier(NamedTuple):
     near: float  # z-depth, scene units, where depth cueing begins
     far: float  # z-depth, scene units, where it ends, above `near`
     dimmed: float  # fraction of the light that is lost at `far`, 0..1
-
-
-class Field(NamedTuple):
-    """N samples of a scalar field; it is classified after reconstruction."""
-
-    position: Floats  # (N, 3) scene units
-    value: Floats  # (N,) data units
-    gradient: Floats  # (N, 3) data units per scene unit, along the scene's axes; zero: no surface
-    lattice: Doubles  # (3, 3) as in Samples
-    classifier: Classifier
 
 
 Coefficients = NDArray[np.uint16] | Floats
@@ -194,61 +178,6 @@ class LatticeField(NamedTuple):
     levels: BlockLevels = UNBOUNDED  # of extremes, within the samples around a place
 
 
-# Projection of a sample; painters compute it anew, in columns, for themselves.
-# With (dx, dy) a pixel's offset from (form_x, form_y), q = a dx² + 2 b dx dy + c dy² is the squared
-# index of the affine and corrected models; the exact model multiplies q by the pixel's own
-# 1 / |w|². A sphere that a clipping plane cuts has cone = -1 and its center in (a, b, c).
-FOOTPRINT = np.dtype(
-    [
-        ("x", np.float32),  # px, where the sample's center projects
-        ("y", np.float32),
-        ("form_x", np.float32),  # px, center of the footprint's quadratic form
-        ("form_y", np.float32),
-        ("a", np.float32),  # px⁻², see above
-        ("b", np.float32),
-        ("c", np.float32),
-        ("amplitude", np.float32),  # scene units; line integral = amplitude × table
-        ("cone", np.float32),  # rad, half the angle that the sphere subtends
-        ("left", np.float32),  # px, bounds of all pixels the sample may touch; left > right: none
-        ("top", np.float32),
-        ("right", np.float32),
-        ("bottom", np.float32),
-        ("depth", np.float32),  # scene units along the view axis
-        ("spacing", np.float32),  # px between neighbouring samples on screen, at the maximum
-        ("mass", np.float32),  # px² × scene units: the sum of the line integrals over all pixels
-        ("obliquity", np.float32),  # length of a ray in a slab of thickness 1
-        ("red", np.float32),
-        ("green", np.float32),
-        ("blue", np.float32),
-        ("extinction", np.float32),  # optical depth per scene unit
-    ]
-)
-
-
-# Bounds of a run of neighbouring samples, known before painting: as in FOOTPRINT of all that
-# is visible, their smallest key, smallest and largest spacing, and count.
-RUN = np.dtype(
-    [
-        ("left", np.float32),
-        ("top", np.float32),
-        ("right", np.float32),
-        ("bottom", np.float32),
-        ("key", np.float32),
-        ("least_spacing", np.float32),
-        ("most_spacing", np.float32),
-        ("seen", np.int32),
-    ]
-)
-
-
-class Runs(NamedTuple):
-    """R runs of consecutive samples and their bounds."""
-
-    samples: Samples
-    start: Indices  # (R + 1,) where each run begins
-    known: Records  # (R,) of RUN
-
-
 class View(NamedTuple):
     """A camera in the form that kernels use."""
 
@@ -274,12 +203,11 @@ class Ellipsoid(NamedTuple):
 
 
 class Screen(NamedTuple):
-    """Size of the picture, and the margin within which samples outside still matter."""
+    """Size of the picture, what matters around it, and clipping planes."""
 
     width: int  # px
     height: int  # px
-    margin: float  # px, radius of the filters
-    sides: Doubles  # (4, 4) c is outside of one if its product with (c, 1) is above 0; camera axes
+    margin: float = 0.0  # px around it within which samples still matter
     planes: Doubles = (
         NO_PLANES  # (M, 5) unit normal and offset, camera axes: 0 and more is kept; half extent
     )
@@ -348,46 +276,9 @@ class Tabulated(NamedTuple):
     values: Floats  # (K + 1,) over the squared distance, 0..1
 
 
-class Absorbing(NamedTuple):
-    """Opacities 1 - exp(-τ F)."""
-
-    peak: float  # the largest line integral F, scene units
-
-
-class Linear(NamedTuple):
-    """Opacities α F of classic splatting."""
-
-    layer: float  # scene units, thickness of the layer with opacity α
-
-
-class Formula(NamedTuple):
-    """Line integrals of splats, and how they become opacities.
-
-    Kernels are compiled for each class of the two; see `resample.engine.ellipsoids.lanes`.
-    """
-
-    integral: Profile | Pieces | Tabulated
-    opacity: Absorbing | Linear
-
-
-class Spread(NamedTuple):
-    """How points spread over sub-pixels, with estimates of the largest contribution."""
-
-    extent: float  # widths at which the filter ends
-    variance: float  # voxels², as in `Style`
-    most_spacing: float  # px
-    layer: float  # scene units, thickness of a sheet
-    opacity: float  # largest opacity times area, sub-pixels
-    area: float  # largest area, sub-pixels
-    cells: int  # in a row of the largest tile, with those around it
-
-
 class Tables(NamedTuple):
-    """All tabulated functions of a rendering."""
+    """The pixel filter of a rendering."""
 
-    footprint: Floats  # (K + 1,) over the squared distance of a ray from the center, 0..1 radii²
-    partial: Floats  # (K + 1, J + 1) like footprint, of the ray up to a position, -1..1 radii
-    point: Floats  # (K + 1,) 1-D profile of the filter that spreads points
     pixel: Floats  # (K + 1,) 1-D profile of the filter that resolves sub-pixels to pixels
     pixel_extent: float  # px at which it ends
     pixel_margin: int  # px around a pixel that the filter reads
@@ -396,36 +287,21 @@ class Tables(NamedTuple):
 class Style(NamedTuple):
     """Choices that a painter reads as numbers."""
 
-    model: int  # AFFINE, CORRECTED, SMALL_ANGLE or EXACT
-    threshold: float  # sub-pixels; a sample is a point when its spacing is at most this
-    subpixels: int  # per side of a pixel; 0: chosen per tile within the limits below
-    most_for_splats: int
-    most_for_points: int
-    point_extent: float  # widths at which the point profile ends
-    variance: float  # voxels², of the reconstruction along an axis
-    inflated: float  # px; smaller spacings get kernels for this spacing
-    blurred: float  # px², added to the squared half extents of a splat's ellipse
-    faintest: float  # samples up to this extinction are skipped
+    subpixels: int  # per side of a pixel; 0: as many as samples need
     projection: int  # COMPOSITE, MAXIMUM, AVERAGE, ADDITIVE, FIRST_HIT, MINIMUM or ATTENUATED
     attenuation: float  # per voxel of the classifier's highest value, of ATTENUATED
     iso: float  # position of the first hit's value between the classifier's low and high, 0..1
     linear_opacity: bool  # classic α × F instead of 1 - exp(-τ F)
     layer: float  # scene units, thickness of the layer that a sheet of points stands for
-    opaque: float  # transmittance below which painting stops
-    tint_red: float  # color of splats; negative: their own
-    tint_green: float
-    tint_blue: float
+    tint: tuple[float, float, float]  # color of splats; negative: their own
 
 
 class Stage(NamedTuple):
-    """Data shared by all painters of a picture."""
+    """Data shared by all samples that are placed on a screen."""
 
     camera: View
     ellipsoid: Ellipsoid
     screen: Screen
-    style: Style
-    tables: Tables
-    layers: Layers
 
 
 class Tiles(NamedTuple):
@@ -436,14 +312,6 @@ class Tiles(NamedTuple):
     spacing: Floats  # (T,) smallest spacing of a member, px
     size: int  # px, side of a tile
     columns: int  # tiles in a row of them
-
-
-class Place(NamedTuple):
-    """Position of a canvas on the screen."""
-
-    x: float  # px, its left edge
-    y: float  # px, its top edge
-    subpixels: int  # per side of a pixel
 
 
 class Film(NamedTuple):

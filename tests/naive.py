@@ -99,6 +99,24 @@ def composite(alpha, color, depth):
     return result
 
 
+def nearest_depths(samples, camera, *, height, width):
+    """Depths (N, H, W) at which the pixels' rays pass nearest to samples, as their lattice lies."""
+    origin, ray = rays(camera, height, width)
+    to_unit = np.linalg.inv(camera.view().rotation @ samples.lattice)
+    center = in_camera(camera, samples.position)[:, None, None]
+    away, along = (center - origin) @ to_unit.T, ray @ to_unit.T
+    return (away * along).sum(axis=-1) / (along**2).sum(axis=-1)
+
+
+def layered(alpha, value, depth):
+    """Sum (H, W) of values (N, H, W) of layers, each as far as it is seen."""
+    result, passed = np.zeros(alpha.shape[1:]), np.ones(alpha.shape[1:])
+    for n in np.argsort(depth, kind="stable"):
+        result += passed * alpha[n] * value[n]
+        passed *= 1 - alpha[n]
+    return result
+
+
 def paper_points(samples, camera, profile, radius, *, height, width):
     """Points under a pixel filter, summed by slabs of one voxel, slabs front to back (H, W, 4).
 

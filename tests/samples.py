@@ -7,7 +7,7 @@ import numpy as np
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
 from resample.resampler import Resampler
-from resample.types import Field, Lamp, Samples
+from resample.types import Lamp, Samples
 
 SIDE = 16  # px of what `CAMERAS` see of clouds
 EYE = (6.0, -5.0, 4.0)
@@ -50,28 +50,6 @@ def block(side=9, extinction=1.0):
     place = cube(side).astype(np.float32)
     extinction = np.full(len(place), extinction, np.float32)
     return Samples(place, np.ones_like(place), extinction, np.eye(3))
-
-
-def field_cloud(rng, look, count=40, lattice=None):
-    """A field of samples anywhere in a cube."""
-    return Field(
-        rng.uniform(-2, 2, (count, 3)).astype(np.float32),
-        rng.uniform(LOW, HIGH, count).astype(np.float32),
-        rng.normal(0, 1, (count, 3)).astype(np.float32),
-        np.eye(3) if lattice is None else lattice,
-        look,
-    )
-
-
-def field_block(value_of, look, side=9, lattice=None):
-    """A field on its lattice around the origin, without gradients.
-
-    `value_of` gives the value at positions (N, 3).
-    """
-    lattice = np.eye(3) if lattice is None else lattice
-    place = cube(side) @ lattice.T
-    value = np.full(len(place), value_of(place), np.float32)
-    return Field(place.astype(np.float32), value, np.zeros((0, 3), np.float32), lattice, look)
 
 
 def reordered(given, order):

@@ -122,27 +122,26 @@ class Resampling(Choices):
     method: Annotated[
         Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None,
         Field(
-            description="Method: hybrid, points where samples shrink and splats where they grow; "
-            "points or splats, only these (splats alone are not antialiased); paper, as published, "
-            "with threshold 1 px; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker "
-            "2001. [default: hybrid; none where rays are cast]"
+            description="Method: paper, as published, points up to 1 px and splats above; hybrid, "
+            "exact splats on as many sub-pixels as they need; splats, one ray per pixel; points, "
+            "only these; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker 2001. "
+            "[default: hybrid; none where rays are cast]"
         ),
     ] = None
     footprint: Annotated[
-        Literal["exact", "corrected", "small-angle", "affine", "disc", "equation", "projected"]
-        | None,
+        Literal["exact", "corrected", "affine", "equation", "projected"] | None,
         Field(
-            description="Model of splats in perspective. For paper only: equation (no table) and "
-            "projected (around the projected center). [default: exact; corrected for paper; affine "
-            "for inflate and ewa]"
+            description="Model of splats in perspective: exact, or of the paper: corrected, "
+            "equation (without its table), projected (around the projected center) and affine "
+            "(the projection linearized). [default: exact; corrected for paper]"
         ),
     ] = None
     threshold: Annotated[
         float | None,
         Field(
             ge=0,
-            description="Paint samples as points up to this spacing in sub-pixels. [default: "
-            "0.6 for hybrid]",
+            description="Paint samples as points up to this spacing in sub-pixels, and others as "
+            "the paper's splats. [default: 1 px for paper; none for hybrid and splats]",
         ),
     ] = None
     subpixels: Annotated[

@@ -52,18 +52,6 @@ def lit(color: Vector, slope: Vector, place: Vector, lamp: Lamp) -> Vector:
 
 
 @kernel
-def shaded_color(
-    color: Vector, slope: Vector, at: Vector, depth: float, classifier: Classifier
-) -> Vector:
-    """Light of a surface with depth cueing."""
-    light = lit(color, slope, at, classifier.lamp)
-    # Light falls linearly from the near to the far depth.
-    far = max(0.0, min(1.0, (depth - classifier.near) / (classifier.far - classifier.near)))
-    kept = 1.0 - classifier.dimmed * far
-    return (kept * light[0], kept * light[1], kept * light[2])
-
-
-@kernel
 def length_of(v: Vector) -> float:
     """Length of a vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])

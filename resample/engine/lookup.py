@@ -47,35 +47,3 @@ def unit_lookup(values: Floats, argument: Single) -> Single:
     entry = np.uint32(position)
     below = values[entry]
     return below + (position - np.float32(entry)) * (values[entry + np.uint32(1)] - below)
-
-
-@kernel
-def partial_integral(values: Floats, squared: Single, start: Single, end: Single) -> Single:
-    """Integral of the unit kernel along a line, between two positions on it.
-
-    `values`: (K + 1, J + 1) integrals up to a position, over `squared` 0..1 and the position -1..1.
-    `squared`: squared distance of the line from the center, radii². `start`, `end`: positions on
-    the line, radii from the point nearest to the center; may be infinite.
-    """
-    # Lines beyond the rim, and empty intervals, have no integral.
-    if not (squared < np.float32(1.0) and start < end):
-        return np.float32(0.0)
-    line = squared * np.float32(values.shape[0] - 1)
-    row = int(line)
-    down = line - np.float32(row)
-    return _up_to(values, row, down, end) - _up_to(values, row, down, start)
-
-
-@kernel
-def _up_to(values: Floats, row: int, down: Single, along: Single) -> Single:
-    """Integral up to a position on a line, which lies by `down` between two rows of the table."""
-    # Clamp the position to the kernel's support, and find its column.
-    one = np.float32(1.0)
-    inside = max(-one, min(one, along))
-    position = (inside + one) * np.float32(0.5 * (values.shape[1] - 1))
-    column = min(np.uint32(position), np.uint32(values.shape[1] - 2))
-    right, next_row, after = position - np.float32(column), row + 1, column + np.uint32(1)
-    # Interpolate in both rows, then between them.
-    upper = values[row, column] + right * (values[row, after] - values[row, column])
-    lower = values[next_row, column] + right * (values[next_row, after] - values[next_row, column])
-    return upper + down * (lower - upper)

@@ -140,14 +140,6 @@ def bits_of(key: Single) -> np.uint32:
 
 
 @kernel
-def key_of_bits(bits: np.uint32) -> Single:
-    """Inverse of `bits_of`."""
-    is_positive = bits >> np.uint32(31) != np.uint32(0)
-    own = np.uint32(bits ^ np.uint32(0x80000000)) if is_positive else np.uint32(~bits)
-    return np.uint32(own).view(np.float32)
-
-
-@kernel
 def member_of(pair: np.uint64) -> np.int64:
     """Sample's number in a pair."""
     return np.int64(pair & LOWER)

@@ -28,7 +28,8 @@ class Widths(NamedTuple):
     kernel: float = 1.0  # steps, radius of a flat sample's kernel
     largest: float = math.inf  # px, radius of a flat sample's splat; longer axes shrink
     is_projected: bool = False  # put voxels' ellipses around C' instead of the midpoint of A'B'
-    is_affine: bool = False  # leave out the index correction of voxels
+    is_affine: bool = False  # voxels are ellipses of the projection's linear part, as in EWA
+    variance: float = 0.0  # steps², of kernels that points are as wide as, in units of their width
 
 
 def gaussian_widths(

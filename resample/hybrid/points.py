@@ -17,6 +17,7 @@ ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 # and leave gaps between points a pixel apart, wider ones blur: 0.4 stands between what is best for
 # flat samples, 0.29, and for voxels, 0.5 (docs/theory/paper.md has the figures).
 FILTER_SIGMA = 0.4
+WIDEST_SUM = 12.0  # px, radius of filters whose weights are summed
 LEAST_RADIUS = 0.75  # px, of the filter; under a narrower one a point may meet no pixel's center
 
 
@@ -40,6 +41,9 @@ def point_at(
     record["a"], record["b"], record["c"] = a, 0.0, a
     place_box(record, x, y, radius, radius, shape)
     if record["kind"] == NOTHING:
+        return
+    if radius > WIDEST_SUM:  # the sum is the integral, which is 1 over the unit disc
+        record["weight"] = mass * a
         return
     # The sum of its weights, beyond the frame as well; the same numbers as `filter_point` has.
     total, scale, px, py = ZERO, record["a"], record["x"], record["y"]

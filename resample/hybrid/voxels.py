@@ -11,7 +11,6 @@ from resample.engine.lookup import absorbed
 from resample.engine.vectors import (
     Matrix,
     Vector,
-    column,
     dot,
     matrix_of,
     multiply,
@@ -118,14 +117,29 @@ def voxel(
         slant = math.sqrt(1.0 + x * x + y * y) if projector.perspective else 1.0
         place = (projector.cx + projector.fx * x, projector.cy + projector.fy * y)
         mass = ball.volume * fx * fy / layer
-        point_at(record, place, mass, widths.filter, widths.table, shape)
+        radius = _filter_radius(size, ball, widths)
+        point_at(record, place, mass, radius, widths.table, shape)
         return absorbed(np.float32(extinction * layer * slant))
     record["kind"] = SPLAT
-    if projector.perspective:
+    if projector.perspective and not widths.is_affine:
         _round_splat(record, Q, projector, ball, widths, shape)
     else:
-        _parallel_splat(record, Q, projector, ball, size, shape)
+        ray = Q if projector.perspective else (0.0, 0.0, 1.0)
+        place = (projector.cx + projector.fx * x, projector.cy + projector.fy * y)
+        _linear_splat(record, place, ray, ball, size, shape)
     return np.float32(extinction)
+
+
+@inner_step
+def _filter_radius(size: Covariance, ball: UnitBall, widths: Widths) -> float:
+    """Radius, px, of the filter that a point is seen under."""
+    if not widths.variance > 0.0:
+        return widths.filter
+    # As wide as the kernel's projection and a pixel, whose variance is 1 / 12.
+    xx, xy, yy = size
+    half = math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
+    spacing2 = (0.5 * (xx + yy) + half) / (ball.radius * ball.radius)
+    return widths.filter * math.sqrt(widths.variance * spacing2 + 1.0 / 12.0)
 
 
 @inner_step
@@ -158,30 +172,28 @@ def _round_splat(
         V,
         shape,
     )
-    record["alpha"] = 0.0 if widths.is_affine else alpha
+    record["alpha"] = alpha
     # Scene units along the ray per unit of the sphere's space.
     record["weight"] = ball.scale * math.sqrt(dot(Q, Q) / dot(unit, unit))
 
 
 @inner_step
-def _parallel_splat(
+def _linear_splat(
     record: Record,
-    Q: Vector,
-    projector: Projector,
+    place: tuple[float, float],
+    ray: Vector,
     ball: UnitBall,
     size: Covariance,
     shape: tuple[int, int],
 ) -> None:
-    """Fill in the ellipse and the weight of a splat under parallel rays, for which i is d."""
-    ellipse_at(
-        record,
-        (projector.cx + projector.fx * Q[0], projector.cy + projector.fy * Q[1]),
-        size,
-        shape,
-    )
-    ray = column(ball.to_unit, 2)
+    """Fill in a splat of a linear projection, exact where rays are parallel: there i is d.
+
+    `ray`: through its center, of any length.
+    """
+    ellipse_at(record, place, size, shape)
+    unit = multiply(ball.to_unit, ray)
     record["alpha"] = 0.0
-    record["weight"] = ball.scale / math.sqrt(dot(ray, ray))
+    record["weight"] = ball.scale * math.sqrt(dot(ray, ray) / dot(unit, unit))
 
 
 class OrderedVoxels(NamedTuple):

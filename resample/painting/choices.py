@@ -12,15 +12,14 @@ import numpy as np
 from resample import registry
 from resample.profiles.filters import Gaussian, PixelFilter
 from resample.profiles.named import ByName, OneOf
-from resample.profiles.orders import OF_FIELDS, CompositingOrder, EverySample, Summing
+from resample.profiles.orders import CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
-from resample.types import Field, LatticeField, Samples
+from resample.types import LatticeField, Samples
 from resample.words import check_numbers, shortly
 
 if TYPE_CHECKING:
     from resample.painting.scenes.painters import SamplePainter
 
-SPLAT_GRID, POINT_GRID = 16, 16  # most sub-pixels per side of a pixel, see `kernels.grid`
 PAPER_FILTER = Gaussian(0.4, 1.2, lowered=True)  # see `resample.hybrid.points`
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
 
@@ -46,24 +45,22 @@ class Primitive(StrEnum):
 
 
 class Footprint(StrEnum):
-    """Model of a splat's footprint, see `resample.engine.ellipsoids.footprints`.
+    """Model of a splat's footprint: exact (`resample.engine.shaped`), or of `resample.hybrid`.
 
     Examples
     --------
     >>> from resample import Footprint, Resampler
     >>> [model.value for model in Footprint]
-    ['affine', 'corrected', 'small-angle', 'exact', 'disc', 'equation', 'projected']
+    ['affine', 'corrected', 'exact', 'equation', 'projected']
     >>> Resampler(footprint=Footprint.AFFINE).footprint.value
     'affine'
     """
 
-    AFFINE = "affine"
-    CORRECTED = "corrected"
-    SMALL_ANGLE = "small-angle"
-    EXACT = "exact"
-    DISC = "disc"
-    EQUATION = "equation"  # of the paper's form: corrected without the table
-    PROJECTED = "projected"  # of the paper's form: corrected, around the projected center
+    AFFINE = "affine"  # the projection's linear part at the center, as in EWA splatting
+    CORRECTED = "corrected"  # the paper's ellipse and index correction
+    EXACT = "exact"  # the distance of every ray
+    EQUATION = "equation"  # corrected without the table
+    PROJECTED = "projected"  # corrected, around the projected center, for small angles
 
 
 class Opacity(StrEnum):
@@ -83,25 +80,22 @@ class Opacity(StrEnum):
 
 
 class Projection(StrEnum):
-    """What a pixel shows of the field along its ray; all but COMPOSITE need a `Field`."""
+    """What a pixel shows of the field along its ray; all but COMPOSITE need a `LatticeField`."""
 
     COMPOSITE = "composite"  # light, attenuated by what lies in front
     MAXIMUM = "maximum"  # maximum value
     AVERAGE = "average"  # mean value
     ADDITIVE = "additive"  # sum of values times length
     FIRST_HIT = "first-hit"  # the first isosurface
-    MINIMUM = "minimum"  # minimum value; along rays only
-    ATTENUATED = "attenuated"  # maximum value, each dimmed by those in front; along rays only
+    MINIMUM = "minimum"  # minimum value
+    ATTENUATED = "attenuated"  # maximum value, each dimmed by those in front
     XRAY = "xray"  # additive, of attenuations derived from values by applications
 
 
-FootprintName = Literal[
-    "affine", "corrected", "small-angle", "exact", "disc", "equation", "projected"
-]
+FootprintName = Literal["affine", "corrected", "exact", "equation", "projected"]
 ProjectionName = Literal[
     "composite", "maximum", "average", "additive", "first-hit", "minimum", "attenuated", "xray"
 ]
-OF_RAYS = (Projection.MINIMUM, Projection.ATTENUATED)
 SUMS = (Projection.ADDITIVE, Projection.XRAY)
 MAXIMA = (Projection.MAXIMUM, Projection.ATTENUATED)
 MEASURING = (*MAXIMA, Projection.AVERAGE, Projection.MINIMUM, *SUMS)
@@ -113,10 +107,7 @@ def number_of(projection: Projection) -> int:
     return list(Projection).index(one)
 
 
-OF_PAPER = (Footprint.AFFINE, Footprint.CORRECTED, Footprint.EQUATION, Footprint.PROJECTED)
-OF_ALL = tuple(
-    model for model in Footprint if model not in (Footprint.EQUATION, Footprint.PROJECTED)
-)
+OF_PAPER = tuple(model for model in Footprint if model is not Footprint.EXACT)
 
 
 @dataclass(frozen=True)
@@ -124,10 +115,9 @@ class Technique:
     """What is particular to a primitive; plugins of the group `resample.primitives` build one."""
 
     threshold: float  # sub-pixels between neighbours, up to which samples are points
-    footprints: tuple[Footprint, ...] = OF_ALL  # models of splats that go with it
+    footprints: tuple[Footprint, ...] = tuple(Footprint)  # models of splats that go with it
     own_footprint: Footprint = Footprint.EXACT
-    subpixels: int = 1  # per side of a pixel, unless chosen; 0: as fine as each tile needs
-    most_for_splats: int = SPLAT_GRID
+    subpixels: int = 1  # per side of a pixel, unless chosen; 0: as many as samples need
     has_scales: bool = False  # samples may have a scale each
     inflated: float = 0.0  # px; splats whose neighbours are closer are as wide as for this spacing
     blurred: float = 0.0  # px², added to the variance of splats
@@ -136,24 +126,49 @@ class Technique:
 
 
 def _paper(choice: "PaintChoices") -> "SamplePainter":
+    """Return the painter of `resample.hybrid`: of all that is not exact, and of points."""
     from resample.painting.paper import PaperPainter
 
     technique = technique_of(choice.primitive)
     threshold = technique.threshold if choice.threshold is None else float(choice.threshold)
     footprint = choice.footprint or technique.own_footprint
+    at_pixels = technique.filter_at_pixels is not None
     return PaperPainter(
         choice.reconstruction,
         choice.point_filter,
         threshold,
         is_affine=footprint is Footprint.AFFINE,
-        is_projected=footprint is Footprint.PROJECTED,
+        is_projected=footprint in (Footprint.PROJECTED, Footprint.EXACT),  # the nearest there is
         has_table=footprint is not Footprint.EQUATION,
+        are_wide=not at_pixels,
+        subpixels=technique.subpixels if choice.subpixels is None else int(choice.subpixels),
+        pixel_filter=None if at_pixels else choice.pixel_filter,
+    )
+
+
+def _splats(choice: "PaintChoices") -> "SamplePainter":
+    """Return the painter of exact splats; other choices are those of the paper's painter."""
+    technique = technique_of(choice.primitive)
+    if not is_exact(choice):
+        return _paper(choice)
+    from resample.painting.splats import SplatPainter
+
+    return SplatPainter(
+        choice.reconstruction,
+        choice.pixel_filter,
+        technique.subpixels if choice.subpixels is None else int(choice.subpixels),
+        getattr(choice.order, "key", "depth"),
+        technique.inflated,
+        technique.blurred,
+        # Others show what sub-pixels miss.
+        is_spread=technique.subpixels == 0 and choice.threshold is None,
+        is_linear=choice.opacity is Opacity.LINEAR,
     )
 
 
 _TECHNIQUES = {
-    Primitive.HYBRID: Technique(0.6, subpixels=0, has_scales=True),  # measured (docs/quality.md)
-    Primitive.POINTS: Technique(np.inf, subpixels=0, most_for_splats=1, has_scales=True),
+    Primitive.HYBRID: Technique(0.6, subpixels=0, has_scales=True),
+    Primitive.POINTS: Technique(np.inf, subpixels=0, painter=_paper),
     Primitive.SPLATS: Technique(0.0, has_scales=True),
     Primitive.PAPER: Technique(
         1.0,  # "magnified" and "minified" taken literally
@@ -163,6 +178,14 @@ _TECHNIQUES = {
         painter=_paper,
     ),
 }
+
+
+def is_exact(choice: "PaintChoices") -> bool:
+    """Whether samples are splats of exact footprint."""
+    technique = technique_of(choice.primitive)
+    is_own = technique.painter is None and choice.threshold in (None, 0)
+    footprint = choice.footprint or technique.own_footprint
+    return is_own and footprint is Footprint.EXACT
 
 
 @cache
@@ -221,9 +244,7 @@ class PaintChoices:
             return painter
         if self.order.summing is not Summing.POINTS:
             raise ValueError(f"the order {self.order} has no painter of samples")
-        from resample.painting.splats import StreamedPainter
-
-        return StreamedPainter(self.reconstruction, self.point_filter)
+        return _splats(self)
 
     @property
     def point_filter(self) -> PixelFilter:
@@ -254,18 +275,14 @@ def _check_together(choice: PaintChoices) -> None:
             f"the primitive {choice.primitive} goes with the footprint {', '.join(known)}, not "
             f"{choice.footprint}"
         )
-    if choice.projection is not Projection.COMPOSITE and choice.order.summing not in OF_FIELDS:
-        raise ValueError(
-            f"the projection {choice.projection} needs the order rays or image-sheets, not "
-            f"{choice.order}"
-        )
-    if choice.projection in OF_RAYS and choice.order.summing is not Summing.RAYS:
+    is_by_rays = choice.order.summing is Summing.RAYS
+    if choice.projection is not Projection.COMPOSITE and not is_by_rays:
         raise ValueError(
             f"the projection {choice.projection} needs the order rays, not {choice.order}"
         )
     if not 0 <= choice.attenuation < math.inf:
         raise ValueError(f"the attenuation is {choice.attenuation}; it must be 0 or more")
-    if choice.order.summing is Summing.RAYS:
+    if is_by_rays:
         _check_rays(choice)
     if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):
         raise ValueError(
@@ -299,18 +316,18 @@ def _check_rays(choice: PaintChoices) -> None:
         if chosen != default[name]:
             raise ValueError(
                 f"rays paint no samples, so they have no {name} {chosen}; take the order "
-                "image-sheets, or leave it out"
+                "every-sample, or leave it out"
             )
 
 
 def check_sort_of(
-    choice: PaintChoices, samples: Samples | Field | LatticeField | list[LatticeField]
+    choice: PaintChoices, samples: Samples | LatticeField | list[LatticeField]
 ) -> None:
     """Refuse a field that the order cannot classify, and samples that hold no field."""
     if isinstance(samples, list):
         _check_fields(choice, samples)
         samples = samples[0]
-    if not isinstance(samples, Samples | Field | LatticeField):
+    if not isinstance(samples, Samples | LatticeField):
         raise TypeError(
             f"samples of {type(samples).__name__}; give Samples, such as particles(...), or a field"
         )
@@ -319,19 +336,8 @@ def check_sort_of(
             "a field on a lattice and the order rays belong together; got "
             f"{type(samples).__name__} and {choice.order}"
         )
-    is_field = isinstance(samples, Field | LatticeField)
-    if is_field and choice.order.summing not in OF_FIELDS:
-        raise ValueError(
-            f"{choice.order} composites colors, so a field cannot be classified after its "
-            "reconstruction; rays and image-sheets can"
-        )
-    if is_field and choice.splat_color is not None:
-        raise ValueError("splats of a field cannot be colored: their colors come after them")
-    if not is_field and choice.projection is not Projection.COMPOSITE:
-        raise ValueError(
-            f"the projection {choice.projection} needs a field; samples that have their colors "
-            "can be shown by composite"
-        )
+    if isinstance(samples, LatticeField) and choice.splat_color is not None:
+        raise ValueError("a field has no splats that could be colored; leave the splat color out")
 
 
 def _check_fields(choice: PaintChoices, fields: list[LatticeField]) -> None:
@@ -349,10 +355,10 @@ def check_scaled(choice: PaintChoices) -> None:
     """Refuse choices that would paint samples of a scale each as if they had none."""
     if choice.order.summing is not Summing.POINTS:
         raise ValueError(f"samples of a scale each need the order every-sample, not {choice.order}")
-    technique = technique_of(choice.primitive)
-    if not technique.has_scales or choice.footprint not in (None, Footprint.EXACT):
+    is_linear = choice.opacity is Opacity.LINEAR
+    if is_linear or not technique_of(choice.primitive).has_scales or not is_exact(choice):
         scaled = [name for name, known in _TECHNIQUES.items() if known.has_scales]
         raise ValueError(
-            f"samples of a scale each are {', '.join(scaled)} of exact footprint, not "
-            f"{choice.primitive} of {choice.footprint or technique.own_footprint}"
+            f"samples of a scale each are {', '.join(scaled)} of exact footprint and opacity "
+            f"without a threshold, not {choice.primitive} of {choice.footprint or 'its own'}"
         )

@@ -1,6 +1,8 @@
 """The paper's own painter (`resample.hybrid`) of volumes: voxels in strict depth order."""
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,23 +12,30 @@ from resample.engine.sorting import member_of, settle_ties
 from resample.hybrid.blend.over import WAITING, OverBlend
 from resample.hybrid.classify import Widths
 from resample.hybrid.footprint import flat_table, footprint_table
-from resample.hybrid.paint import paint
+from resample.hybrid.paint import Counts, paint
 from resample.hybrid.points import LEAST_RADIUS
 from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
-from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene
-from resample.profiles.filters import PixelFilter
+from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, spacing_of
+from resample.painting.strips import painted_on_subpixels
+from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.memoization import once
 from resample.profiles.orders import sheets_of
-from resample.profiles.reconstruction import Reconstruction
+from resample.profiles.reconstruction import Reconstruction, variance
+from resample.profiles.subpixels import subpixels_of
 from resample.types import (
     Film,
     Floats,
+    Records,
     Samples,
     Statistics,
+    View,
 )
 from resample.watching import Progress, told
+
+FINEST = 8  # sub-pixels per side of a pixel, at most, unless more are asked for
+POINT_SPACING = 0.6  # sub-pixels between points, at most; measured (docs/quality.md)
 
 
 @kernel
@@ -40,6 +49,15 @@ def ordered(key: Floats, position: Floats, color: Floats, extinction: Floats) ->
     return order
 
 
+class PlacedVoxels(NamedTuple):
+    """Samples on the screen, in the order in which they are painted."""
+
+    records: Records  # (N,) of RECORD
+    density: Floats  # (N,) a splat's extinction per scene unit; a point's opacity
+    color: Floats  # (N, 3)
+    order: NDArray[np.int64]  # (N,) which samples they are
+
+
 @dataclass(frozen=True)
 class PaperPainter:
     """The paper's painter, of scenes whose samples are composited one by one.
@@ -49,41 +67,78 @@ class PaperPainter:
     """
 
     reconstruction: Reconstruction
-    pixel_filter: PixelFilter
-    threshold: float  # px
-    is_affine: bool  # ellipses are the projection's linear part
-    is_projected: bool  # ellipses are around the projected center
-    has_table: bool  # the correction is looked up, not evaluated
+    point_filter: PixelFilter
+    threshold: float  # sub-pixels
+    is_affine: bool = False  # ellipses are those of the projection's linear part
+    is_projected: bool = False  # ellipses are around the projected center
+    has_table: bool = True  # the correction is looked up, not evaluated
+    are_wide: bool = False  # points are as wide as their kernels; the filter is in such widths
+    subpixels: int = 1  # per side of a pixel; 0: as many as samples need
+    pixel_filter: PixelFilter | None = None  # of sub-pixels; None: means over pixels
 
     @property
     def widths(self) -> Widths:
         """Sizes of footprints."""
         return Widths(
             self.threshold,
-            radius_of(self.pixel_filter),
-            _point_table(self.pixel_filter),
+            radius_of(self.point_filter),
+            _point_table(self.point_filter),
             is_affine=self.is_affine,
             is_projected=self.is_projected,
+            variance=variance(self.reconstruction) if self.are_wide else 0.0,
         )
 
     @property
     def tables(self) -> LookupTables:
         """Everything that is looked up; the equation has no table."""
-        tables = LookupTables(_splat_table(self.reconstruction), _point_table(self.pixel_filter))
+        tables = LookupTables(_splat_table(self.reconstruction), _point_table(self.point_filter))
         return tables if self.has_table else tables._replace(largest=np.float32(-1.0))
 
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
-        clock, style, count = Clock(), scene.style, samples.extinction.size
-        size = (scene.screen.height, scene.screen.width)
+        """Picture of samples, and how many were points and how many splats."""
+        clock, size = Clock(), (scene.screen.height, scene.screen.width)
+        fine, found = self._grid(scene, samples), []
+        is_whole = fine == 1 and self.pixel_filter is None
 
-        # Put the samples in depth order.
+        def part(view: View, size: tuple[int, int]) -> Film:
+            placed = self.placed(scene, samples, view, size)
+            clock.lap("project")
+            with told(progress if is_whole else None, None):
+                film, counts = self.blended(scene, placed, size)
+            clock.lap("paint")
+            found.append(counts)
+            return film
+
+        if is_whole:
+            film = part(scene.view, size)
+        else:
+            given = self.pixel_filter or Box()
+            fine = self.subpixels or max(fine, subpixels_of(given).count)
+            parts = subpixels_of(given, fine)
+            film = painted_on_subpixels(part, scene.view, size, parts, progress)
+        counts = Counts(*(max(numbers) for numbers in zip(*found, strict=True)))
+        tally = np.array([[counts.points, counts.splats, counts.hidden, fine]])
+        statistics = Statistics(
+            samples.extinction.size,
+            counts.points,
+            counts.splats,
+            counts.hidden,
+            fine,
+            clock.seconds,
+            from_table=counts.from_table,
+            by_equation=counts.by_equation,
+        )
+        return PaintTarget(film, np.zeros((0, 0), np.float32), tally), statistics
+
+    def placed(
+        self, scene: PreparedScene, samples: Samples, view: View, size: tuple[int, int]
+    ) -> PlacedVoxels:
+        """Samples in their order: point or splat, and where on a screen of this size."""
+        style, count = scene.style, samples.extinction.size
         key, layer = sheets_of(scene.layers, scene.summing, samples.position, scene.view)
         order = ordered(key, samples.position, samples.color, samples.extinction)
-        clock.lap("sort")
-
-        # Point or splat, and where on the screen.
         records, density = np.zeros(count, RECORD), np.zeros(count, np.float32)
         voxels = OrderedVoxels(
             samples.position.take(order, axis=0).reshape(-1),
@@ -91,33 +146,33 @@ class PaperPainter:
             layer.take(order),
             style.layer,
         )
-        place_voxels(records, density, voxels, scene.stage, self.widths)
+        place_voxels(records, density, voxels, scene.stage_of(view, size), self.widths)
         color = samples.color.take(order, axis=0)
         is_splat = records["kind"] == SPLAT
-        if style.tint_red >= 0.0:
-            tint = np.array([style.tint_red, style.tint_green, style.tint_blue], np.float32)
-            color[is_splat] = color[is_splat].max(axis=1, keepdims=True) * tint
+        color[is_splat] = scene.tinted(color[is_splat])
         if style.linear_opacity:
             density[is_splat] = -np.expm1(-density[is_splat] * style.layer) / style.layer
-        clock.lap("project")
+        return PlacedVoxels(records, density, color, order)
 
-        # Front to back.
-        blend = _blend(size, color, density, style.linear_opacity)
-        with told(progress, None):
-            counts = paint(records, self.tables, blend, size, None)
-        clock.lap("paint")
-        tally = np.array([[counts.points, counts.splats, counts.hidden, 1]])
-        statistics = Statistics(
-            count,
-            counts.points,
-            counts.splats,
-            counts.hidden,
-            1,
-            clock.seconds,
-            from_table=counts.from_table,
-            by_equation=counts.by_equation,
-        )
-        return PaintTarget(blend.film, np.zeros((0, 0), np.float32), tally), statistics
+    def blended(
+        self, scene: PreparedScene, placed: PlacedVoxels, size: tuple[int, int]
+    ) -> tuple[Film, Counts]:
+        """Picture of a size of placed samples, front to back."""
+        film = empty_film(size)
+        is_linear = scene.style.linear_opacity
+        waiting = np.zeros(size, WAITING)
+        blend = OverBlend(placed.color, placed.density, is_linear, film, waiting)
+        return film, paint(placed.records, self.tables, blend, size, None)
+
+    def _grid(self, scene: PreparedScene, samples: Samples) -> int:
+        """Sub-pixels per side of a pixel: points must not be farther apart than a share of one."""
+        if self.subpixels:
+            return self.subpixels
+        apart = spacing_of(scene.view, samples)
+        least = max(float(apart.min(initial=np.inf)), 1e-6)
+        finest = FINEST if self.threshold > 0 else 1
+        fewest = math.ceil(1.0 / least) if self.threshold < np.inf else 1
+        return max(1, min(finest, max(int(POINT_SPACING / least), fewest)))
 
 
 def radius_of(pixel_filter: PixelFilter) -> float:
@@ -136,12 +191,11 @@ def _point_table(pixel_filter: PixelFilter) -> Floats:
     return flat_table(lambda distance: pixel_filter(np.minimum(distance * radius, own)))
 
 
-def _blend(size: tuple[int, int], color: Floats, density: Floats, is_linear: bool) -> OverBlend:
-    """Empty pictures of a size."""
-    film = Film(
+def empty_film(size: tuple[int, int]) -> Film:
+    """Empty pictures of a size, as blends of `resample.hybrid` fill them."""
+    return Film(
         np.zeros((*size, 4), np.float32),
         np.zeros(size, np.float32),
         np.full(size, np.inf, np.float32),
         np.zeros(size, np.float32),
     )
-    return OverBlend(color, density, is_linear, film, np.zeros(size, WAITING))

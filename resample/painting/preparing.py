@@ -3,76 +3,33 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.painting.choices import (
-    POINT_GRID,
-    SUMS,
-    Footprint,
-    Opacity,
-    PaintChoices,
-    Projection,
-    check_scaled,
-    number_of,
-    technique_of,
-)
-from resample.painting.scenes.scene import (
-    PreparedScene,
-    check_samples,
-    ellipsoid_of,
-    kernel_classifier,
-    planes_of,
-    samples_of,
-    screen_of,
-)
+from resample.painting.choices import PaintChoices, number_of, technique_of
+from resample.painting.scenes.scene import PreparedScene, ellipsoid_of, planes_of
+from resample.painting.shaped.ellipsoids import ShapedOrder
 from resample.profiles.filters import Box, filter_table
-from resample.profiles.orders import Summing, layers_of
-from resample.profiles.reconstruction import footprint_table, partial_table, variance
-from resample.types import (
-    Classifier,
-    Doubles,
-    Field,
-    Floats,
-    Samples,
-    Style,
-    Tables,
-    View,
-)
-
-OPAQUE = 1e-4  # transmittance that counts as none
-
-
-def checked(choice: PaintChoices, samples: Samples | Field) -> tuple[Samples, Classifier | None]:
-    """Samples for the painters, and what a field looks like."""
-    if isinstance(samples, Field):
-        return samples_of(samples), kernel_classifier(samples.classifier)
-    known = check_samples(samples)
-    if known.scale is not None:
-        check_scaled(choice)
-    return known, None
+from resample.profiles.orders import EverySample, Rays, layers_of
+from resample.types import Classifier, Doubles, Floats, Samples, Screen, Style, Tables, View
 
 
 def prepared(
     choice: PaintChoices,
-    tables: Tables,
     samples: Samples,
     view: View,
     size: tuple[int, int],
-    look: Classifier | None,
     clip: ArrayLike | None,
 ) -> PreparedScene:
     """What painters get to know besides the samples, for a picture (height, width)."""
     lattice = samples.lattice
     ellipsoid = ellipsoid_of(lattice, view, choice.reconstruction.radius)
-    screen = screen_of(size[1], size[0], tables.pixel_margin, view, ellipsoid)
-    screen = screen._replace(planes=planes_of(clip, view, ellipsoid))
-    is_one_sum = choice.projection in (Projection.AVERAGE, *SUMS)
-    summing = Summing.SHEETS if is_one_sum else choice.order.summing
+    screen = Screen(size[1], size[0], planes=planes_of(clip, view, ellipsoid))
     layers = layers_of(choice.order, samples.position, view, lattice)
-    style = style_of(choice, lattice, look)
-    return PreparedScene(view, ellipsoid, screen, style, tables, summing, layers, look)
+    style = style_of(choice, lattice, None)
+    return PreparedScene(view, ellipsoid, screen, style, choice.order.summing, layers)
 
 
 @contextmanager
@@ -92,45 +49,43 @@ def as_gray(value: Floats) -> Floats:
 
 
 def tables_of(choice: PaintChoices) -> Tables:
-    """Everything that kernels look up."""
-    at_pixels = technique_of(choice.primitive).filter_at_pixels is not None
-    pixel = filter_table(Box() if at_pixels else choice.pixel_filter or Box())
-    return Tables(
-        footprint_table(choice.reconstruction).values,
-        partial_table(choice.reconstruction),
-        filter_table(choice.point_filter).values,
-        *pixel,
-        math.ceil(pixel.extent - 0.501),  # the table of a box ends a sliver beyond 0.5
-    )
+    """Pixel filter of rays."""
+    pixel = filter_table(choice.pixel_filter or Box())
+    return Tables(*pixel, math.ceil(pixel.extent - 0.501))  # a box's table ends beyond 0.5
 
 
 def style_of(choice: PaintChoices, lattice: Doubles, look: Classifier | None) -> Style:
     """Choices as numbers."""
     technique = technique_of(choice.primitive)
-    threshold = technique.threshold if choice.threshold is None else choice.threshold
     subpixels = technique.subpixels if choice.subpixels is None else choice.subpixels
-    tint = (-1.0, -1.0, -1.0) if choice.splat_color is None else choice.splat_color
-    spread = variance(choice.reconstruction)
-    voxel = abs(np.linalg.det(lattice)) ** (1 / 3)
-    iso = 0.0
+    red, green, blue = (-1.0, -1.0, -1.0) if choice.splat_color is None else choice.splat_color
+    voxel, iso = abs(np.linalg.det(lattice)) ** (1 / 3), 0.0
     if look is not None and choice.iso is not None:
         iso = (choice.iso - look.low) / (look.high - look.low)
     return Style(
-        model=list(Footprint).index(choice.footprint or technique.own_footprint),
-        threshold=float(threshold),
         subpixels=int(subpixels),
-        most_for_splats=technique.most_for_splats,
-        most_for_points=POINT_GRID,
-        point_extent=filter_table(choice.point_filter).extent,
-        variance=spread,
-        inflated=technique.inflated,
-        blurred=technique.blurred * (choice.reconstruction.radius**2 / spread),
-        faintest=0.0 if look is None else -np.inf,
         projection=number_of(choice.projection),
         iso=float(iso),
         attenuation=float(choice.attenuation),
-        linear_opacity=choice.opacity is Opacity.LINEAR,
+        linear_opacity=choice.opacity == "linear",
         layer=float(voxel * choice.order.thickness),
-        opaque=OPAQUE,
-        **dict(zip(("tint_red", "tint_green", "tint_blue"), map(float, tint), strict=True)),
+        tint=(float(red), float(green), float(blue)),
     )
+
+
+def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder:
+    """Order of ellipsoids that choices stand for; refuse choices that ellipsoids do not have."""
+    usual = replace(choice, order=EverySample(), subpixels=None) == type(choice)()
+    if not usual or clip is not None:
+        raise ValueError(
+            "samples with a shape each take an order by depth, by distance or along rays, and"
+            " sub-pixels; leave other choices and clipping planes out"
+        )
+    if isinstance(choice.order, Rays):
+        return ShapedOrder.RAYS
+    if not isinstance(choice.order, EverySample):
+        raise ValueError(
+            f"samples with a shape each are not summed by {type(choice.order).__name__}; take"
+            " EverySample or Rays"
+        )
+    return ShapedOrder(choice.order.key)

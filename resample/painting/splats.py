@@ -1,207 +1,331 @@
-"""Paint samples in runs of neighbours; tiles project only runs that they show.
+"""Splats of samples that share a lattice: ellipsoids of one shape, painted by exact responses.
 
-Splats with exact footprints take a faster path; with other footprints or points, the samples are a
-mixture. See `resample.engine.mixtures.deferred`.
+See `resample.engine.shaped`. Voxels smaller than a sub-pixel are widened to about one, and keep
+their mass.
 """
 
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.painting import points
-from resample.painting.runs import (
-    RUN_EXTENT,
-    Output,
-    RunPainter,
-    breaks,
-    paint_at_once,
-    plan_of,
-    planned,
+from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, along, spacing_of
+from resample.painting.shaped.ellipsoids import (
+    Ellipsoids,
+    ShapedOrder,
+    ShapedScene,
+    ShapedStyle,
+    empty_canvas,
+    listed,
 )
-from resample.painting.scenes.plans import MIXTURE, SPLATS
-from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, size_of_tiles
-from resample.profiles.filters import PixelFilter, filter_profile
-from resample.profiles.reconstruction import Reconstruction, footprint_pieces, footprint_profile
-from resample.types import (
-    DISC,
-    EXACT,
-    MOST_COLUMNS,
-    RUN,
-    Absorbing,
-    Formula,
-    Indices,
-    Linear,
-    Pieces,
-    Profile,
-    Records,
-    Runs,
-    Samples,
-    Statistics,
-    Tabulated,
-    Tiles,
-)
+from resample.painting.strips import painted_on_subpixels
+from resample.profiles.filters import PixelFilter
+from resample.profiles.memoization import once
+from resample.profiles.reconstruction import Reconstruction, footprint_table, variance
+from resample.profiles.subpixels import subpixels_of
+from resample.types import Doubles, Film, Floats, Samples, Statistics, View
 from resample.watching import Progress
 
 if TYPE_CHECKING:
-    from resample.engine.ellipsoids.mixed import Mixture
+    from resample.engine.shaped.canvas import PaintedShapes
+    from resample.engine.shaped.lists import TileGrid
 
-LONGEST_RUN = 64  # samples
-
-
-def are_splats_exact(scene: PreparedScene) -> bool:
-    """Whether splats have exact footprints, and may occur."""
-    style = scene.style
-    is_exact = style.model == EXACT or (style.model == DISC and not scene.view.perspective)
-    return is_exact and style.threshold < np.inf and style.inflated == style.blurred == 0
-
-
-def runs_of(scene: PreparedScene, samples: Samples, *, are_mixed: bool) -> Runs:
-    """Runs of samples, with bounds that are valid only for splats unless `are_mixed`."""
-    from resample.engine.ellipsoids.run_bounds import outline_runs
-    from resample.engine.subpixels import grid_of
-
-    start = breaks(scene, samples, RUN_EXTENT, LONGEST_RUN)
-    known = np.zeros(start.size - 1, RUN)
-    for by_boxes in (len(scene.screen.planes) == 0 and samples.scale is None, False):
-        outline_runs(known, start, samples, scene.stage, are_mixed, by_boxes)
-        if not (by_boxes and _is_vague(scene, known, are_mixed=are_mixed)):
-            break
-    least = known["least_spacing"].min()
-    finest, margin = grid_of(least, scene.style), scene.tables.pixel_margin
-    columns = (size_of_tiles(finest, margin) + 2 * margin) * finest
-    if columns > MOST_COLUMNS:
-        raise ValueError(
-            f"{finest} sub-pixels per side of a pixel under a filter that reaches {margin} px "
-            f"beyond it; at most {MOST_COLUMNS // (1 + 2 * margin)} are possible"
-        )
-    return Runs(samples, start, known)
-
-
-def may_have_points(scene: PreparedScene, runs: Runs) -> bool:
-    """Whether a sample may be a point."""
-    from resample.engine.subpixels import grid_of
-
-    least = runs.known["least_spacing"].min()
-    return bool(least * grid_of(least, scene.style) <= scene.style.threshold)
-
-
-def _is_vague(scene: PreparedScene, known: Records, *, are_mixed: bool) -> bool:
-    """Whether bounds of the smallest spacing leave the resolution, or the kind, undecided."""
-    from resample.engine.subpixels import grid_of
-
-    least, most = known["least_spacing"].min(), known["most_spacing"]
-    finest = grid_of(least, scene.style)
-    no_more = most[known["seen"] > 0].min(initial=np.inf)
-    if finest != grid_of(no_more, scene.style):
-        return True
-    return not are_mixed and bool(least * finest <= scene.style.threshold)
-
-
-def formula_of(scene: PreparedScene, profile: Profile | None, pieces: Pieces | None) -> Formula:
-    """Formula of splats: the first of these that is available, otherwise the table."""
-    style, peak = scene.style, _peak(scene)
-    integral = profile or pieces or Tabulated(scene.tables.footprint)
-    return Formula(integral, Linear(style.layer) if style.linear_opacity else Absorbing(peak))
-
-
-def paint_splats(
-    scene: PreparedScene, samples: Samples, formula: Formula, progress: Progress | None
-) -> tuple[PaintTarget, Statistics] | None:
-    """Paint samples for which `are_splats_exact`; None if some are not splats.
-
-    `progress`: called with the fraction of the work done.
-    """
-    clock = Clock()
-    runs = runs_of(scene, samples, are_mixed=False)
-    if may_have_points(scene, runs):
-        return None
-    scene = planned(scene, SPLATS, runs, MOST_COLUMNS)
-    clock.lap("project")
-    return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
-
-
-def splats_by_runs(scene: PreparedScene, formula: Formula) -> RunPainter:
-    """Painter of splats, or a mixture, for a planned scene."""
-    from resample.engine.mixtures.deferred import find_spacings, paint_runs
-
-    mixture, stage = mixture_of(scene), scene.stage
-    are_mixed = mixture is not None
-
-    def paint(turn: Indices, tiles: Tiles, runs: Runs, output: Output) -> None:
-        film, _, tally = output
-        paint_runs(turn, tiles, runs, stage, formula, mixture, (film, tally))
-
-    return RunPainter(
-        lambda tiles, runs: find_spacings(tiles, runs, stage, are_mixed),
-        paint,
-        lambda tiles, runs: count_of_points(scene, tiles, runs) if are_mixed else 0,
-    )
-
-
-def paint_mixture(
-    scene: PreparedScene, samples: Samples, formula: Formula, progress: Progress | None
-) -> tuple[PaintTarget, Statistics]:
-    """Like `paint_splats`, for any samples."""
-    clock = Clock()
-    runs = runs_of(scene, samples, are_mixed=True)
-    scene = planned(scene, MIXTURE, runs, MOST_COLUMNS)
-    clock.lap("project")
-    return paint_at_once(scene, splats_by_runs(scene, formula), runs, clock, progress)
-
-
-def mixture_of(scene: PreparedScene) -> "Mixture | None":
-    """Parameters for samples of all kinds in a planned scene; None: all are splats."""
-    from resample.engine.ellipsoids.mixed import Mixture
-
-    if plan_of(scene).painter != MIXTURE:
-        return None
-    return Mixture(bool(scene.style.threshold < np.inf), float(plan_of(scene).least))
-
-
-def count_of_points(scene: PreparedScene, tiles: Tiles, runs: Runs) -> int:
-    """Number of visible samples that are points."""
-    from resample.engine.ellipsoids.run_bounds import CHUNKS
-    from resample.engine.mixtures.deferred import count_points
-
-    count = np.zeros(CHUNKS, np.int64)
-    if 0 < scene.style.threshold >= runs.known["least_spacing"].min():
-        count_points(tiles, runs, scene.stage, count)
-    return int(count.sum())
-
-
-def _peak(scene: PreparedScene) -> float:
-    """Largest line integral of the kernel, through its center along its longest axis."""
-    longest = np.sqrt(np.linalg.eigvalsh(scene.ellipsoid.covariance)[-1])
-    return float(scene.tables.footprint.max() * scene.ellipsoid.scale * longest)
+FINEST = 16  # sub-pixels per side of a pixel, at most
+CLOSEST = 0.1  # share of neighbours that may be closer than a sub-pixel
+MOST_TILES = 1 << 12  # that are held at a time, of 28 KiB each
+FEWEST, BATCHES = 1 << 14, 16  # samples that are painted at once; else parts of them by depth
+PART = 1 << 16  # samples that are turned into ellipsoids at a time
 
 
 @dataclass(frozen=True)
-class StreamedPainter:
-    """Composites splats one by one, and points in layers."""
+class SplatPainter:
+    """Composites splats one by one, in the order of their centers.
+
+    Planes cut them; those that are widened are shown if their centers are.
+    """
 
     reconstruction: Reconstruction
-    point_filter: PixelFilter
-
-    @cached_property
-    def _profiles(self) -> tuple[Profile | None, Pieces | None]:
-        """Line integrals as formulas of one piece and of more, where there are such."""
-        return footprint_profile(self.reconstruction), footprint_pieces(self.reconstruction)
-
-    @cached_property
-    def _point_profile(self) -> Profile | None:
-        """Filter of points as a formula, where there is one."""
-        return filter_profile(self.point_filter)
+    pixel_filter: PixelFilter | None  # None: means over pixels
+    subpixels: int  # per side of a pixel; 0: as many as samples need
+    key: str  # "depth" or "distance", see `EverySample`
+    inflated: float  # px; splats of closer neighbours are as wide as for this spacing
+    blurred: float  # px², added to the variance of splats
+    is_spread: bool = True  # what is smaller than a sub-pixel keeps its light
+    is_linear: bool = False  # opacities are α F of classic splatting
 
     def paint(
         self, scene: PreparedScene, samples: Samples, progress: Progress | None
     ) -> tuple[PaintTarget, Statistics]:
-        """As splats if all are, as points if all are, or else as a mixture."""
-        painted, formula = None, formula_of(scene, *self._profiles)
-        if are_splats_exact(scene):
-            painted = paint_splats(scene, samples, formula, progress)
-        can_defer = samples.scale is None and points.can_defer_points(scene)
-        if painted is None and can_defer and self._point_profile is not None:
-            painted = points.paint_points(scene, samples, self._point_profile, progress)
-        return painted or paint_mixture(scene, samples, formula, progress)
+        """Picture of samples, as means over pixels or under a filter."""
+        clock, view, size = Clock(), scene.view, (scene.screen.height, scene.screen.width)
+        count = samples.extinction.size
+        is_own = self.inflated == self.blurred == 0
+        samples, planes = scene.left_by_planes(samples, by_center=not is_own)
+        samples = samples._replace(color=scene.tinted(samples.color))
+        if self.is_linear:
+            layer = scene.style.layer
+            samples = samples._replace(extinction=-np.expm1(-layer * samples.extinction) / layer)
+        fine = self.subpixels or _grid_of(view, samples)
+        if self.pixel_filter is None:
+            film, found = self._painted(samples, planes, view, size, fine, progress)
+        else:
+            least = 1 if self.subpixels else subpixels_of(self.pixel_filter).count
+            parts, found = subpixels_of(self.pixel_filter, max(fine, least)), np.zeros(2, np.int64)
+
+            def part(view: View, size: tuple[int, int]) -> Film:
+                film, counts = self._painted(samples, planes, view, size, 1, None)
+                np.maximum(found, counts, out=found)
+                return film
+
+            film = painted_on_subpixels(part, view, size, parts, progress)
+        clock.lap("paint")
+        painted, hidden = found.tolist()
+        tally = np.array([[0, painted, hidden, fine]])
+        statistics = Statistics(count, 0, painted + hidden, hidden, fine, clock.seconds)
+        return PaintTarget(film, np.zeros((0, 0), np.float32), tally), statistics
+
+    def _painted(
+        self,
+        samples: Samples,
+        planes: Doubles,
+        view: View,
+        size: tuple[int, int],
+        fine: int,
+        progress: Progress | None,
+    ) -> tuple[Film, NDArray[np.int64]]:
+        """Picture of a size, with so many sub-pixels, and how many splats it shows and hides."""
+        order = ShapedOrder(self.key if view.perspective else "depth")
+        source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
+        taken = light_taken(self.reconstruction, self.is_linear) if self.is_spread else None
+        cutting = planes if len(planes) else None
+        style = ShapedStyle(order, fine, is_linear=self.is_linear, taken=taken, planes=cutting)
+        scene = ShapedScene(source, view, size, style)
+        canvas, counts, side = empty_canvas(size), np.zeros(2, np.int64), scene.tile()
+        # Canvases of so many rows of tiles are held at a time.
+        rows = max(1, MOST_TILES // -(-size[1] // side)) * side
+        for top in range(0, size[0], rows):
+            bottom = min(top + rows, size[0])
+            for painted, share in _paint_rows(scene, source, top, bottom, canvas):
+                counts += painted
+                if progress is not None:
+                    progress((top + share * (bottom - top)) / size[0])
+        return Film(canvas.rgba, canvas.depth, canvas.first_depth, canvas.coverage), counts
+
+
+def _paint_rows(
+    scene: ShapedScene, source: "SampleSource", top: int, bottom: int, canvas: "PaintedShapes"
+) -> Iterator[tuple[NDArray[np.int64], float]]:
+    """Paint rows of a picture, some depths at a time; what opaque pixels hide is not projected.
+
+    Yield how many samples were painted and how many others are hidden, and the share of all work.
+    """
+    from resample.engine.shaped.canvas import SIDE, SIZE, PaintedShapes
+    from resample.engine.shaped.lists import TileGrid
+    from resample.engine.shaped.painting import clear_tiles, paint_behind, write_tiles
+
+    side, fine, width, view = scene.tile(), scene.finest(), scene.size[1], scene.view
+    grid = TileGrid(0, top, side, -(-width // side), -(-(bottom - top) // side), fine)
+    tiles, done, count = grid.columns * grid.rows, 0, source.samples.extinction.size
+    held, is_open = np.empty((tiles, SIZE), np.float32), np.empty((tiles, SIDE), np.uint32)
+    clear_tiles(held, is_open)
+    for batch in _batches(scene, source.samples):
+        part = source.samples if batch is None else _chosen(source.samples, batch)
+        counts = np.zeros(2, np.int64)
+        if done:
+            shown = _may_be_seen(source._replace(samples=part), view, grid, is_open)
+            counts[1] += shown.size - np.count_nonzero(shown)
+            part = _chosen(part, np.flatnonzero(shown))
+        records = scene._replace(source=source._replace(samples=part)).records(
+            (0, top, width, bottom)
+        )
+        if records.count:
+            lists = listed(records.records, records.front_to_back(), grid)
+            paint_behind(records.records, lists, grid, view.near, scene.opacity(), held, is_open)
+            counts[0] += records.count
+        done += count if batch is None else batch.size
+        yield counts, done / (count + 1)
+    picture = PaintedShapes(*(array[top:bottom] for array in canvas))
+    write_tiles(held, grid, picture)
+    yield np.zeros(2, np.int64), 1.0
+
+
+def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64] | None]:
+    """Yield the numbers of samples, those that are nearer first; None: all of them."""
+    count = samples.extinction.size
+    if count < FEWEST:
+        yield None
+        return
+    view, turn = scene.view, scene.view.rotation
+    key = along(samples.position, turn[2], float(view.translation[2]))
+    if scene.style.order is ShapedOrder.DISTANCE:
+        x, y = (along(samples.position, turn[n], float(view.translation[n])) for n in (0, 1))
+        key = np.sqrt(x * x + y * y + key * key)
+    # The same samples come together whatever their order is: equal keys are never parted.
+    ends = np.partition(key, [count * n // BATCHES for n in range(1, BATCHES)])
+    ends = ends[[count * n // BATCHES for n in range(1, BATCHES)]]
+    batch = np.searchsorted(ends, key, side="right").astype(np.uint8)  # sorted by counting
+    order = np.argsort(batch, kind="stable")
+    first = np.searchsorted(batch[order], np.arange(BATCHES + 1))
+    for n in range(BATCHES):
+        yield order[first[n] : first[n + 1]]
+
+
+def _chosen(samples: Samples, index: NDArray[np.int64]) -> Samples:
+    """Those of the samples that have these numbers."""
+    position, color, extinction = (array.take(index, axis=0) for array in samples[:3])
+    scale = None if samples.scale is None else samples.scale.take(index)
+    return Samples(position, color, extinction, samples.lattice, scale)
+
+
+def _may_be_seen(
+    source: "SampleSource", view: View, grid: "TileGrid", is_open: NDArray[np.uint32]
+) -> NDArray[np.bool_]:
+    """Return whether samples (N,) may meet sub-pixels that are not opaque, or lie beside them.
+
+    Rows of 8 sub-pixels are looked at.
+    """
+    from resample.engine.shaped.canvas import GROUPS, LANES, SIDE
+
+    samples = source.samples
+    x, y, z = (
+        along(samples.position, view.rotation[n], float(view.translation[n])) for n in range(3)
+    )
+    radius = source.reconstruction.radius
+    size = radius * float(np.linalg.norm(samples.lattice, 2))
+    size *= 1.0 if samples.scale is None else float(samples.scale.max(initial=0.0))
+    ahead = np.ones(len(z), np.bool_)
+    if view.perspective:
+        ahead = z - np.float32(size) > max(view.near, 1e-9)
+    if not ahead.any():
+        return ~ahead
+    near = float(z[ahead].min()) - size if view.perspective else 1.0
+    # An ellipse is longer where rays are oblique.
+    edge = max(grid.columns, grid.rows) * grid.side + abs(view.principal).max()
+    slope = edge / abs(view.focal).min() if view.perspective else 0.0
+    wide = max(size * abs(view.focal).max() / near, source.widening.least * radius, 2.0 / grid.fine)
+    wide += math.sqrt(source.widening.variance / variance(source.reconstruction)) * radius
+    reach = np.float32(wide * (1 + slope**2) + 1.0 / grid.fine)
+
+    def stored(px: Floats) -> Floats:
+        """Sub-pixel of tiles, which also hold some of the next where grids do not divide them."""
+        tile = np.floor(px * np.float32(1.0 / grid.side))
+        inside = (px - tile * grid.side) * np.float32(grid.fine)
+        return np.asarray(tile * np.float32(SIDE) + inside, np.float32)
+
+    # How many of all rows above and left of a place are not opaque.
+    bits = is_open.reshape(grid.rows, grid.columns, SIDE, 1) >> np.arange(GROUPS, dtype=np.uint32)
+    is_left = (bits & 1).transpose(0, 2, 1, 3).reshape(grid.rows * SIDE, grid.columns * GROUPS)
+    total = np.pad(is_left.cumsum(axis=0, dtype=np.int32).cumsum(axis=1), ((1, 0), (1, 0)))
+    with np.errstate(all="ignore"):
+        if view.perspective:
+            x, y = x / z, y / z
+        x = x * np.float32(view.focal[0]) + np.float32(view.principal[0] - grid.left)
+        y = y * np.float32(view.focal[1]) + np.float32(view.principal[1] - grid.top)
+        rows, columns = np.float32(total.shape[0] - 1), np.float32(total.shape[1] - 1)
+        above, below = (
+            np.clip(np.nan_to_num(stored(y + way)) + more, 0, rows).astype(np.int32)
+            for way, more in ((-reach, 0), (reach, 1))
+        )
+        before, after = (
+            np.clip(np.nan_to_num(stored(x + way)) / LANES + more, 0, columns).astype(np.int32)
+            for way, more in ((-reach, 0), (reach, 1))
+        )
+    seen = total[below, after] - total[above, after] - total[below, before] + total[above, before]
+    is_beside = (above >= below) | (before >= after)
+    return np.asarray((seen > 0) | is_beside | ~ahead, np.bool_)
+
+
+class Widening(NamedTuple):
+    """How splats are widened, each in px where its center is."""
+
+    least: float  # spacing of neighbours that splats are made for, at least
+    variance: float  # px², added to that of splats
+
+
+class SampleSource(NamedTuple):
+    """Samples of a lattice as ellipsoids, widened for a view, in parts."""
+
+    samples: Samples
+    reconstruction: Reconstruction
+    widening: Widening
+
+    def sizes(self) -> Sequence[int]:
+        """Samples of each part."""
+        count = self.samples.extinction.size
+        return [min(PART, count - first) for first in range(0, count, PART)]
+
+    def kernel(self) -> Reconstruction:
+        """As of all of them."""
+        return self.reconstruction
+
+    def load(self, part: int, view: View, /) -> Ellipsoids:
+        """Ellipsoids of a part, whose masses are those of their samples."""
+        rows, whole = slice(part * PART, (part + 1) * PART), self.samples
+        position, color, extinction = (array[rows] for array in whole[:3])
+        size = None if whole.scale is None else whole.scale[rows]
+        radius, kernel = self.reconstruction.radius, self.reconstruction
+        axes, steps, _ = np.linalg.svd(whole.lattice)
+        scale = np.ones((len(extinction), 1), np.float32) if size is None else size[:, None]
+        half = (steps * radius).astype(np.float32) * scale
+        through = footprint_table(kernel).values[0] / np.float32(radius**3)  # the center, per unit
+        wide = self._widened(half, Samples(position, color, extinction, whole.lattice, size), view)
+        share = through if wide is half else through * (half / wide).prod(axis=1)
+        turn, none = _quaternion(axes)[None], np.zeros(len(extinction), np.float32)
+        return Ellipsoids(position, wide, turn, none, color, kernel, extinction * share)
+
+    def _widened(self, half: Floats, samples: Samples, view: View) -> Floats:
+        """Half axes (N, 3) as wide as they are asked to be."""
+        least, more = self.widening
+        if least > 0:
+            half = half * np.maximum(1, np.float32(least) / spacing_of(view, samples))[:, None]
+        if more > 0:
+            # Scene units per px at each center.
+            px = np.full((1, 1), 1.0 / math.sqrt(abs(view.focal[0] * view.focal[1])), np.float32)
+            if view.perspective:
+                depth = along(samples.position, view.rotation[2], float(view.translation[2]))
+                px = px * np.maximum(depth, 0)[:, None]
+            per = self.reconstruction.radius**2 / variance(self.reconstruction)
+            half = np.sqrt(half**2 + np.float32(more * per) * px**2)
+        return half
+
+
+@once
+def light_taken(kernel: Reconstruction, is_linear: bool) -> Floats:
+    """Light that kernels take, per area and optical depth of the center, which is of `DEPTHS`."""
+    from resample.engine.shaped.records import DEPTHS
+
+    share = footprint_table(kernel).values.astype(np.float64)
+    depth = DEPTHS[:, None] * (share / share[0])
+    # Rings of equal squared radii have equal areas.
+    taken = np.trapezoid(depth if is_linear else -np.expm1(-depth), dx=1.0 / (share.size - 1))
+    return np.asarray(taken / DEPTHS, np.float32)
+
+
+def _quaternion(axes: Doubles) -> Floats:
+    """Quaternion w, x, y, z of a rotation whose columns, or their opposites, are these."""
+    turn = axes * np.sign(np.linalg.det(axes))
+    # The eigenvector of the largest eigenvalue (Bar-Itzhack 2000).
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    matrix = np.array(
+        [
+            [a - e - i, b + d, c + g, h - f],
+            [b + d, e - a - i, f + h, c - g],
+            [c + g, f + h, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    x, y, z, w = np.linalg.eigh(matrix)[1][:, -1]
+    return np.array([w, x, y, z], np.float32)
+
+
+def _grid_of(view: View, samples: Samples) -> int:
+    """Sub-pixels per side of a pixel that keep most neighbours a sub-pixel apart."""
+    apart = spacing_of(view, samples)
+    apart = apart[apart < np.inf]
+    if not apart.size:
+        return 1
+    least = max(float(np.quantile(apart, CLOSEST)), 1e-6)
+    return min(FINEST, max(1, math.ceil(1.0 / least - 0.01)))

@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol, cast
 import numpy as np
 
 from resample.profiles.memoization import once
-from resample.types import Doubles, Floats, Profile, RadialTable
+from resample.types import Doubles, Floats, RadialTable
 from resample.words import number
 
 PROFILE_ERROR = 1e-5  # of the peak
@@ -203,22 +203,6 @@ def profile_table(pixel_filter: PixelFilter, count: int) -> Floats:
     return np.asarray(weight / weight.sum(axis=1, keepdims=True), np.float32)
 
 
-def profile(values: RadialTable) -> Profile | None:
-    """Fit a polynomial in the squared argument to a filter; None if none is accurate enough.
-
-    Returns
-    -------
-    Coefficients of the filter divided by its peak, over 0..1 of the extent, accurate to 1e-5.
-    """
-    squared = np.linspace(0, 1, values.values.size) ** 2
-    powers = squared[:, None] ** np.arange(len(Profile._fields))
-    wanted = values.values / np.abs(values.values).max()
-    coefficient = np.linalg.lstsq(powers, wanted, rcond=None)[0]
-    if np.abs(powers @ coefficient - wanted).max() > PROFILE_ERROR:
-        return None
-    return Profile(*coefficient.astype(np.float32))
-
-
 def check_reach(pixel_filter: PixelFilter) -> None:
     """Reject a filter whose radius is too large."""
     if not 0.0 < pixel_filter.radius <= WIDEST:
@@ -235,9 +219,3 @@ def _positive(name: str, value: float) -> None:
 def _finite(name: str, value: float) -> None:
     if not math.isfinite(number(name, value)):
         raise ValueError(f"{name} is a finite number, not {value}")
-
-
-@once
-def filter_profile(pixel_filter: PixelFilter) -> Profile | None:
-    """A filter's table as a formula, where there is one."""
-    return profile(filter_table(pixel_filter))

@@ -26,9 +26,6 @@ class Summing(IntEnum):
     RAYS = 3  # nothing: a field on a lattice is sampled along rays
 
 
-OF_FIELDS = (Summing.SLABS, Summing.RAYS)  # orders that classify values
-
-
 class CompositingOrder(Protocol):
     """Interface of an order plugin. It returns a few numbers; kernels do the painting."""
 

@@ -139,42 +139,6 @@ def footprint_pieces(reconstruction: Reconstruction) -> Pieces | None:
     return Pieces(*coefficients)
 
 
-def density_profile(reconstruction: Reconstruction) -> Doubles | None:
-    """Fit nine powers of t = 1 - squared distance in radii to the density; None if they do not fit.
-
-    Normalised so that the integral over the unit ball is 1. Its integrals are as accurate as
-    `partial_table`, and it is nowhere negative.
-    """
-    node = 0.5 - 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
-    exact = reconstruction(np.sqrt(1 - node) * reconstruction.radius) / _mass(reconstruction)
-    powers = node[:, None] ** np.arange(9)
-    coefficient = np.linalg.lstsq(powers, exact, rcond=None)[0].astype(np.float64)
-    fitted = powers @ coefficient
-    if np.abs(fitted - exact).max() > DENSITY_ERROR * exact.max() or fitted.min() < 0:
-        return None
-    return coefficient
-
-
-def product_profile(reconstruction: Reconstruction) -> tuple[Doubles, Doubles, float] | None:
-    """Factor a Gaussian's density into a part across a line and a part along it, minus a constant.
-
-    Nine powers of t = 1 - squared distance of the line from the center, and nine of the squared
-    position on it, both in radii; None if the kernel is not a Gaussian, or too narrow. Normalised
-    as in `density_profile`.
-    """
-    if not isinstance(reconstruction, GaussianKernel):
-        return None
-    steep, scale = 0.5 * (reconstruction.radius / reconstruction.sigma) ** 2, _mass(reconstruction)
-    node = 0.5 - 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
-    powers = node[:, None] ** np.arange(9)
-    factors = []
-    for exact in (np.exp(-steep * (1 - node)), np.exp(-steep * node)):
-        factors.append(np.linalg.lstsq(powers, exact, rcond=None)[0].astype(np.float64))
-        if np.abs(powers @ factors[-1] - exact).max() > DENSITY_ERROR:
-            return None
-    return factors[0] / scale, factors[1], float(np.exp(-steep) / scale)
-
-
 @once
 def partial_table(reconstruction: Reconstruction) -> Floats:
     """Line integrals up to a position, (K + 1, K + 1).

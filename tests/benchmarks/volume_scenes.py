@@ -12,12 +12,11 @@ from resample.cameras.poses import orbit
 from resample.measuring.quality import psnr, rms
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
-from resample.types import Field, Samples
+from resample.types import Samples
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import Transfer, from_points
 from resample_volume.files.generated import checker_box
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import field_voxels, lit_field
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.shading import Light, shade
 from resample_volume.voxels.visible import Voxels, classify
@@ -34,7 +33,7 @@ class Shot(NamedTuple):
     height: int
     width: int
 
-    def by(self, form: Resampler, scene: Samples | Field) -> np.ndarray:
+    def by(self, form: Resampler, scene: Samples) -> np.ndarray:
         """RGBA of a scene."""
         return form(scene, self.camera, height=self.height, width=self.width).rgba
 
@@ -62,12 +61,6 @@ class Scene:
     def samples(self, shot: Shot) -> Samples:
         """Visible voxels, lit for a camera."""
         return shade(self.voxels, self.light, eye=shot.eye)
-
-    def field(self, form: Resampler) -> Field:
-        """The volume to be classified by the renderer, unlit."""
-        voxels = field_voxels(self.volume, self.transfer, form, None)
-        flat = np.zeros((len(voxels.value), 3), np.float32)
-        return lit_field(voxels, None, np.zeros(4))._replace(gradient=flat)
 
 
 def scene_of(values: np.ndarray, transfer: Transfer, spacing: float = 1.0) -> Scene:

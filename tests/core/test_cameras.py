@@ -173,7 +173,7 @@ def test_kernels_get_float64_whatever_was_given(kind):
 def test_a_pinhole_projects_through_the_eye(point, pixel):
     camera = Camera.from_intrinsics(20.0, 20.0, 8.0, 6.0)
     sample = Samples(np.array([point]), np.ones((1, 3)), np.ones(1), 0.1 * np.eye(3))
-    record = Resampler().footprints(sample, camera, height=12, width=16)[0]
+    record = Resampler(method="paper").footprints(sample, camera, height=12, width=16)[0]
     assert (record["x"], record["y"]) == pytest.approx(pixel)
     assert record["depth"] == point[2]
 
@@ -182,7 +182,7 @@ def test_a_parallel_projection_ignores_depth():
     camera = Orthographic(3.0, 2.0, 8.0, 6.0)
     for depth in (1.0, 7.0):
         sample = Samples(np.array([(1, 2, depth)]), np.ones((1, 3)), np.ones(1), 0.1 * np.eye(3))
-        record = Resampler().footprints(sample, camera, height=12, width=16)[0]
+        record = Resampler(method="paper").footprints(sample, camera, height=12, width=16)[0]
         assert (record["x"], record["y"], record["depth"]) == pytest.approx((11, 10, depth))
 
 

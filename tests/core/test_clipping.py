@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.painting.choices import Primitive, footprints_of
+from resample.painting.choices import Primitive
 from resample.profiles.orders import EverySample
 from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Samples
@@ -13,7 +13,7 @@ from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from tests import naive
 from tests.bits import assert_same
 from tests.samples import CAMERAS as SEEN
-from tests.samples import EYE, POSE, SIDE, block, cloud, painter, shuffled
+from tests.samples import EYE, POSE, SIDE, block, cloud, painter, reordered, shuffled
 
 CAMERAS = {
     **SEEN,
@@ -38,11 +38,12 @@ PLANES = {
     "nothing left": [(1.0, 0.0, 0.0, -0.3), (-1.0, 0.0, 0.0, -0.3)],
 }
 ORDERS = [EverySample(), AxisSheets(), ImageSheets(0.7)]
-IN_ORDERS = [  # the paper's form composites every sample
+IN_ORDERS = [  # others composite every sample
     (form, order)
     for form in Primitive
-    for order in (ORDERS[:1] if form is Primitive.PAPER else ORDERS)
+    for order in (ORDERS if form in (Primitive.HYBRID, Primitive.SPLATS) else ORDERS[:1])
 ]
+BY_CENTER = (Primitive.POINTS, Primitive.PAPER, Primitive.INFLATE, Primitive.EWA)
 MIRRORED = look_at((1, 2, 3), (0, 0, 0))[:3, :3] @ np.diag([0.8, -1.2, 1.0])
 
 
@@ -68,23 +69,9 @@ def test_transmittance_is_that_of_the_part_of_the_ray_that_is_kept(planes, camer
         between=naive.kept_by(camera, planes, height=SIDE, width=SIDE),
     )
     truth = np.exp(-(integral * samples.extinction[:, None, None]).sum(axis=0))
-    for order in ORDERS:
-        drawn = 1 - draw(samples, camera, planes, order=order).rgba[..., 3]
-        # Opaque from 1e-4 on; table of 256 × 256 steps.
-        np.testing.assert_allclose(drawn, truth, atol=1e-4, err_msg=str(order))
-
-
-@pytest.mark.sweep
-@pytest.mark.parametrize("planes", ["oblique", "a corner", "through the eye"])
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_slabs_are_cut_with_their_colors(camera, planes, rng):
-    samples, planes = cloud(rng), PLANES[planes]
-    between = naive.kept_by(camera, planes, height=SIDE, width=SIDE)
-    truth = naive.image_sheets(
-        samples, camera, GaussianKernel(), 0.7, height=SIDE, width=SIDE, between=between
-    )
-    drawn = draw(samples, camera, planes, order=ImageSheets(0.7)).rgba
-    np.testing.assert_allclose(drawn, truth, atol=1e-4)  # as above
+    drawn = 1 - draw(samples, camera, planes).rgba[..., 3]
+    # Opaque from 1e-4 on; table of 256 × 256 steps.
+    np.testing.assert_allclose(drawn, truth, atol=1e-4)
 
 
 def test_parts_on_either_side_of_a_plane_make_the_whole(rng):
@@ -118,43 +105,45 @@ def test_planes_that_remove_all_leave_nothing(primitive, order, rng):
 
 
 @pytest.mark.some(4)
-@pytest.mark.parametrize("model", footprints_of(Primitive.SPLATS))
-def test_every_footprint_is_cut_alike(model, rng):
-    """A sphere that a plane cuts is integrated along its ray, in the model's bounds."""
-    place = rng.uniform(-0.4, 0.4, (20, 3))
-    samples = cloud(rng, 20)._replace(position=place.astype(np.float32))
-    clip, camera = [(0.6, 0.8, 0.0, 0.0)], CAMERAS["narrow"]
-    exact = draw(samples, camera, clip)
-    drawn = draw(samples, camera, clip, footprint=model).rgba
-    np.testing.assert_allclose(drawn, exact.rgba, atol=5e-3)  # rims beyond the bounds
+@pytest.mark.parametrize("planes", PLANES.values(), ids=PLANES)
+@pytest.mark.parametrize(
+    ("primitive", "order"),
+    [*((form, ORDERS[0]) for form in BY_CENTER), (Primitive.HYBRID, ImageSheets(0.7))],
+    ids=str,
+)
+def test_others_leave_out_the_samples_whose_centers_are_cut_away(primitive, order, planes, rng):
+    samples, camera = cloud(rng, 200, lattice=MIRRORED), CAMERAS["narrow"]
+    given = np.array(planes)
+    away = samples.position.astype(float) @ given[:, :3].T + given[:, 3]
+    kept = reordered(samples, np.flatnonzero((away > 0).all(axis=1)))
+    chosen = {"primitive": primitive, "order": order, "subpixels": 1}
+    cut, rest = draw(samples, camera, planes, **chosen), draw(kept, camera, **chosen)
+    np.testing.assert_allclose(cut.rgba, rest.rgba, atol=1e-6)
 
 
 # Minified.
 
 
 @pytest.mark.some(1)
-@pytest.mark.parametrize("order", ORDERS, ids=str)
 @pytest.mark.parametrize("scale", [0.4, 0.12, 0.035])
-def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale, order):
+def test_a_minified_block_is_cut_where_its_supersampled_splats_are(scale):
     samples = block(21, 0.05)
     camera = Camera.from_intrinsics(
         90 * scale, 90 * scale, 8.13, 8.21, look_at((70, -50, 30), (0, 0, 0))
     )
     planes = [(0.3, -0.9, 0.2, 2.3), (-0.7, 0.1, 0.5, 6.1)]
-    truth = draw(samples, camera, planes, order=order, subpixels=16).rgba[..., 3]
-    hybrid = draw(samples, camera, planes, order=order, primitive=Primitive.HYBRID)
-    assert (hybrid.statistics.points > 0) == (scale < 0.0375)
+    truth = draw(samples, camera, planes, subpixels=16).rgba[..., 3]
+    hybrid = draw(samples, camera, planes, primitive=Primitive.HYBRID)
     assert truth.max() > 0.05
     # Points are kept or left out as wholes: half a voxel is 2.5 % of the optical depth.
     np.testing.assert_allclose(hybrid.rgba[..., 3], truth, atol=0.05 * truth.max())
 
 
-@pytest.mark.parametrize("order", ORDERS, ids=str)
-def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane(order):
+def test_a_near_plane_through_a_minified_block_does_as_a_clipping_plane():
     samples, pose = block(13, 0.08), look_at((0, -80, 0), (0, 0, 0))
     near = Camera.from_intrinsics(15.0, 15.0, 8.13, 8.21, pose, near=78.2)
     plain = Camera.from_intrinsics(15.0, 15.0, 8.13, 8.21, pose)
-    chosen = {"primitive": Primitive.HYBRID, "order": order}
+    chosen = {"primitive": Primitive.HYBRID}
     cut = draw(samples, near, **chosen).rgba[..., 3]
     clipped = draw(samples, plain, [(0, 1, 0, 1.8)], **chosen).rgba[..., 3]
     assert 0.2 < clipped.max() < 0.6

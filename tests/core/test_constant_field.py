@@ -45,11 +45,9 @@ def test_a_constant_field_has_the_analytic_transmittance(form, scales, place, re
 
 @pytest.mark.sweep
 @pytest.mark.slow
-def test_a_mixture_of_points_and_splats_has_the_analytic_transmittance(record):
+def test_a_block_of_splats_around_a_sub_pixel_has_the_analytic_transmittance(record):
     stills = zoom(NEAR, (0.0595, 0.058, 0.0565), HYBRID)
-    for still in stills:
-        assert still.frame.statistics.points > 0
-        assert still.frame.statistics.splats > 0
+    assert all(still.frame.statistics.splats > 0 for still in stills)
     record.error("transmittance", largest_error(stills))
 
 

@@ -5,9 +5,6 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.cameras.models import Orthographic
-from resample.painting.choices import Primitive
-from resample.painting.preparing import style_of
 from resample.profiles.filters import (
     Box,
     CatmullRom,
@@ -19,9 +16,7 @@ from resample.profiles.filters import (
     table,
 )
 from resample.profiles.subpixels import subpixels_of
-from resample.resampler import Resampler
 from resample.testing import check_filter
-from resample.types import Samples
 
 CONTINUOUS = [
     Tent(),
@@ -206,21 +201,3 @@ def test_a_filter_that_would_never_end_is_refused(radius):
     for use in (table, partial(profile_table, count=4), subpixels_of):
         with pytest.raises(ValueError, match="above 0 to 64 are allowed"):
             use(Box(radius))
-
-
-@pytest.mark.parametrize("primitive", [Primitive.INFLATE, Primitive.EWA])
-@pytest.mark.parametrize("focal", [(0.8, 0.5), (0.3, 0.6)])
-def test_narrow_splats_are_widened_and_keep_their_mass(primitive, focal):
-    """As a whole until neighbours are a pixel apart, or by the variance of a pixel's filter."""
-    place = np.array([[0.0, 0.0, 5.0]], np.float32)
-    sample = Samples(place, np.ones((1, 3), np.float32), np.ones(1, np.float32), np.eye(3))
-    camera, paint = Orthographic(*focal, 20, 15, np.eye(4), -9.0), Resampler(primitive=primitive)
-    (found,) = paint.footprints(sample, camera, height=30, width=40)
-    half = 2.0 * np.array(focal)  # the kernel's radius is 2 voxels
-    added = style_of(paint, np.eye(3), None).blurred
-    wide = np.sqrt(half**2 + added) if primitive is Primitive.EWA else half / max(focal)
-    seen = [found["right"] - found["left"], found["bottom"] - found["top"]]
-    np.testing.assert_allclose(np.array(seen) / 2, wide, rtol=1e-5)
-    form = [found["a"], found["b"], found["c"]]
-    np.testing.assert_allclose(form, [wide[0] ** -2, 0, wide[1] ** -2], rtol=1e-5, atol=1e-9)
-    assert found["amplitude"] * wide.prod() == pytest.approx(np.prod(focal), rel=1e-4)

@@ -188,12 +188,12 @@ def test_a_constant_counts_as_it_is_when_the_kernel_is_compiled(digest, monkeypa
     assert digests.made_from(loops.loop, [players.Bundle])[0] != before
 
 
-OCTETS = """
+FOURS = """
 from resample.engine import jit
-from resample.engine.points import runs
+from resample.engine.rays import painting
 jit.compiler()
 from resample.engine.compiled import digests
-print(*digests.made_from(runs._spread_points, []))
+print(*digests.made_from(painting.paint_rays, []))
 """
 
 
@@ -201,20 +201,18 @@ def test_a_digest_is_the_same_in_every_process(monkeypatch):
     told = []
     for seed in ("1", "2"):
         monkeypatch.setenv("PYTHONHASHSEED", seed)
-        told.append(python(OCTETS))
+        told.append(python(FOURS))
     assert told[0] == told[1]
 
 
 def test_what_numba_compiles_in_place_of_a_function_counts():
     from resample.engine.compiled import digests
-    from resample.engine.points import octets
+    from resample.engine.rays import splines
 
     jit.compiler()
-    adding = jit.kernel(
-        lambda cells: octets.spread(cells, (0, 1), cells, 0, 1.0, cells, (0, 0, 1, 1))
-    )
+    adding = jit.kernel(lambda flat: splines.sums_at(flat, (1, 2), (0, 1, 2), (0.5, 0.5, 0.5)))
     parts = digests.made_from(adding, [])[1]
-    assert "resample.engine.points.octet_vectors" in parts  # whole: it makes LLVM's code
+    assert "resample.engine.rays.spline_vectors" in parts  # whole: it makes LLVM's code
     assert "resample.engine.compiled.compiling" in parts
 
 

@@ -6,21 +6,17 @@ import numpy as np
 import pytest
 
 from resample import Camera, Resampler, particles
-from resample.engine.ellipsoids.run_bounds import break_runs, outline_runs
-from resample.engine.mixtures.deferred import find_spacings, paint_runs
 from resample.engine.rays.coefficients import find_bounds, find_coefficients
 from resample.engine.rays.painting import paint_rays
-from resample.engine.subpixels import grid, grid_of
+from resample.engine.shaped.lists import deal_records
+from resample.engine.shaped.painting import paint_behind
+from resample.engine.shaped.records import project_shapes
 from resample.painting.choices import Primitive
-from resample.painting.preparing import style_of
 from resample.painting.splines import spline_of
 from resample.profiles.orders import Rays
-from resample.types import Classifier, Lamp, LatticeField, Style
-from resample_comparisons.volume.kernels.slabs.painting import paint_summed_runs
-from resample_comparisons.volume.painting import ImageSheets
-from tests.core.test_windows import HEIGHT, WIDTH, camera, cloud
+from resample.types import Classifier, Lamp, LatticeField
 from tests.kernels import compiled_only, specialisations
-from tests.samples import CAMERAS, SIDE, block, field_cloud
+from tests.samples import CAMERAS, SIDE, block
 
 pytestmark = compiled_only
 
@@ -55,7 +51,7 @@ def forms(*kernels: Any) -> list[int]:
 
 @pytest.mark.parametrize("guise", GUISES.values(), ids=GUISES)
 def test_samples_in_any_guise_are_painted_by_the_same_kernels(guise: Any) -> None:
-    kernels, samples = (paint_runs, outline_runs, break_runs), block(3)
+    kernels, samples = (paint_behind, deal_records, project_shapes), block(3)
     truth = Resampler()(samples, **SEEN).rgba
     before = forms(*kernels)
     disguised = samples._replace(
@@ -70,9 +66,9 @@ def test_a_single_particle_is_painted_by_the_kernels_of_many() -> None:
     eye, size = Camera.from_fov(60, SIDE, SIDE), {"height": SIDE, "width": SIDE}
     resample = Resampler(primitive=Primitive.SPLATS)
     resample(particles([[0, 0, 5], [0, 1, 6]], (1, 0, 0), 0.9, 1), eye, **size)
-    before = forms(paint_runs, outline_runs)
+    before = forms(paint_behind, project_shapes)
     resample(particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), eye, **size)
-    assert forms(paint_runs, outline_runs) == before
+    assert forms(paint_behind, project_shapes) == before
 
 
 @pytest.mark.parametrize(
@@ -81,14 +77,13 @@ def test_a_single_particle_is_painted_by_the_kernels_of_many() -> None:
         {"splat_color": (1, 0, 0)},
         {"splat_color": np.float32([0.5, 0.2, 0.1])},
         {"subpixels": np.int32(3)},
-        {"threshold": 0},
     ],
 )
 def test_choices_may_be_numbers_of_any_type(choices: dict[str, Any]) -> None:
     Resampler()(block(3), **SEEN)
-    before = forms(paint_runs, outline_runs)
+    before = forms(paint_behind, project_shapes)
     Resampler(**choices)(block(3), **SEEN)
-    assert forms(paint_runs, outline_runs) == before
+    assert forms(paint_behind, project_shapes) == before
 
 
 GUISES_OF_LOOKS = {
@@ -102,15 +97,6 @@ GUISES_OF_LOOKS = {
     ),
     "columns": LOOK._replace(table=np.asfortranarray(LOOK.table)),
 }  # fmt: skip
-
-
-@pytest.mark.parametrize("look", GUISES_OF_LOOKS.values(), ids=GUISES_OF_LOOKS)
-def test_looks_of_fields_may_be_numbers_of_any_type(look: Classifier) -> None:
-    paint, field = Resampler(order=ImageSheets()), field_cloud(np.random.default_rng(1), LOOK)
-    truth = paint(field, **SEEN).rgba
-    before = forms(paint_summed_runs)
-    np.testing.assert_array_equal(paint(field._replace(classifier=look), **SEEN).rgba, truth)
-    assert forms(paint_summed_runs) == before
 
 
 def lattice_field(look: Classifier, lattice: Any, origin: Any) -> LatticeField:
@@ -139,23 +125,3 @@ def test_fields_of_five_types_are_found_by_one_kernel_for_each_that_they_are_hel
     assert after[4] == after[3] == after[2]
     assert after[4][0] - before[0] <= 2  # held in 16 bits, and in float32
     assert after[4][1] - before[1] <= 1
-
-
-def test_spacings_of_tiles_are_found_by_one_kernel() -> None:
-    samples, eye = cloud(300, 20.0, 12), camera()
-    counts = []
-    for primitive in (Primitive.SPLATS, Primitive.EWA):
-        paint = Resampler(primitive=primitive, threshold=0.0)
-        paint(samples, eye, height=HEIGHT, width=WIDTH)
-        counts.append(specialisations(find_spacings))
-    assert counts[0] == counts[1]
-
-
-# It compiles what nothing else does; records ask `grid_of`, and kernels `grid`.
-@pytest.mark.sweep
-def test_a_grid_is_found_without_a_kernel_and_is_that_of_the_kernel() -> None:
-    style = style_of(Resampler(), np.eye(3), None)
-    assert isinstance(style, Style)
-    for spacing in (0.0, 1e-9, 0.01, 0.3, 0.5999999, 1.0, 7.0, np.inf, np.nan):
-        for given in (spacing, np.float32(spacing)):
-            assert grid_of(given, style) == grid(float(given), style)

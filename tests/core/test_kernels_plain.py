@@ -72,8 +72,8 @@ def test_samples_of_a_size_each_are_those_of_a_lattice_that_wide(primitive):
     assert frame.rgba.max() > 1e-4
 
 
-def test_a_sphere_around_the_eye_is_integrated_from_the_eye_on():
-    samples = two()._replace(position=np.array([(0.3, 0, 0.5), (0, 0.2, 1.5)], np.float32))
+def test_spheres_close_to_the_eye_are_the_kernels_along_the_rays():
+    samples = two()._replace(position=np.array([(0.3, 0, 2.5), (0, 0.2, 3.5)], np.float32))
     camera = Camera.from_intrinsics(4.0, 4.0, 4.1, 3.9)
     frame = draw(samples, camera, primitive=Primitive.SPLATS)
     kernel = GaussianKernel()
@@ -87,13 +87,17 @@ def test_a_sphere_around_the_eye_is_integrated_from_the_eye_on():
 )
 @pytest.mark.parametrize("focal", [1.0, 6.0])
 def test_every_choice_paints_something_sensible(primitive, model, focal):
-    frame = draw(
-        two(), Camera.from_intrinsics(focal, focal, 4.1, 3.9), primitive=primitive, footprint=model
-    )
+    camera = Camera.from_intrinsics(focal, focal, 4.1, 3.9)
+    frame = draw(two(), camera, primitive=primitive, footprint=model)
     assert 0 <= frame.rgba.min() <= frame.rgba.max() <= 1
-    seen = frame.depth[frame.rgba[..., 3] > 1e-3]
-    assert ((seen > 5.99) & (seen < 7.01)).all()
-    assert frame.statistics.points + frame.statistics.splats == 2
+    # Depths are those of the centers, or where the rays of a pixel pass nearest to them.
+    fine = Camera.from_intrinsics(4 * focal, 4 * focal, 16.4, 15.6)
+    nearest = np.moveaxis(naive.nearest_depths(two(), fine, height=32, width=32), 0, -1)
+    nearest = nearest.reshape(SIDE, 4, SIDE, 4, 2).transpose(0, 2, 1, 3, 4).reshape(SIDE, SIDE, 32)
+    is_seen = frame.rgba[..., 3] > 1e-3
+    assert (frame.depth >= np.minimum(nearest.min(axis=-1), 5.99))[is_seen].all()
+    assert (frame.depth <= np.maximum(nearest.max(axis=-1), 7.01))[is_seen].all()
+    assert frame.statistics.points + frame.statistics.splats <= 2  # some miss all pixels
 
 
 def test_the_order_of_many_samples_does_not_change_a_bit():

@@ -6,7 +6,7 @@ import pytest
 
 from resample import Primitive, Resampler, registry
 from resample.painting.choices import Footprint, Technique, footprints_of
-from resample.painting.splats import StreamedPainter
+from resample.painting.splats import SplatPainter
 from tests.samples import CAMERAS, SIDE, cloud
 
 PICTURE = {"camera": CAMERAS["narrow"], "height": SIDE, "width": SIDE}
@@ -18,9 +18,9 @@ def balls() -> Technique:
 
 
 def own_painter() -> Technique:
-    """Whatever is asked for, points where they are small."""
+    """Splats by a painter that a plugin names."""
     return Technique(
-        0.6, painter=lambda choice: StreamedPainter(choice.reconstruction, choice.point_filter)
+        0.6, painter=lambda choice: SplatPainter(choice.reconstruction, None, 2, "depth", 0.0, 0.0)
     )
 
 
@@ -49,8 +49,10 @@ def test_a_primitive_of_a_plugin_is_a_method_by_its_name(name, same, rng):
 
 
 def test_a_primitive_of_a_plugin_takes_the_footprints_that_it_names():
-    with pytest.raises(ValueError, match="primitive balls goes with the footprint exact, not disc"):
-        Resampler(method="balls", footprint=Footprint.DISC)
+    with pytest.raises(
+        ValueError, match="primitive balls goes with the footprint exact, not affine"
+    ):
+        Resampler(method="balls", footprint=Footprint.AFFINE)
 
 
 def test_an_unknown_method_lists_those_of_plugins_too():

@@ -9,7 +9,7 @@ from resample.painting.splines import spline_of
 from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
-from resample.types import Classifier, Field, LatticeField, Samples
+from resample.types import Classifier, LatticeField, Samples
 from resample_comparisons.volume.painting import ImageSheets
 from tests.samples import DARK, POSE
 
@@ -23,7 +23,7 @@ def on_a_lattice() -> LatticeField:
     return LatticeField(spline, bounds, np.zeros(0, np.uint8), np.eye(3), -np.ones(3), LOOK)
 
 
-def draw(samples: Samples | Field | LatticeField, resampler: Resampler) -> str:
+def draw(samples: Samples | LatticeField, resampler: Resampler) -> str:
     """Complaint about what a renderer was given."""
     with pytest.raises(ValueError, match="belong together") as caught:
         resampler(samples, CAMERA, height=16, width=16)
@@ -44,7 +44,7 @@ def draw(samples: Samples | Field | LatticeField, resampler: Resampler) -> str:
 def test_rays_paint_no_samples(choice: dict[str, object], name: str) -> None:
     with pytest.raises(ValueError, match=f"paint no samples, so they have no {name}") as caught:
         Resampler(order=Rays(), **choice)  # type: ignore[arg-type]
-    assert "take the order image-sheets, or leave it out" in str(caught.value)
+    assert "take the order every-sample, or leave it out" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -56,13 +56,28 @@ def test_a_field_on_a_lattice_needs_rays(order: EverySample | ImageSheets) -> No
 
 
 def test_rays_need_a_field_on_a_lattice() -> None:
-    nothing = np.zeros(0, np.float32)
-    field = Field(NOWHERE, nothing, NOWHERE, np.eye(3), LOOK)
-    samples = Samples(NOWHERE, NOWHERE, nothing, np.eye(3))
-    for given in (field, samples):
-        said = draw(given, Resampler(order=Rays()))
-        assert f"got {type(given).__name__} and Rays(" in said
-        assert "\n" not in said
+    said = draw(
+        Samples(NOWHERE, NOWHERE, np.zeros(0, np.float32), np.eye(3)), Resampler(order=Rays())
+    )
+    assert "got Samples and Rays(" in said
+    assert "\n" not in said
+
+
+def test_projections_need_rays() -> None:
+    for order in (EverySample(), ImageSheets()):
+        with pytest.raises(ValueError, match="the projection maximum needs the order rays, not"):
+            Resampler(projection=Projection.MAXIMUM, order=order)
+
+
+@pytest.mark.parametrize("iso", [None, np.nan, np.inf])
+def test_a_first_hit_needs_a_finite_value(iso: float | None) -> None:
+    with pytest.raises(ValueError, match=r"first-hit needs an iso|it must be finite"):
+        Resampler(projection=Projection.FIRST_HIT, order=Rays(), iso=iso)
+
+
+def test_an_iso_value_is_for_first_hits() -> None:
+    with pytest.raises(ValueError, match="no other projection has one"):
+        Resampler(iso=1.0)
 
 
 @pytest.mark.parametrize("step", [0.0, 0.009, 4.1, -1.0, float("nan"), float("inf")])

@@ -114,7 +114,7 @@ def test_no_samples_make_an_empty_picture(primitive):
 
 
 def test_no_samples_have_no_footprints():
-    assert Resampler().footprints(samples(0), CAMERA, height=5, width=7).size == 0
+    assert Resampler(primitive="paper").footprints(samples(0), CAMERA, height=5, width=7).size == 0
 
 
 @pytest.mark.parametrize("distance", [10.0, 200.0])
@@ -153,7 +153,7 @@ def test_no_extinction_is_too_high(primitive, extinction):
     frame = draw(samples(extinction=np.full(3, extinction)), primitive=primitive)
     assert np.isfinite(frame.rgba).all()
     assert 0 < frame.rgba[8, 8, 3] <= 1
-    assert frame.depth[8, 8] == pytest.approx(10, rel=1e-4)
+    assert frame.depth[8, 8] == pytest.approx(10, rel=2e-3)  # where rays pass the center
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.int32])

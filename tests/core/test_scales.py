@@ -26,8 +26,6 @@ CAMERAS = {
 SPLATS = painter(primitive=Primitive.SPLATS)
 LATTICE = 0.4 * sheared.LATTICE
 PLANES = [[0.3, 1.0, 0.2, 0.5], [-1.0, 0.2, 0.3, 3.0]]
-# Points of a size each have the painter compiled once more.
-POINTS = pytest.mark.sweep
 TOLERANCE = 2e-4  # painters stop at a transmittance of 1e-4
 
 
@@ -89,10 +87,16 @@ def test_splats_are_line_integrals_in_the_order_of_their_depths(rng, camera, cli
     assert truth[..., 3].max() > 0.7
     frame = SPLATS(samples, camera, clip=clip, **SIZE)
     np.testing.assert_allclose(frame.rgba, truth, atol=TOLERANCE)
-    far = naive.composite(alpha, np.repeat(depth[:, None], 3, axis=1), depth)
+    # Of each, the depth at which the ray passes nearest to its center, of what is left of the ray.
+    nearest = naive.nearest_depths(samples, camera, **SIZE)
+    low, high = camera.view().near, np.inf
+    if clip is not None:
+        low, high = naive.kept_by(camera, clip, **SIZE)
+        low = np.maximum(low, camera.view().near)
+    far = naive.layered(alpha, np.clip(nearest, low, high), depth)
     seen = truth[..., 3] > 0
     product = np.where(np.isfinite(frame.depth), frame.depth, 0) * frame.rgba[..., 3]
-    np.testing.assert_allclose(product[seen], far[..., 0][seen], atol=20 * TOLERANCE)
+    np.testing.assert_allclose(product[seen], far[seen], atol=20 * TOLERANCE)
 
 
 @pytest.mark.sweep
@@ -136,12 +140,11 @@ def test_a_larger_scale_is_a_larger_lattice(rng, camera):
     np.testing.assert_allclose(frame.coverage, other.coverage, atol=TOLERANCE)
 
 
-@POINTS
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_points_and_splats_are_those_of_64_by_64_rays_per_pixel(rng, camera):
     samples, n = dust(rng), 64
     frame = painter()(samples, camera, **SIZE)
-    assert frame.statistics.points > 40 < frame.statistics.splats
     rays = SPLATS(samples, finer(camera, n), **{name: n * size for name, size in SIZE.items()})
     truth = rays.rgba.reshape(SIZE["height"], n, SIZE["width"], n, 4).mean(axis=(1, 3))
     assert truth[..., 3].max() > 0.5
@@ -149,7 +152,7 @@ def test_points_and_splats_are_those_of_64_by_64_rays_per_pixel(rng, camera):
     np.testing.assert_allclose(frame.rgba.mean(axis=(0, 1)), truth.mean(axis=(0, 1)), rtol=1e-3)
 
 
-@POINTS
+@pytest.mark.sweep
 @pytest.mark.parametrize("opacity", [0.05, 0.5, 0.9, 0.99])
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacity):
@@ -175,7 +178,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     at = at * view.focal + view.principal
     inside = ((at > 1) & (at < (SIZE["width"] - 1, SIZE["height"] - 1))).all(axis=1)
     frame = painter()(reordered(samples, np.flatnonzero(inside)), camera, **SIZE)
-    assert frame.statistics.splats == 0 < frame.statistics.points
+    assert frame.statistics.splats == inside.sum()
     expected = (area * scale.astype(float) ** 2 * view.focal.prod() / squared)[inside].sum()
     assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(expected, rel=2e-3)
 
@@ -184,8 +187,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     "primitive",
     [
         Primitive.SPLATS,
-        pytest.param(Primitive.HYBRID, marks=POINTS),
-        pytest.param(Primitive.POINTS, marks=POINTS),
+        pytest.param(Primitive.HYBRID, marks=pytest.mark.sweep),
     ],
 )
 def test_neither_order_nor_threads_change_a_bit(rng, primitive):
@@ -197,7 +199,7 @@ def test_neither_order_nor_threads_change_a_bit(rng, primitive):
         assert_same(one, resampler(other, camera, threads=2, clip=clip, **SIZE))
 
 
-@POINTS
+@pytest.mark.sweep
 @pytest.mark.parametrize("camera", [CAMERAS["close"], CAMERAS["parallel"]])
 def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     colors = np.eye(3, dtype=np.float32)
@@ -207,7 +209,7 @@ def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     samples = Samples(position, colors, extinction, 0.2 * np.eye(3), scale)
     resampler = painter(subpixels=16)
     frame = resampler(samples, camera, **SIZE)
-    assert (frame.statistics.points, frame.statistics.splats) == (1, 2)
+    assert frame.statistics.splats == 3
     point, front, splats = (
         resampler(reordered(samples, some), camera, **SIZE).rgba for some in ([1], [0], [0, 2])
     )
@@ -252,7 +254,10 @@ def test_scales_that_are_none_are_refused_in_one_line(rng, scale, message):
             for model in footprints_of(Primitive.SPLATS)
             if model != "exact"
         ),
-        *(({"primitive": name}, f"not {name} of") for name in ("paper", "inflate", "ewa")),
+        *(
+            ({"primitive": name}, f"not {name} of")
+            for name in ("points", "paper", "inflate", "ewa")
+        ),
     ],
 )
 def test_choices_that_know_no_sizes_are_refused_in_one_line(rng, choices, message):

@@ -20,7 +20,7 @@ def test_the_defaults_are_the_resamplers_own():
 def test_every_choice_arrives():
     chosen = Resampling(
         method="splats",
-        footprint="small-angle",
+        footprint="projected",
         filter="gaussian:sigma=0.6",
         kernel="gaussian:sigma=0.7,radius=2.5",
         order="every-sample:thickness=2",
@@ -30,7 +30,7 @@ def test_every_choice_arrives():
         color_by="primitive",
     ).resampler()
     assert chosen.primitive is Primitive.SPLATS
-    assert chosen.footprint is Footprint.SMALL_ANGLE
+    assert chosen.footprint is Footprint.PROJECTED
     assert chosen.pixel_filter == Gaussian(sigma=0.6)
     assert (chosen.reconstruction.sigma, chosen.reconstruction.radius) == (0.7, 2.5)
     assert chosen.order.thickness == 2
@@ -49,8 +49,7 @@ def test_the_names_are_those_of_the_resampler():
     for (option, field), family in families.items():
         for member in family:
             iso = 1.0 if member is Projection.FIRST_HIT else None
-            own = member in (Footprint.EQUATION, Footprint.PROJECTED)  # of the paper's form
-            given = {option: member.value, "iso": iso} | ({"method": "paper"} if own else {})
+            given = {option: member.value, "iso": iso}
             built = Resampling.model_validate(given).resampler()
             assert getattr(built, field) is member
 

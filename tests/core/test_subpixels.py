@@ -13,7 +13,7 @@ from resample.engine.surfaces.resolve import (
     resolve_rows,
     resolve_tile,
 )
-from resample.painting.choices import POINT_GRID, SPLAT_GRID
+from resample.painting import paper, splats
 from resample.profiles.filters import Area, Box, Gaussian, Tent
 from resample.profiles.subpixels import Subpixels, subpixels_of
 from resample.resampler import Resampler
@@ -137,5 +137,4 @@ def test_the_nearest_is_that_of_the_pixel_s_own_square(rng):
 
 def test_the_docstring_tells_the_finest_grids():
     told = " ".join(str(Resampler.__doc__).split())
-    assert SPLAT_GRID == POINT_GRID
-    assert f"choose per tile, up to {SPLAT_GRID} for splats and for points" in told
+    assert f"hybrid and points choose, up to {splats.FINEST} and {paper.FINEST}" in told

@@ -23,7 +23,7 @@ def boxes(rng, count, width, height):
 
 
 def screen_of(width, height, margin):
-    return Screen(width, height, margin, np.zeros((4, 4)))
+    return Screen(width, height, margin)
 
 
 def naive_members(record, screen, size, column, row):

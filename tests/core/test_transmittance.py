@@ -150,11 +150,12 @@ def test_depth_is_the_mean_depth_of_what_is_seen(rng):
     samples = few(rng, extinction=2.0)
     frame = draw(samples, primitive=Primitive.SPLATS)
     alpha, depth, _ = naive_picture(samples, linear=False)
-    shares = naive.composite(alpha, np.repeat(depth[:, None], 3, axis=1), depth)
-    seen = shares[..., 3] > 1e-4  # below it float32's 1 − transmittance has few digits
-    expected = shares[seen][:, 0] / shares[seen][:, 3]
+    nearest = naive.nearest_depths(samples, CAMERA, height=SIDE, width=SIDE)
+    share = naive.layered(alpha, np.ones_like(alpha), depth)
+    seen = share > 1e-4  # below it float32's 1 − transmittance has few digits
+    expected = naive.layered(alpha, nearest, depth)[seen] / share[seen]
     np.testing.assert_allclose(frame.depth[seen], expected, rtol=2e-3)
-    clear = shares[seen][:, 3] > 0.05
+    clear = share[seen] > 0.05
     np.testing.assert_allclose(frame.depth[seen][clear], expected[clear], rtol=1e-5)
 
 
@@ -166,7 +167,9 @@ def test_first_depth_is_that_of_the_sample_at_which_something_is_seen(rng):
     opacity = 1 - np.cumprod(1 - alpha[order], axis=0)
     borderline = (np.abs(opacity - 1 / 255) < 1e-5).any(axis=0)  # tables of 1024 steps
     visible = opacity > 1 / 255
-    expected = np.where(visible.any(axis=0), depth[order][visible.argmax(axis=0)], np.inf)
+    nearest = naive.nearest_depths(samples, CAMERA, height=SIDE, width=SIDE)[order]
+    first = np.take_along_axis(nearest, visible.argmax(axis=0)[None], axis=0)[0]
+    expected = np.where(visible.any(axis=0), first, np.inf)
     np.testing.assert_allclose(frame.first_depth[~borderline], expected[~borderline], rtol=1e-6)
 
 

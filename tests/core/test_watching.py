@@ -75,7 +75,6 @@ WORK: dict[str, Callable[[int], Draw]] = {  # of pictures so many pixels a side
     "points": lambda size: volume(size, Resampler(primitive=Primitive.POINTS, subpixels=4)),
     "axis-sheets": lambda size: volume(size, Resampler(order=AxisSheets(), subpixels=3)),
     "image-sheets": lambda size: volume(size, Resampler(order=ImageSheets())),
-    "field in slabs": lambda size: volume(size, Resampler(order=ImageSheets()), POST),
     "rays": lambda size: volume(size, Resampler(order=Rays(), subpixels=2), POST),
     "maximum": lambda size: volume(
         size, Resampler(order=Rays(), projection=Projection.MAXIMUM, subpixels=6), POST

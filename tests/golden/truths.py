@@ -40,7 +40,6 @@ NONE = {
     "texture, hybrid, plane, few": MANY_IN_ONE,
     "depth image, hybrid, few": MANY_IN_ONE,
     "cloud, few": MANY_IN_ONE,
-    "field, first-hit": SURFACE,
     "rays, first-hit": SURFACE,
     "rays, attenuated": "values of a ball are compared with formulas, in tests/volume/test_rays.py",
     "texture, adjoint": "a derivative, whose products with any picture tests/texture knows",
@@ -127,40 +126,6 @@ def along_the_ray(away: float) -> Any:
     total = sums[..., 1]
     color = sums[..., 2:] / np.where(total > 0, total, 1)[..., None]
     return mean(light(color, total * length[..., None]))
-
-
-@cache
-def field_densities() -> tuple[Any, Any, Any]:
-    """Sums of a field's values and gradients along rays."""
-    given = scenes.field()
-    what = np.column_stack([given.value, given.gradient]).astype(float)
-    return densities(given, finer(camera()), what)
-
-
-def of_field(projection: str) -> Any:
-    """A field of values that kernels spread, classified after that."""
-    given, eye = scenes.field(), finer(camera())
-    sums, depth, length = field_densities()
-    density, known = sums[..., 0].astype(float), sums[..., 0] > 1e-6
-    value = np.where(known, sums[..., 1] / np.where(known, density, 1), 0.0)
-    if projection == "additive":
-        return mean((sums[..., 1].sum(axis=2) * length)[..., None])[..., 0]
-    if projection == "average":
-        total = density.sum(axis=2)
-        return mean((sums[..., 1].sum(axis=2) / np.where(total > 0, total, 1))[..., None])[..., 0]
-    if projection == "maximum":
-        low = given.classifier.low  # shown where less than half of a field is
-        shown = np.where(known, low + (value - low) * np.minimum(density / 0.5, 1.0), -np.inf)
-        largest = shown.max(axis=2)
-        return mean(np.where(np.isfinite(largest), largest, 0.0)[..., None])[..., 0]
-    gradient = sums[..., 2:] / np.where(known, density, 1)[..., None]
-    _, way = naive.rays(eye, **SIZE)
-    view = eye.view()
-    place = (way[:, :, None] * depth[:, None] - view.translation) @ view.rotation
-    look = ray_truth.looks(given.classifier, value, np.linalg.norm(gradient, axis=-1))
-    own, high = ray_truth.shine(given.classifier, gradient, place, depth)
-    color = own[..., None] * look[..., :3] + high[..., None]
-    return mean(light(color, look[..., 3] * density * length[..., None]))
 
 
 @cache
@@ -325,10 +290,6 @@ TRUTHS: dict[str, Callable[[], Any]] = {
     "volume, along the ray, far": lambda: along_the_ray(60.0),
     "volume, inside and cut": inside,
     "particles": lambda: mean(one_by_one(scenes.particles(), finer(camera()))),
-    **{
-        f"field, {name}": lambda name=name: of_field(name)
-        for name in ("composite", "maximum", "average", "additive")
-    },
     **{
         f"rays, {name}": lambda name=name: of_lattice(name)
         for name in ("composite", "maximum", "average", "additive", "minimum")

@@ -7,7 +7,6 @@ from resample.command.settings import Resampling
 from resample.painting.choices import MEASURING, Primitive, Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.labels import Rule
 from resample_volume.classification.materials import spread
@@ -82,7 +81,6 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
     maximum = Projecting(projection="maximum").resampling()
     assert AppearanceChoices().renderer(maximum).order == Rays(quality="usual")
     assert post.renderer(maximum).order == Rays()
-    assert post.renderer(Resampling(order="image-sheets:thickness=2")).order == ImageSheets(2)
     assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")
 
 
@@ -90,8 +88,8 @@ def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
     ("look", "resampling", "complaint"),
     [
         ({"label": ("1:hidden",)}, {}, "give the volume of labels, too"),
-        ({"classify": "post"}, {"order": "every-sample"}, "needs the order rays or image-sheets"),
-        ({"classify": "post", "labels": "a.npy"}, {"order": "image-sheets"}, "labels color voxels"),
+        ({"classify": "post"}, {"order": "every-sample"}, "needs the order rays, not"),
+        ({"classify": "post"}, {"order": "image-sheets"}, "needs the order rays, not"),
         ({"depth_cue": 0.5}, {"projection": "average"}, "depth-cue dims light"),
         ({"gradient_opacity": "0/1"}, {"projection": "maximum"}, "gradient-opacity fades voxels"),
     ],

@@ -60,7 +60,7 @@ def test_also_shows_another_volume_where_its_file_says():
     [
         (
             ("--also", "b.nrrd", "--classify", "post", "--order", "image-sheets"),
-            "several volumes need the order rays",
+            "the classification post needs the order rays",
         ),
         (("--also", "b.nrrd", "--projection", "maximum"), "the values of one"),
         (("--also", "gone.nrrd:transfer=gray"), "gone.nrrd: there is no such file"),

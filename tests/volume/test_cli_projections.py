@@ -1,6 +1,5 @@
 """What `resample-volume` makes of projections, classification, cuts, labels and color bars."""
 
-import json
 from functools import partial
 from pathlib import Path
 
@@ -8,9 +7,6 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_channels, read_image
-from resample.resampler import Resampler
-from resample_comparisons.volume.compare import thickest, variants
-from resample_comparisons.volume.painting import ImageSheets
 from resample_volume import cli
 from resample_volume.files.generated import checker_box, vessel_tree
 from tests import commands
@@ -20,7 +16,6 @@ TREE = "vessel-tree:size=24"
 SMALL = ["--size", "32"]
 SIZED = ("--spacing", "1x1x1")  # so that nothing is assumed
 POST = ["--classify", "post"]
-SHEETS = [*POST, "--order", "image-sheets"]
 HIT = ["--projection", "first-hit", "--iso"]
 ALL = ["maximum", "average", "additive", "first-hit"]
 # Bytes lie in 16 bits, for which all of a painter is compiled anew: composited they are tried.
@@ -158,16 +153,6 @@ def test_an_x_rays_bar_does_not_depend_on_the_transfer_function():
 # Statistics
 
 
-@pytest.mark.sweep
-@pytest.mark.parametrize("words", [POST, [*HIT, 128], ["--projection", "average"]])
-def test_stats_of_fields_that_are_painted_add_up(words):
-    words = [*words, "--order", "image-sheets", "--stats", "s.json"]
-    assert ended("render", BOX, "-o", "out.png", *SMALL, *words) == 0
-    stats = json.loads(Path("s.json").read_text())
-    assert stats["points"] + stats["splats"] == stats["samples"] == 16**3
-    assert 0 <= stats["hidden"] < stats["samples"]
-
-
 # Volumes that hold little or nothing
 
 
@@ -218,17 +203,16 @@ def test_a_normal_may_be_of_any_length(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ([*POST, "--order", "every-sample"], "post needs the order rays or image-sheets"),
+        ([*POST, "--order", "every-sample"], "post needs the order rays, not"),
         ([*POST, "--order", "rays:step=0"], "a step of 0"),
         ([*POST, "--order", "rays:sharpness=2"], "the sharpness is 2"),
         ([*POST, "--order", "rays", "--method", "splats"], "rays paint no samples"),
         (["--classify", "pre", "--order", "rays"], "so it needs the classification post"),
-        (
-            [*SHEETS, "--labels", "labels.npy"],
-            "composite, and along rays or in the classification pre",
-        ),
         (["--projection", "maximum", "--labels", "labels.npy"], "labels color voxels"),
-        (["--projection", "maximum", "--order", "axis-sheets"], "maximum needs the order rays or"),
+        (
+            ["--projection", "maximum", "--order", "axis-sheets"],
+            "maximum needs the order rays, not",
+        ),
         (["--projection", "maximum", "--depth-cue", 0.5], "depth-cue dims light"),
         ([*HIT, 100, "--gradient-opacity", "0.1/0.5"], "gradient-opacity fades voxels, so it"),
         (
@@ -238,7 +222,7 @@ def test_a_normal_may_be_of_any_length(capsys):
         (["--iso", 4], "first-hit needs an iso value, and no other"),
         (["--projection", "first-hit"], "first-hit needs an iso value"),
         ([*HIT, "nan"], "iso: Input should be a finite number"),
-        (["--method", "ewa", "--footprint", "exact"], "ewa goes with the footprint affine"),
+        (["--method", "ewa", "--footprint", "affine"], "ewa goes with the footprint exact"),
         (["--order", "image-sheets:thickness=0"], "thickness must be above 0"),
         (["--order", "sheets"], "known orders: axis-sheets, every-sample, image-sheets"),
         (["--label", "1:hidden"], "give the volume of labels, too"),
@@ -296,12 +280,6 @@ def test_a_color_bar_is_for_pictures_of_the_screen(capsys):
 )
 def test_compare_refuses_what_cannot_be_compared(words, complaint, capsys):
     assert complaint in refused(capsys, "compare", BOX, *SMALL, *words)
-
-
-def test_orders_of_fields_are_compared_on_the_voxels_that_the_thickest_slab_needs():
-    orders = ["image-sheets:thickness=0.25", "image-sheets:thickness=4"]
-    choice = variants(Resampler(order=ImageSheets()), ["splats", "points"], orders=orders)
-    assert thickest(choice).order == ImageSheets(4)
 
 
 # Help

@@ -214,7 +214,7 @@ def test_a_lamp_at_the_eye_casts_no_shadows() -> None:
             Resampler(order=Rays(), projection=Projection.MAXIMUM),
             "need the projection composite or first-hit",
         ),
-        (Resampler(order=ImageSheets()), "need the order rays"),
+        (Resampler(order=ImageSheets()), "needs the order rays"),
     ],
 )
 def test_shadows_say_what_they_need(paint: Resampler, message: str) -> None:

@@ -8,6 +8,8 @@ import SimpleITK
 
 from resample.cameras.viewpoints import Orbit
 from resample.colors import from_srgb
+from resample.painting.choices import Projection
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.calls import render
@@ -269,7 +271,7 @@ def test_what_colors_cannot_be_is_refused(colors, tmp_path):
         Subject.of(
             volume,
             Appearance(classification=Classification.POST),
-            SHEETS,
+            Resampler(order=Rays(), projection=Projection.MAXIMUM),
         )
     np.save(tmp_path / "a.npy", colors)
     with pytest.raises(ValueError, match="labels are whole numbers, one for each voxel"):

@@ -50,9 +50,9 @@ def test_a_voxel_and_a_row_are_seen_at_both_ends_of_spacings(shape, mode):
         assert all(np.isfinite(one).all() for one in pictures)
 
 
-@pytest.mark.parametrize("value", [3e38, -3e38, 1e30, 1e-45, 0.0])
+@pytest.mark.parametrize("value", [1e30, 1e-45, 0.0])
 def test_a_field_of_one_value_is_classified(value):
-    painter = Resampler(order=ImageSheets(0.5))
+    painter = Resampler(order=Rays())
     volume = np.full((1, 2, 3), value, np.float32)
     look = Appearance(classification="post")
     with pytest.warns(UserWarning, match=r"all values of array are |nothing of array is visible"):

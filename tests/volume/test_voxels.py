@@ -8,7 +8,6 @@ import pytest
 from scipy.ndimage import sobel
 from scipy.spatial.transform import Rotation
 
-from resample.profiles.reconstruction import GaussianKernel
 from resample.types import Doubles
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferTable, from_points, tabulated
@@ -19,7 +18,6 @@ from resample_volume.voxels.visible import (
     classify,
     finite_range,
     lattice_of,
-    reachable,
 )
 
 WHITE = (1.0, 1.0, 1.0)
@@ -376,69 +374,3 @@ def smooth(kind: str, rng: np.random.Generator) -> np.ndarray:
 
 def transfer_table(points: list, columns: int = 100) -> TransferTable:
     return tabulated(from_points(points), (0.0, 99.0), 0.0, 1.0, (1, columns))
-
-
-def reconstructed(
-    values: np.ndarray, index: np.ndarray, looks: TransferTable, place: np.ndarray
-) -> np.ndarray:
-    """Optical depth per length at places (P, 3) of a field made of some of the voxels.
-
-    Values fall to the lowest where kernels end.
-    """
-    kernel = GaussianKernel()
-    voxel = np.stack(np.unravel_index(index, values.shape), axis=1)
-    distance = np.linalg.norm(place[:, np.newaxis] - voxel, axis=2)
-    weight = kernel(distance) / kernel(np.linalg.norm(np.indices((9, 9, 9)) - 4, axis=0)).sum()
-    known = values.ravel()[index].astype(float)
-    density = weight.sum(axis=1)
-    value = looks.low + weight @ (known - looks.low) / np.maximum(density, 0.5)
-    column = np.linspace(looks.low, looks.high, looks.table.shape[1])
-    return density * np.interp(value, column, looks.table[0, :, 3])
-
-
-@pytest.mark.some(1)
-@pytest.mark.parametrize("kind", ["u1", "f4"])
-@pytest.mark.parametrize("name", SHOWN)
-def test_voxels_out_of_reach_change_nothing(name: str, kind: str, rng: np.random.Generator) -> None:
-    values, looks = smooth(kind, rng), transfer_table(SHOWN[name])
-    place = rng.uniform(-2, 12, (1000, 3))
-    kept = reachable(unit_volume(values), looks)
-    whole = reconstructed(values, np.flatnonzero(np.isfinite(values)), looks, place)
-    # float64 sums in another order
-    np.testing.assert_allclose(reconstructed(values, kept, looks, place), whole, atol=1e-12)
-
-
-@pytest.mark.parametrize("radius", [1.0, 1.6, 2.0])
-def test_voxels_in_reach_are_nearer_than_two_radii_to_one_that_counts(
-    radius: float, rng: np.random.Generator
-) -> None:
-    values = smooth("u1", rng)
-    every = np.argwhere(np.ones_like(values))
-    counts = np.argwhere(values >= 85)
-    distance = np.linalg.norm(every[:, np.newaxis] - counts, axis=2).min(axis=1)
-    found = reachable(unit_volume(values), transfer_table(SHOWN["step"]), radius)
-    np.testing.assert_array_equal(found, np.flatnonzero(distance < 2 * radius))
-
-
-def test_what_is_between_the_columns_of_a_table_counts() -> None:
-    values = np.array([79.0, 81.0, 99.0]).reshape(3, 1, 1)
-    looks = transfer_table(SHOWN["step"], columns=12)  # of 9 units: 81 is dark, 90 is not
-    assert reachable(unit_volume(values), looks, 0.5).tolist() == [2]
-    looks = transfer_table(SHOWN["step"], columns=34)  # of 3: up to 84
-    assert reachable(unit_volume(values), looks, 0.5).tolist() == [2]
-    looks = transfer_table(SHOWN["step"], columns=5)  # of 24.75: from 74.25 on
-    assert reachable(unit_volume(values), looks, 0.5).tolist() == [0, 1, 2]
-
-
-def test_reach_does_not_depend_on_chunks(
-    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    volume, looks = unit_volume(smooth("f4", rng)), transfer_table(SHOWN["above"])
-    whole = reachable(volume, looks)
-    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 250)
-    np.testing.assert_array_equal(reachable(volume, looks), whole)
-
-
-def test_missing_and_infinite_values_are_not_reached() -> None:
-    values = np.array([np.nan, 90, np.inf, -np.inf, 1]).reshape(1, 1, 5)
-    assert reachable(unit_volume(values), transfer_table(SHOWN["above"])).tolist() == [1, 4]

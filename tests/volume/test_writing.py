@@ -4,8 +4,8 @@ import pytest
 from resample.colors import to_srgb
 from resample.measuring.color_bars import check_bar
 from resample.painting.choices import Projection
+from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.calls import render
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.readers import Npy
@@ -69,7 +69,7 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path, name):
 
 # Color bars
 
-XRAY = Resampler(order=ImageSheets(), projection=Projection.ADDITIVE)
+XRAY = Resampler(order=Rays(), projection=Projection.ADDITIVE)
 TREE = vessel_tree(16)
 
 

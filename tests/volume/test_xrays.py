@@ -16,7 +16,6 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample_comparisons.volume.painting import ImageSheets
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command import rendering
 from resample_volume.command.choices import AppearanceChoices, Projecting
@@ -167,13 +166,6 @@ def test_the_renderer_alone_asks_for_an_x_ray():
     size = (SIDE, SIDE)
     alone = render(ball(), "auto", parallel(), size=size, resampler=RAYS)
     np.testing.assert_array_equal(alone.value, taken(ball(), parallel()).value)
-
-
-def test_slabs_of_samples_attenuate_alike():
-    slabs = Resampler(order=ImageSheets(0.5), projection=Projection.XRAY)
-    look = Appearance(xray=XRay(MU))
-    value = render(ball(), look, parallel(), size=(SIDE, SIDE), resampler=slabs).value
-    assert value[16, 16] == pytest.approx(MU * 2 * RADIUS, rel=0.01)
 
 
 def test_a_scene_and_its_previews_show_x_rays():

@@ -8,13 +8,13 @@ import numpy as np
 from resample import registry
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
-from resample.painting.choices import OF_RAYS, Footprint, Opacity, Primitive, Projection
+from resample.painting.choices import Footprint, Opacity, Primitive, Projection
 from resample.painting.splines import spline_of
 from resample.profiles.filters import Gaussian
 from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import BSplineKernel
 from resample.resampler import Resampler
-from resample.types import Classifier, Field, Lamp, LatticeField, Samples
+from resample.types import Classifier, Lamp, LatticeField, Samples
 from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 
 SIDE = 24  # px
@@ -31,9 +31,8 @@ VOLUMES: dict[str, dict[str, Any]] = {
     "splat color": {"splat_color": (0.8, 0.02, 0.02)},
     "by distance": {"order": EverySample(key="distance")},
     "corrected": {"footprint": Footprint.CORRECTED},
-    "small-angle": {"footprint": Footprint.SMALL_ANGLE},
+    "projected": {"footprint": Footprint.PROJECTED},
     "affine": {"footprint": Footprint.AFFINE},
-    "disc": {"footprint": Footprint.DISC},
     "gaussian filter": {"pixel_filter": Gaussian(0.6)},
     "splats": {"primitive": Primitive.SPLATS},
     "points": {"primitive": Primitive.POINTS},
@@ -42,7 +41,6 @@ VOLUMES: dict[str, dict[str, Any]] = {
     "ewa": {"primitive": Primitive.EWA},
     "axis-sheets": {"order": AxisSheets()},
     "image-sheets": {"order": ImageSheets()},
-    "image-sheets, affine": {"order": ImageSheets(0.5), "footprint": Footprint.AFFINE},
 }
 FAR = ("default", "points", "paper", "ewa", "axis-sheets", "image-sheets")
 
@@ -83,20 +81,15 @@ def particles() -> Samples:
     )
 
 
-def field() -> Field:
-    """Values and gradients at the same places, with colors for the values."""
-    rng = np.random.default_rng(7)
-    table = rng.uniform(0, 1, (1, 8, 4)).astype(np.float32)
+def classifier() -> Classifier:
+    """Colors for values."""
+    table = np.random.default_rng(7).uniform(0, 1, (1, 8, 4)).astype(np.float32)
     lamp = Lamp(np.zeros(3), np.array([9.6, -8.0, 9.9, 1.0]), 0.2, 0.7, 0.3, 8.0, 0.1)
-    position = samples().position
-    value = np.sin(position[:, 0]) + np.cos(position[:, 1] * position[:, 2])
-    gradient = np.stack([np.cos(position[:, 0]), -position[:, 2], -position[:, 1]], axis=1)
-    look = Classifier(table, -2.0, 2.0, 2.0, lamp, 0.0, 1.0, 0.0)
-    return Field(position, value, gradient.astype(np.float32), np.eye(3), look)
+    return Classifier(table, -2.0, 2.0, 2.0, lamp, 0.0, 1.0, 0.0)
 
 
 def values_of_lattice() -> Any:
-    """The same formula on all of a lattice."""
+    """A formula on all of a lattice."""
     axis = np.arange(LATTICE) - (LATTICE - 1) / 2
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     return (np.sin(x) + np.cos(y * z / 3)).astype(np.float32)
@@ -106,7 +99,7 @@ def lattice_field() -> LatticeField:
     """These values, as rays go through them."""
     spline, bounds = spline_of(values_of_lattice())
     none, first = np.zeros(0, np.uint8), -(LATTICE - 1) / 2
-    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, first), field().classifier)
+    return LatticeField(spline, bounds, none, np.eye(3), np.full(3, first), classifier())
 
 
 def lattice_fields() -> list[LatticeField]:
@@ -135,9 +128,6 @@ def _add_volumes() -> None:
             continue  # the sums of additive
         iso = 0.5 if projection is Projection.FIRST_HIT else None
         choices = {"projection": projection, "iso": iso}
-        if projection not in OF_RAYS:
-            slabs = ImageSheets(0.5)
-            SCENES[f"field, {projection}"] = volume(field, 16.0, order=slabs, **choices)
         SCENES[f"rays, {projection}"] = volume(lattice_field, 16.0, order=Rays(), **choices)
     SCENES["rays, several fields"] = volume(lattice_fields, 16.0, order=Rays())
     SCENES["volume, inside and cut"] = _inside

@@ -40,7 +40,7 @@ def volumes() -> Iterator[str]:
         ):
             yield VOLUME.format(f"uint8.npy --method {method} {more}")
     for more in (
-        *(f"--footprint {name}" for name in ("corrected", "small-angle", "affine", "disc")),
+        *(f"--footprint {name}" for name in ("corrected", "projected", "affine")),
         *(f"--subpixels {count}" for count in (1, 2, 3)),
         "--classify pre --fov 0",
         "--classify pre --camera 30/20/0.2",

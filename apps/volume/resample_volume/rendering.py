@@ -12,12 +12,10 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
 from resample.painting.choices import MEASURING, Projection
-from resample.profiles.orders import Summing
 from resample.resampler import Resampler
 from resample.types import (
     NO_TRIANGLES,
     Doubles,
-    Field,
     Frame,
     LatticeField,
     Samples,
@@ -50,7 +48,6 @@ from resample_volume.media.appearance import (
 from resample_volume.media.xrays import AS_IT_IS, MU_WATER, Tone, XRay, exposed, settled, tone_of
 from resample_volume.types import Placed, Volume
 from resample_volume.voxels.cropping import faced, keep, planes
-from resample_volume.voxels.fields import FieldVoxels, field_voxels, framed, lit_field
 from resample_volume.voxels.framing import (
     FramedVoxels,
     Shifted,
@@ -75,8 +72,8 @@ if TYPE_CHECKING:
     from resample_volume.media.lattices import CommonLattice
     from resample_volume.surfaces.meshes import SceneMesh
 
-Visible: TypeAlias = Voxels | FieldVoxels | Gathered | list[Gathered]
-Shaded: TypeAlias = Samples | Field | LatticeField | list[LatticeField]  # what a renderer gets
+Visible: TypeAlias = Voxels | Gathered | list[Gathered]
+Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # what a renderer gets
 Fit = Literal["visible", "volume"]  # what cameras orbit
 # As `visible`, then zoomed and panned to fill the picture, or most of it.
 Fitted = Fit | Literal["picture", "most"]
@@ -147,13 +144,11 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
 
 def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler) -> Transfer:
     """Return the transfer function of a field, which its projection can show."""
-    projection, order = resampler.projection, resampler.order
-    if volume.colors is not None and not (
-        order.summing is Summing.RAYS and projection is Projection.COMPOSITE
-    ):
+    projection = resampler.projection
+    if volume.colors is not None and projection is not Projection.COMPOSITE:
         raise ValueError(
-            f"{volume.name} has colors, which need the projection composite, and along rays or in "
-            f"the classification pre; for a field {how('channel', volume.colors.shape[-1])}"
+            f"{volume.name} has colors, which need the projection composite; for others "
+            f"{how('channel', volume.colors.shape[-1])}"
         )
     transfer = transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
@@ -164,13 +159,6 @@ def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler
     if appearance.gradient_opacity is not None:
         transfer = Faded(transfer, appearance.gradient_opacity)
     return transfer
-
-
-def _field_gradient(look: Appearance, transfer: Transfer, projection: Projection) -> str | None:
-    """Return the gradient of a field that is painted as voxels, if one is needed."""
-    if projection in MEASURING:
-        return None
-    return look.gradient if transfer.needs_gradient else look.needed_gradient
 
 
 def _measured(
@@ -185,21 +173,17 @@ def _measured(
 
 
 def _shadowed(
-    voxels: Voxels | FieldVoxels | Gathered,
+    voxels: Voxels | Gathered,
     volume: Volume,
     resampler: Resampler,
     clip: Doubles,
     light: Light,
-) -> Voxels | FieldVoxels | Gathered:
+) -> Voxels | Gathered:
     """Return the visible voxels with the light that reaches them, shadowed by all others."""
     if resampler.projection in MEASURING:
         raise ValueError(
             "shadows and occlusion dim light, so they need the projection composite or first-hit, "
             f"not {resampler.projection}"
-        )
-    if isinstance(voxels, FieldVoxels):
-        raise ValueError(
-            "shadows and occlusion of fields need the order rays; leave the order out or give rays"
         )
     if isinstance(voxels, Gathered):
         return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
@@ -281,11 +265,7 @@ class Subject:
         ):
             measured, look, tone = _measured(scene, appearance, resampler.projection)
             transfer = _field_transfer(measured, look, resampler)
-            if resampler.order.summing is Summing.RAYS:
-                voxels = gathered(measured, transfer, resampler, look.gradient, look.labels)
-            else:
-                gradient = _field_gradient(look, transfer, resampler.projection)
-                voxels = field_voxels(measured, transfer, resampler, gradient)
+            voxels = gathered(measured, transfer, resampler, look.gradient, look.labels)
         else:
             voxels = visible_voxels(scene, appearance)
         radius = resampler.reconstruction.radius
@@ -298,11 +278,13 @@ class Subject:
         if around is not None:
             ball = ball_around(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
-        shown: Callable[[], Placed | FramedVoxels]
-        if isinstance(voxels, Gathered) or resampler.projection is not Projection.COMPOSITE:
-            shown = partial(shown_together, [(scene, appearance)], clip, resampler)
-        else:
-            shown = partial(framed, voxels, resampler)
+
+        def shown() -> Placed | FramedVoxels:
+            """Return what is visible, for cameras to fit."""
+            if not isinstance(voxels, Gathered):
+                return voxels
+            return shown_together([(scene, appearance)], clip, resampler)
+
         ball = around_both(sphere_around(shown(), scene), mesh.corner)
         return cls(voxels, appearance, ball, middle, clip, mesh, tone, shown)
 
@@ -432,12 +414,10 @@ class Subject:
         view = camera.view()
         viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
         dimmed = (near, far, cue.share if cue else 0.0)
-        if isinstance(self.voxels, Gathered | list):
-            fields = fields_of(self.voxels)
-            first, *others = (lit_lattice(field, light, viewer, dimmed) for field in fields)
-            first = first._replace(mesh=self.mesh)
-            return [first, *others] if isinstance(self.voxels, list) else first
-        return lit_field(faced(self.voxels, self._across(camera)), light, viewer, dimmed)
+        fields = fields_of(self.voxels)
+        first, *others = (lit_lattice(field, light, viewer, dimmed) for field in fields)
+        first = first._replace(mesh=self.mesh)
+        return [first, *others] if isinstance(self.voxels, list) else first
 
 
 def pictured(

@@ -32,7 +32,7 @@ COLORS = {
     "ellipse, index i": "tab:gray",
     "corrected as printed": "tab:red",
     "corrected": "tab:blue",
-    "small-angle": "tab:cyan",
+    "projected": "tab:cyan",
     "disc": "tab:purple",
     "exact": "tab:green",
 }
@@ -117,8 +117,8 @@ def record_of(sphere: KernelBall, model: Footprint) -> Record:
 
 def index_of(record: Record, ray: Doubles) -> Doubles:
     """Return the root of a record's quadratic form at rays (..., 2) in the plane at depth 1."""
-    dx = FOCAL * ray[..., 0] - float(record["form_x"])
-    dy = FOCAL * ray[..., 1] - float(record["form_y"])
+    dx = FOCAL * ray[..., 0] - float(record["x"])
+    dy = FOCAL * ray[..., 1] - float(record["y"])
     a, b, c = (float(record[name]) for name in "abc")
     return np.asarray(np.sqrt(np.maximum(0.0, a * dx * dx + 2 * b * dx * dy + c * dy * dy)))
 
@@ -130,7 +130,7 @@ def ellipse_of(record: Record) -> tuple[Doubles, Doubles]:
     """
     a, b, c = (float(record[name]) for name in "abc")
     squared, axes = np.linalg.eigh(np.array([[a, b], [b, c]]))
-    center = np.array([record["form_x"], record["form_y"]], np.float64)
+    center = np.array([record["x"], record["y"]], np.float64)
     return center / FOCAL, axes / np.sqrt(squared) / FOCAL
 
 
@@ -179,20 +179,52 @@ def disc_distance(sphere: KernelBall, ray: Doubles) -> Doubles:
     return np.asarray(np.tan(np.arcsin(sine)) * far / sphere.radius)
 
 
+def exact_distance(sphere: KernelBall, ray: Doubles) -> Doubles:
+    """Return the distance of rays by the resampler's record of exact footprint."""
+    from resample.engine.shaped.records import (
+        D_X,
+        D_XX,
+        D_XY,
+        D_Y,
+        D_YY,
+        N_XX,
+        N_XY,
+        N_YY,
+        WHOLE,
+        ShapedArrays,
+        ShapedOptions,
+        X,
+        Y,
+        project_shapes,
+    )
+
+    samples, camera = sphere.samples(), Camera.from_intrinsics(FOCAL, FOCAL, 0.0, 0.0)
+    one, radius = np.ones(1, np.float32), np.full((1, 3), sphere.radius, np.float32)
+    turn = np.array([[1, 0, 0, 0]], np.float32)
+    shapes = ShapedArrays(samples.position, radius, turn, one, samples.color)
+    options = ShapedOptions(FRAME, FRAME, False, False, False, 0.0, FOCAL, False, 0.0, 0.0)
+    record = np.empty((1, WHOLE), np.float32)
+    project_shapes(shapes, camera.view(), options, record)
+    r = record[0].astype(np.float64)
+    dx, dy = FOCAL * ray[..., 0] - r[X], FOCAL * ray[..., 1] - r[Y]
+    above = r[N_XX] * dx * dx + r[N_XY] * dx * dy + r[N_YY] * dy * dy
+    below = 1 + dx * (r[D_X] + dx * r[D_XX] + dy * r[D_XY]) + dy * (r[D_Y] + dy * r[D_YY])
+    return np.asarray(np.sqrt(above / below))
+
+
 def model_distances(sphere: KernelBall, ray: Doubles) -> dict[str, Doubles]:
     """Return the models' distances of rays (..., 2) in radii, by name."""
     cone = np.array(np.radians(sphere.cone))
     ellipse = index_of(record_of(sphere, Footprint.CORRECTED), ray)
-    projected = index_of(record_of(sphere, Footprint.SMALL_ANGLE), ray)
-    length = np.sqrt(1 + (ray**2).sum(axis=-1)) / sphere.radius
+    projected = index_of(record_of(sphere, Footprint.PROJECTED), ray)
     return {
         "affine": index_of(record_of(sphere, Footprint.AFFINE), ray),
         "ellipse, index i": ellipse,
         "corrected as printed": printed_distance(ellipse, cone),
         "corrected": true_distance(ellipse, cone),
-        "small-angle": true_distance(projected, cone),
+        "projected": true_distance(projected, cone),
         "disc": disc_distance(sphere, ray),
-        "exact": index_of(record_of(sphere, Footprint.EXACT), ray) / length,
+        "exact": exact_distance(sphere, ray),
     }
 
 
@@ -250,6 +282,7 @@ def picture_errors(sphere: KernelBall) -> dict[str, float]:
     return {
         str(model): float(np.abs(_drawn(sphere, camera, model) - truth).max() / truth.max())
         for model in footprints_of(Primitive.SPLATS)
+        if str(model) in COLORS
     }
 
 

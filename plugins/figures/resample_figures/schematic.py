@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import orbit
+from resample.hybrid.record import NOTHING, SPLAT
 from resample.painting.choices import PAPER_FILTER, Primitive
+from resample.painting.scenes.scene import spacing_of
 from resample.profiles.orders import EverySample, layers_of, sheets_of
 from resample.resampler import Resampler
-from resample.types import Doubles, Records, Samples, Sheets
+from resample.types import Doubles, Floats, Records, Samples, Sheets
 from resample_figures.volumes import Row, VolumeFolder, drawing, save, write_numbers
 from resample_volume.files.source import generate
 from resample_volume.media.appearance import Appearance
@@ -48,6 +50,7 @@ class LayerCut(NamedTuple):
     title: str
     samples: Samples
     footprints: Records  # (N,)
+    spacing: Floats  # (N,) px
     place: Doubles  # (N, 2) aside and ahead of the eye, voxels
     is_splat: NDArray[np.bool_]  # (N,)
     sheets: Sheets
@@ -139,7 +142,7 @@ def _classified(samples: Samples, camera: Camera, width: int, title: str) -> Lay
     """Samples in front of the camera and in its picture, as the resampler sees them."""
     resample = resampler()
     records = resample.footprints(samples, camera, height=width, width=width)
-    seen = (records["left"] <= records["right"]) & np.isfinite(records["spacing"])
+    seen = records["kind"] != NOTHING
     kept = _some(samples, seen)
     footprints = np.ascontiguousarray(records[seen])
     voxel = float(np.cbrt(abs(np.linalg.det(samples.lattice))))
@@ -151,8 +154,10 @@ def _classified(samples: Samples, camera: Camera, width: int, title: str) -> Lay
     rank[np.argsort(sheets.key, kind="stable")] = np.arange(len(footprints))
     local = kept.position @ view.rotation.T + view.translation
     place = np.asarray(local[:, [0, 2]] / voxel, np.float64)
-    is_splat = footprints["spacing"] > THRESHOLD
-    return LayerCut(title, kept, footprints, place, is_splat, sheets, rank, camera, voxel, width)
+    is_splat, spacing = footprints["kind"] == SPLAT, spacing_of(view, kept)
+    return LayerCut(
+        title, kept, footprints, spacing, place, is_splat, sheets, rank, camera, voxel, width
+    )
 
 
 def _rows(number: str, shown: LayerCut) -> list[Row]:
@@ -161,7 +166,7 @@ def _rows(number: str, shown: LayerCut) -> list[Row]:
             "figure": number,
             "aside_voxels": float(shown.place[n, 0]),
             "ahead_voxels": float(shown.place[n, 1]),
-            "spacing_px": float(shown.footprints["spacing"][n]),
+            "spacing_px": float(shown.spacing[n]),
             "primitive": "splat" if shown.is_splat[n] else "point",
             "turn": int(shown.rank[n]),
             "layer": int(shown.sheets.sheet[n]),
@@ -183,7 +188,7 @@ def boundary(shown: LayerCut) -> tuple[Doubles, Doubles, Doubles]:
     ones = np.ones(len(position), np.float32)
     fake = Samples(position, np.ones((len(position), 3), np.float32), ones, shown.samples.lattice)
     records = resampler().footprints(fake, shown.camera, height=shown.width, width=shown.width)
-    spacing = np.where(records["left"] <= records["right"], records["spacing"], np.nan)
+    spacing = np.where(records["kind"] != NOTHING, spacing_of(view, fake), np.nan)
     return aside, ahead, np.asarray(spacing, np.float64).reshape(x.shape)
 
 

@@ -13,8 +13,10 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.viewpoints import Orbit, Sphere
+from resample.hybrid.record import NOTHING, SPLAT
 from resample.measuring.compare import milliseconds, plain
 from resample.painting.choices import Primitive
+from resample.painting.scenes.scene import spacing_of
 from resample.resampler import Resampler
 from resample.types import Floats, Samples
 from resample_comparisons.volume.painting import AxisSheets, ImageSheets
@@ -105,8 +107,7 @@ class Case:
         view = self.camera(zoom, side).view()
         focal, pose = float(view.focal[0]), np.column_stack([view.rotation, view.translation])
         wide = Camera.from_intrinsics(focal, focal, HUGE / 2, HUGE / 2, pose)
-        records = _PAPER_FORM.footprints(some, wide, height=HUGE, width=HUGE)
-        return np.asarray(records["spacing"], np.float32)
+        return spacing_of(wide.view(), some)
 
 
 _PAPER_FORM = Resampler(primitive=Primitive.PAPER, threshold=THRESHOLD)
@@ -264,8 +265,8 @@ def _timed(
 def _share_of_splats(case: Case, camera: AnyCamera, side: int) -> float:
     """Share of the samples in the picture, also of those that opaque ones hide."""
     records = _PAPER_FORM.footprints(case.samples, camera, height=side, width=side)
-    seen = records["left"] <= records["right"]
-    return float((records["spacing"][seen] > THRESHOLD).mean()) if seen.any() else 0.0
+    seen = records["kind"] != NOTHING
+    return float((records["kind"][seen] == SPLAT).mean()) if seen.any() else 0.0
 
 
 def _baseline_times(case: Case, camera: AnyCamera, choices: Effort) -> dict[str, object]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample.painting.choices import Footprint, Primitive, footprints_of
+from resample.painting.choices import Footprint, Primitive
 from resample.profiles.orders import EverySample
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import AxisSheets
@@ -139,7 +139,7 @@ def test_the_dotted_line_divides_points_from_splats(layer):
     column = np.abs(aside - layer.place[:, :1]).argmin(axis=1)
     row = np.abs(ahead - layer.place[:, 1:]).argmin(axis=1)
     # A step of the grid changes the spacing by a hundredth.
-    clear = np.abs(layer.footprints["spacing"] - schematic.THRESHOLD) > 0.02
+    clear = np.abs(layer.spacing - schematic.THRESHOLD) > 0.02
     drawn = spacing[row, column] > schematic.THRESHOLD
     assert (drawn == layer.is_splat)[clear].all()
 
@@ -248,7 +248,7 @@ def test_the_disc_errs_alike_at_all_angles(errors):
     assert on == pytest.approx(off, rel=1e-6)
 
 
-@pytest.mark.parametrize("model", [model.value for model in footprints_of(Primitive.SPLATS)])
+@pytest.mark.parametrize("model", ["affine", "corrected", "projected", "exact"])
 def test_pictures_err_as_the_rays_say(errors, model):
     row = errors[30, 5, model]
     # Pixels need not hit the worst ray.

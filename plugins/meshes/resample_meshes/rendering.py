@@ -267,7 +267,7 @@ def render_mesh(
     triangles = _surfaces(len(mesh.triangle))
     profile = pixel_profile(look.pixel_filter, look.samples)
     grid = SubpixelGrid(look.samples, (len(profile) // look.samples - 1) // 2, look.quality)
-    screen = Screen(width, height, float(grid.margin), np.zeros((4, 4)))
+    screen = Screen(width, height, float(grid.margin))
     picture = MeshPicture(
         np.zeros((height, width, 4), np.float32),
         np.full((height, width), np.inf, np.float32),

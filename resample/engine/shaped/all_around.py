@@ -27,7 +27,7 @@ from resample.engine.shaped.canvas import (
     write_tile,
 )
 from resample.engine.shaped.lists import TileLists
-from resample.engine.shaped.painting import OFTEN, DepthOpacity, PeakOpacity, response_at
+from resample.engine.shaped.painting import OFTEN, Opacity, response_at
 from resample.engine.shaped.records import (
     BLUE,
     GREEN,
@@ -135,7 +135,7 @@ def _composite(
     boxes: Floats,
     record: Floats,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Composite a record on the sub-pixels of a tile that are on the face."""
     (left, right), (top, bottom) = span_of(record, 0), span_of(record, 1)
@@ -170,7 +170,7 @@ def paint_all_around(
     tiles: PlacedTiles,
     fine: int,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles.

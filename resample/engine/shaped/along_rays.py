@@ -36,8 +36,7 @@ from resample.engine.shaped.canvas import (
 )
 from resample.engine.shaped.lists import TileGrid, TileLists
 from resample.engine.shaped.painting import (
-    DepthOpacity,
-    PeakOpacity,
+    Opacity,
     response_at,
     tile_at,
 )
@@ -183,7 +182,7 @@ def _evaluate(
     record: Floats,
     at: tuple[int, int],
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Opacities of a record at the sub-pixels of a group, and then depths, into `lanes`."""
     row, group = at
@@ -223,7 +222,7 @@ def _paint_group(
     bound: Doubles,
     at: tuple[int, int],
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     lanes: Floats,
     canvas: Floats,
 ) -> None:
@@ -269,7 +268,7 @@ def _visit(
     records: Floats,
     number: int,
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     lanes: Floats,
 ) -> None:
     """Let a record wait at the sub-pixels of a tile that it may cover, where there is room."""
@@ -298,7 +297,7 @@ def paint_along_rays(
     lists: TileLists,
     grid: TileGrid,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles, as `paint_shapes` does, but each ray in its own order."""

@@ -153,11 +153,11 @@ def groups_of(
     first, last = columns
     if last - first <= LANES:
         return first // LANES, (last + LANES - 1) // LANES
-    # The roots of n(x) − limit d(x) along the row bound the ellipse.
-    limit = float(record[LIMIT])
-    a = float(line.n2) - limit * float(line.d2)
-    b = 0.5 * (float(line.n1) - limit * float(line.d1))
-    c = float(line.n0) - limit * float(line.d0)
+    # The roots of n(x) / limit − d(x) along the row bound the ellipse.
+    per_limit = 1.0 / float(record[LIMIT])
+    a = per_limit * float(line.n2) - float(line.d2)
+    b = 0.5 * (per_limit * float(line.n1) - float(line.d1))
+    c = per_limit * float(line.n0) - float(line.d0)
     if a > 0.0:
         under = b * b - a * c
         if under <= 0.0:
@@ -209,7 +209,7 @@ def write_tile(canvas: Floats, origin: tuple[int, int], fine: int, picture: Pain
                     depth += canvas[k + DEPTH]
                     share = one - canvas[k + SHARE]
                     alpha += share
-                    covered += one if share > np.float32(VISIBLE) else zero
+                    covered += one if share > zero else zero
                     first = min(first, canvas[k + FIRST])
                     # The median of the sub-pixels that stop half of their light.
                     if canvas[k + MEDIAN] < np.inf:

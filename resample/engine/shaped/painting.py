@@ -4,9 +4,17 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.engine.ellipsoids.lanes import expm1_of, line_integral, of_16_times
-from resample.engine.jit import Counter, inner_step, lane_step, load_soon, parallel_kernel, tasks
+from resample.engine.jit import (
+    Counter,
+    inner_kernel,
+    inner_step,
+    lane_step,
+    load_soon,
+    parallel_kernel,
+    tasks,
+)
 from resample.engine.roles import lane_role, plays
 from resample.engine.shaped.canvas import (
     LANES,
@@ -24,14 +32,26 @@ from resample.engine.shaped.canvas import (
     subpixels_of,
     write_tile,
 )
+from resample.engine.shaped.integrals import Integral, expm1_of, line_integral, of_16_times
 from resample.engine.shaped.lists import TileGrid, TileLists
-from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, WIDTH
-from resample.types import Floats, Pieces, Profile, Single, Tabulated
+from resample.engine.shaped.records import (
+    BLUE,
+    GREEN,
+    HIGH,
+    LIMIT,
+    PEAK,
+    RED,
+    SMALL,
+    T_1,
+    WIDE,
+    WIDTH,
+    X,
+    Y,
+)
+from resample.types import Floats, Single
 
 OFTEN = 16  # members of a tile after which opaque groups are looked for
 DEEPEST = np.float32(-1.0)
-
-Integral = Profile | Pieces | Tabulated
 
 
 class PeakOpacity(NamedTuple):
@@ -41,11 +61,27 @@ class PeakOpacity(NamedTuple):
 
 
 class DepthOpacity(NamedTuple):
-    """Opacities 1 − exp(−τ) of optical depths, by a kernel's line integrals."""
+    """Opacities 1 − exp(−τ) of optical depths, by a kernel's line integrals; or these depths."""
 
     integral: Integral  # relative to that through the center
     per_focal: tuple[Single, Single]  # 1 / px, of slopes; 0 where rays are parallel
     principal: tuple[Single, Single]  # px
+    is_linear: bool
+
+
+class CutOpacity(NamedTuple):
+    """As `DepthOpacity`, of the parts of rays that planes leave."""
+
+    partial: Floats  # (K + 1, K + 1) `partial_table`, relative to the whole through the center
+    # (M, 6): rate and offset, each as a constant and per px across and down; depths are kept at
+    # which rate × depth + offset is above 0.
+    planes: Floats
+    per_focal: tuple[Single, Single]  # 1 / px, of slopes; 0 where rays are parallel
+    principal: tuple[Single, Single]  # px
+    is_linear: bool
+
+
+Opacity = PeakOpacity | DepthOpacity | CutOpacity
 
 
 @lane_step
@@ -62,10 +98,15 @@ def falling(x: Single) -> Single:
     return p * p
 
 
+@lane_step
+def _absorbed(depth: Single, is_linear: bool) -> Single:
+    """Opacity of an optical depth."""
+    exact = -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+    return min(np.float32(1), depth) if is_linear else exact
+
+
 @lane_role
-def alpha_of(
-    opacity: PeakOpacity | DepthOpacity, peak: Single, square: Single, longer: Single
-) -> Single:
+def alpha_of(opacity: Opacity, peak: Single, square: Single, longer: Single) -> Single:
     """Opacity at a squared distance i²; `longer`: length of the ray, as of `longer_of`."""
     raise NotImplementedError
 
@@ -78,12 +119,11 @@ def _of_peak(opacity, peak, square, longer):  # type: ignore[no-untyped-def]  # 
 @plays(alpha_of, DepthOpacity)
 def _of_depth(opacity, peak, square, longer):  # type: ignore[no-untyped-def]
     t = max(np.float32(0), np.float32(1) - square)
-    depth = peak * line_integral(opacity.integral, t, longer)
-    return -of_16_times(expm1_of(max(DEEPEST, np.float32(-1.0 / 16.0) * depth)))
+    return _absorbed(peak * line_integral(opacity.integral, t, longer), opacity.is_linear)
 
 
 @lane_role
-def longer_of(opacity: PeakOpacity | DepthOpacity, x: Single, y: Single, per: Single) -> Single:
+def longer_of(opacity: Opacity, x: Single, y: Single, per: Single) -> Single:
     """Length of the ray through (x, y) px per unit of depth, times √per."""
     raise NotImplementedError
 
@@ -93,7 +133,7 @@ def _same(opacity, x, y, per):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return np.float32(1)
 
 
-@plays(longer_of, DepthOpacity)
+@plays(longer_of, object)
 def _slanted(opacity, x, y, per):  # type: ignore[no-untyped-def]
     across = (x - opacity.principal[0]) * opacity.per_focal[0]
     down = (y - opacity.principal[1]) * opacity.per_focal[1]
@@ -102,7 +142,7 @@ def _slanted(opacity, x, y, per):  # type: ignore[no-untyped-def]
 
 @lane_role
 def response_at(
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     line: Line,
     dx: Single,
     place: tuple[Single, Single],
@@ -129,6 +169,69 @@ def _response_at(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
     return (alpha if (square <= own[1]) & (t > own[2]) else zero), t
 
 
+@lane_role
+def depths_kept(opacity: Opacity, x: Single, y: Single, near: Single) -> tuple[Single, Single]:
+    """Depths between which the ray through (x, y) px is seen."""
+    raise NotImplementedError
+
+
+@plays(depths_kept, object)
+def _beyond_near(opacity, x, y, near):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return near, np.float32(np.inf)
+
+
+@plays(depths_kept, CutOpacity)
+def _between_planes(opacity, x, y, near):  # type: ignore[no-untyped-def]
+    first, last, zero = near, np.float32(np.inf), np.float32(0)
+    for k in range(opacity.planes.shape[0]):
+        plane = opacity.planes[k]
+        rate, offset = (plane[0] + plane[1] * x + plane[2] * y), plane[3] + plane[4] * x
+        offset += plane[5] * y
+        if rate > zero:
+            first = max(first, -offset / rate)
+        elif rate < zero:
+            last = min(last, -offset / rate)
+        elif offset <= zero:
+            last = first
+    return first, last
+
+
+@lane_step
+def _integral_until(partial: Floats, square: Single, place: Single) -> Single:
+    """Line integral at a squared distance up to a place, in radii from the nearest to the center.
+
+    `partial`: table, which is interpolated.
+    """
+    steps, one = np.float32(partial.shape[0] - 1), np.float32(1)
+    across = np.float32(0.5) * steps * (min(max(place, -one), one) + one)
+    down = steps * min(max(square, np.float32(0)), one)
+    column = np.uint32(min(across, steps - one))
+    row = np.uint32(min(down, steps - one))
+    across, down = across - np.float32(column), down - np.float32(row)
+    next_row, next_column = row + np.uint32(1), column + np.uint32(1)
+    above = partial[row, column] + across * (partial[row, next_column] - partial[row, column])
+    below = partial[next_row, column]
+    below += across * (partial[next_row, next_column] - partial[next_row, column])
+    return above + down * (below - above)
+
+
+@plays(response_at, CutOpacity)
+def _response_between(opacity, line, dx, place, own):  # type: ignore[no-untyped-def]
+    zero, one = np.float32(0), np.float32(1)
+    d = line.d0 + dx * (line.d1 + dx * line.d2)
+    per = one / d
+    square = (line.n0 + dx * (line.n1 + dx * line.n2)) * per / own[1]
+    t = (line.t0 + dx * line.t1) * per
+    first, last = depths_kept(opacity, place[0], place[1], own[2])
+    radii = math.sqrt(d / own[1])  # per unit of depth
+    depth = _integral_until(opacity.partial, square, (last - t) * radii)
+    depth -= _integral_until(opacity.partial, square, (first - t) * radii)
+    depth *= own[0] * longer_of(opacity, place[0], place[1], per)
+    alpha = _absorbed(depth, opacity.is_linear)
+    is_seen = (square <= one) & (first < last)
+    return (alpha if is_seen else zero), min(max(t, first), last)
+
+
 @inner_step
 def _composite(
     canvas: Floats,
@@ -136,7 +239,7 @@ def _composite(
     record: Floats,
     place: tuple[int, int],
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Composite a record on eight sub-pixels; `place`: their row and group."""
     row, group = place
@@ -153,18 +256,57 @@ def _composite(
 
 
 @inner_step
+def _share_at(x: Single, wide: Single) -> Single:
+    """Share of a box that a sub-pixel takes, x sub-pixels from its center; they sum to 1."""
+    half, own = np.float32(0.5) * wide, np.float32(0.5)
+    return (min(max(x + half, -own), own) - min(max(x - half, -own), own)) / wide
+
+
+@inner_step
+def _lay_small(
+    canvas: Floats,
+    is_open: Open,
+    record: Floats,
+    spot: TilePlace,
+    rows: tuple[int, int],
+    opacity: Opacity,
+) -> None:
+    """Composite a box of what is smaller than a sub-pixel on those that it meets."""
+    t, light = record[T_1], (record[RED], record[GREEN], record[BLUE])
+    nearest, farthest = depths_kept(opacity, record[X], record[Y], spot.near)
+    if not nearest < t < farthest:
+        return
+    first, last = subpixels_of(record, 0, spot.left, spot.step)
+    per = 1.0 / float(spot.step)
+    # From the center to the tile's first sub-pixel.
+    left = np.float32((spot.left - float(record[X])) * per + 0.5)
+    top = np.float32((spot.top - float(record[Y])) * per + 0.5)
+    for row in range(rows[0], rows[1]):
+        bits = is_open[row]
+        taken = record[PEAK] * _share_at(top + np.float32(row), record[HIGH])
+        for column in range(first, last):
+            if bits >> np.uint32(column // LANES) & np.uint32(1) != np.uint32(0):
+                alpha = taken * _share_at(left + np.float32(column), record[WIDE])
+                k = np.uint64(row * SIDE + column)
+                lay(canvas, k, min(np.float32(1), alpha), t, light)
+
+
+@inner_step
 def _visit(
     canvas: Floats,
     is_open: Open,
     records: Floats,
     number: int,
     spot: TilePlace,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
 ) -> None:
     """Bring a record to the sub-pixels of a tile that it may cover."""
     record = records[number]
-    columns = subpixels_of(record, 0, spot.left, spot.step)
     top, bottom = subpixels_of(record, 1, spot.top, spot.step)
+    if record[LIMIT] == SMALL:
+        _lay_small(canvas, is_open, record, spot, (top, bottom), opacity)
+        return
+    columns = subpixels_of(record, 0, spot.left, spot.step)
     for row in range(top, bottom):
         bits = is_open[row]
         if bits == np.uint32(0):
@@ -184,6 +326,27 @@ def tile_at(grid: TileGrid, tile: int, near: float) -> tuple[tuple[int, int], Ti
     return (top, left), TilePlace(grid.left + left, grid.top + top, step, nearest)
 
 
+@inner_kernel
+def _paint_members(
+    canvas: Floats,
+    is_open: Open,
+    records: Floats,
+    lists: TileLists,
+    tile: int,
+    spot: TilePlace,
+    opacity: Opacity,
+) -> None:
+    """Composite the members of a tile under what its canvas holds."""
+    flat = records.reshape(-1)
+    end = lists.start[tile + 1]
+    for k in range(lists.start[tile], end):
+        if k + 4 < end:
+            load_soon(flat, lists.member[k + 4] * WIDTH)
+        _visit(canvas, is_open, records, lists.member[k], spot, opacity)
+        if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
+            break
+
+
 @parallel_kernel
 def paint_shapes(
     counter: Counter,
@@ -191,7 +354,7 @@ def paint_shapes(
     lists: TileLists,
     grid: TileGrid,
     near: float,
-    opacity: PeakOpacity | DepthOpacity,
+    opacity: Opacity,
     picture: PaintedShapes,
 ) -> None:
     """Paint all tiles.
@@ -199,15 +362,42 @@ def paint_shapes(
     `lists`: members of tiles, nearest first. `near`: scene units. `picture`: filled.
     """
     canvas, is_open = np.empty(SIZE, np.float32), np.empty(SIDE, np.uint32)
-    flat = records.reshape(-1)
     for tile in tasks(counter, lists.start.size - 1):
         origin, spot = tile_at(grid, tile, near)
         clear(canvas, is_open)
-        end = lists.start[tile + 1]
-        for k in range(lists.start[tile], end):
-            if k + 4 < end:
-                load_soon(flat, lists.member[k + 4] * WIDTH)
-            _visit(canvas, is_open, records, lists.member[k], spot, opacity)
-            if k % OFTEN == OFTEN - 1 and not close_groups(canvas, is_open):
-                break
+        _paint_members(canvas, is_open, records, lists, tile, spot, opacity)
         write_tile(canvas, origin, grid.fine, picture)
+
+
+@parallel_kernel
+def paint_behind(
+    counter: Counter,
+    records: Floats,
+    lists: TileLists,
+    grid: TileGrid,
+    near: float,
+    opacity: Opacity,
+    canvas: Floats,
+    is_open: NDArray[np.uint32],
+) -> None:
+    """Paint all tiles behind what their canvases (T, SIZE) hold; `is_open` (T, SIDE)."""
+    for tile in tasks(counter, lists.start.size - 1):
+        if lists.start[tile] < lists.start[tile + 1]:
+            _, spot = tile_at(grid, tile, near)
+            _paint_members(canvas[tile], is_open[tile], records, lists, tile, spot, opacity)
+            close_groups(canvas[tile], is_open[tile])
+
+
+@parallel_kernel
+def clear_tiles(counter: Counter, canvas: Floats, is_open: NDArray[np.uint32]) -> None:
+    """Empty canvases."""
+    for tile in tasks(counter, len(canvas)):
+        clear(canvas[tile], is_open[tile])
+
+
+@parallel_kernel
+def write_tiles(counter: Counter, canvas: Floats, grid: TileGrid, picture: PaintedShapes) -> None:
+    """Average all tiles' sub-pixels to pixels."""
+    for tile in tasks(counter, len(canvas)):
+        origin, _ = tile_at(grid, tile, 0.0)
+        write_tile(canvas[tile], origin, grid.fine, picture)

@@ -31,7 +31,9 @@ N_1, N_X, N_Y, N_XX, N_XY, N_YY = range(2, 8)  # numerator of i²
 D_X, D_Y, D_XX, D_XY, D_YY = range(8, 13)  # its denominator, less 1
 T_1, T_X, T_Y = range(13, 16)  # numerator of the depth
 PEAK = 16  # opacity at the center; or optical depth of a ray through it, for slopes of 0
-LIMIT = 17  # i² up to which it is painted
+# I² up to which it is painted; or SMALL. Where planes cut kernels, i is not 1 where they end, but
+# the depth that a ray through the reference takes from the center until there.
+LIMIT = 17
 BOX_X, BOX_Y = 18, 19  # how far its box reaches to both sides of X and of Y, see `packed`
 RED, GREEN, BLUE = range(20, 23)
 WIDTH = 23
@@ -39,6 +41,17 @@ WIDTH = 23
 LEFT, TOP, RIGHT, BOTTOM = range(WIDTH, WIDTH + 4)  # px; left > right: it is not seen
 KEY = WIDTH + 4
 WHOLE = WIDTH + 5
+# What is smaller than a sub-pixel is a box, of which each sub-pixel takes its share: its light is
+# the same wherever it lies. The peak is all of that light.
+SMALL = -1.0  # in place of the limit
+WIDE, HIGH = N_XX, N_YY  # sub-pixels, sides of the box
+LARGEST = 0.36  # variance, sub-pixels², from which on sums over a grid are right to 0.3 %
+OWN = 1.0 - 1.0 / (12.0 * LARGEST)  # share of a variance that boxes have; sub-pixels are boxes too
+BRIGHTEST = 4.0  # sub-pixels of light; what takes more is no box
+NARROWEST = 0.05  # sub-pixels, of boxes; differences of narrower ones are inexact
+FIRST_OCTAVE, PER_OCTAVE = -10, 64  # of optical depths
+DEEPEST = 2.0**10
+DEPTHS = 2.0 ** (FIRST_OCTAVE + np.arange(20 * PER_OCTAVE + 1) / PER_OCTAVE)
 UPPER, UNIT = np.uint32(0xFFFF0000), np.uint32(0x10000)  # the upper 16 bits of 32, and their unit
 
 
@@ -47,7 +60,8 @@ class ShapedArrays(NamedTuple):
 
     position: Floats  # (N, 3) scene units
     scale: Floats  # (N, 3) scene units, where i is 1 along each axis
-    rotation: Floats  # (N, 4) quaternions w, x, y, z, of any length, from own axes to the scene's
+    # (N, 4) quaternions w, x, y, z, of any length, from own axes to the scene's; or (1, 4) for all
+    rotation: Floats
     weight: Floats  # (N,) opacity at the center, or extinction
     color: Floats  # (N, 3)
 
@@ -65,6 +79,11 @@ class ShapedOptions(NamedTuple):
     is_compensated: bool  # opacities make up for that (Mip-Splatting, Yu et al. 2024)
     faintest: float  # opacity below which Gaussians end
     nearest: float  # scene units; centers nearer to the eye are left out
+    is_cut: bool = False  # planes cut kernels
+    step: float = 0.0  # px between sub-pixels that what is smaller is spread over; 0: it is not
+    variance: float = 0.0  # of the kernel along an axis, radii²
+    # (K,) light that a kernel takes of its area, per optical depth of its center; of DEPTHS
+    taken: Floats = np.ones(1, np.float32)
 
 
 class Covariance(NamedTuple):
@@ -320,6 +339,7 @@ def _set_form(
     center: Vector,
     axes: Matrix,
     scale: Vector,
+    spread: Covariance,
     view: View,
     options: ShapedOptions,
     limit: float,
@@ -337,7 +357,7 @@ def _set_form(
         ray = (across, (record[Y] - view.principal[1]) / view.focal[1], 1.0)
     else:
         _set_parallel(record, center, to_unit, view)
-    _set_bounds(record, center, _spread(axes, scale), view, options, limit)
+    _set_bounds(record, center, spread, view, options, limit)
     there = multiply(to_unit, ray)
     return 1.0 / math.sqrt(dot(there, there))
 
@@ -350,11 +370,83 @@ def _place_in(turn: Matrix, view: View, position: Floats, n: int) -> Vector:
     return place[0] + shift[0], place[1] + shift[1], place[2] + shift[2]
 
 
+@inner_step
+def _axes_of(shaped: ShapedArrays, n: int, turn: Matrix) -> Matrix:
+    """Axes of an ellipsoid in camera space, as columns."""
+    w, x, y = shaped.rotation[n, 0], shaped.rotation[n, 1], shaped.rotation[n, 2]
+    return _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
+
+
+@inner_step
+def _light_of(depth: float, taken: Floats) -> float:
+    """Light that a kernel takes of its area, by the optical depth of its center."""
+    last = taken.size - 1
+    place = PER_OCTAVE * (math.log2(max(depth, 1e-30)) - FIRST_OCTAVE)
+    k = min(max(int(place), 0), last - 1)
+    share = min(max(place - k, 0.0), 1.0)
+    ratio = taken[k] + share * (taken[k + 1] - taken[k])
+    return float(min(depth, DEEPEST) * ratio)
+
+
+@inner_kernel
+def _spread_small(record: Floats, view: View, options: ShapedOptions) -> None:
+    """Make a box of what is smaller than a sub-pixel: its peak becomes its light."""
+    if not record[LEFT] <= record[X] <= record[RIGHT]:  # its reference is elsewhere
+        return
+    # The ellipse (px²), by the inverse of its form.
+    xx, xy, yy = float(record[N_XX]), 0.5 * float(record[N_XY]), float(record[N_YY])
+    area = xx * yy - xy * xy
+    if not area > 0.0:
+        return
+    longest = (0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)) / area
+    per = 1.0 / (options.step * options.step)
+    if not per * options.variance * longest < LARGEST:
+        return
+    slant = 1.0
+    if view.perspective:
+        across = (float(record[X]) - view.principal[0]) / view.focal[0]
+        down = (float(record[Y]) - view.principal[1]) / view.focal[1]
+        slant = math.sqrt(1.0 + across * across + down * down)
+    depth = float(record[PEAK]) * slant
+    light = per * math.pi / math.sqrt(area) * _light_of(depth, options.taken)
+    if not light < BRIGHTEST:
+        return
+    # As wide as the kernel, and so wide that no sub-pixel takes more light than there is.
+    narrowest = math.sqrt(light) if light > 1.0 else NARROWEST
+    along = 12.0 * OWN * options.variance * per / area
+    wide = max(math.sqrt(along * yy), narrowest)
+    high = max(math.sqrt(along * xx), narrowest)
+    record[WIDE], record[HIGH], record[PEAK], record[LIMIT] = wide, high, light, SMALL
+    reach = 0.5 * options.step * (1.0 + wide), 0.5 * options.step * (1.0 + high)
+    record[LEFT], record[RIGHT] = record[X] - reach[0], record[X] + reach[0]
+    record[TOP], record[BOTTOM] = record[Y] - reach[1], record[Y] + reach[1]
+
+
+@inner_kernel
+def _adapt(record: Floats, chord: float, view: View, options: ShapedOptions) -> None:
+    """Make a record one of small kernels, or of those that planes cut, where it is."""
+    if options.step > 0.0:
+        _spread_small(record, view, options)
+    if options.is_cut and record[LIMIT] != SMALL:
+        record[LIMIT] = chord * chord
+        for k in range(N_1, N_YY + 1):
+            record[k] *= record[LIMIT]
+
+
 @inner_kernel
 def _project_one(
-    shaped: ShapedArrays, n: int, view: View, turn: Matrix, options: ShapedOptions, record: Floats
+    shaped: ShapedArrays,
+    n: int,
+    view: View,
+    turn: Matrix,
+    alike: Matrix,
+    options: ShapedOptions,
+    record: Floats,
 ) -> None:
-    """Project an ellipsoid; records with left > right are not seen."""
+    """Project an ellipsoid; records with left > right are not seen.
+
+    `alike`: axes of all, if they are.
+    """
     record[LEFT], record[RIGHT] = 1.0, -1.0
     # Skip what is too faint, or lies behind the near plane whatever its rotation.
     weight = float(shaped.weight[n])
@@ -372,8 +464,7 @@ def _project_one(
     if not z + reach > view.near:
         return
     # Axes in camera space; none is so short that it vanishes.
-    w, x, y = shaped.rotation[n, 0], shaped.rotation[n, 1], shaped.rotation[n, 2]
-    axes = _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
+    axes = alike if shaped.rotation.shape[0] == 1 else _axes_of(shaped, n, turn)
     least = THINNEST * longest
     scale = (max(s0, least), max(s1, least), max(s2, least))
     # Opacity and width as they were trained; where faces meet, as if each were looked at.
@@ -398,15 +489,17 @@ def _project_one(
     if options.is_affine:
         if not z > view.near or not _set_affine(record, center, spread, view, options, limit):
             return
+        chord = 0.0
     else:
-        chord = _set_form(record, center, axes, scale, view, options, limit)
+        chord = _set_form(record, center, axes, scale, spread, view, options, limit)
         weight *= 1.0 if options.is_peak else chord
+    record[PEAK], record[LIMIT] = weight, limit
+    _adapt(record, chord, view, options)
     # Leave out what the frame does not show.
     is_beside = record[RIGHT] <= 0.0 or record[LEFT] >= options.width
     if is_beside or record[BOTTOM] <= 0.0 or record[TOP] >= options.height:
         record[LEFT], record[RIGHT] = 1.0, -1.0
         return
-    record[PEAK], record[LIMIT] = weight, limit
     record[KEY] = away if options.by_distance else z
     record[BOX_X] = _packed(record[X] - record[LEFT], record[RIGHT] - record[X])
     record[BOX_Y] = _packed(record[Y] - record[TOP], record[BOTTOM] - record[Y])
@@ -443,7 +536,8 @@ def project_shapes(
     """Project all ellipsoids to `records` (N, WHOLE), which are filled."""
     count = shaped.weight.size
     turn = matrix_of(view.rotation)
+    alike = _axes_of(shaped, 0, turn) if count else turn
     for chunk in tasks(counter, (count + CHUNK - 1) // CHUNK):
         start = int(np.int64(chunk)) * CHUNK
         for n in range(start, min(start + CHUNK, count)):
-            _project_one(shaped, n, view, turn, options, records[n])
+            _project_one(shaped, n, view, turn, alike, options, records[n])

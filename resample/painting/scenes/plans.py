@@ -1,30 +1,15 @@
-"""Sizes of pictures, and what is planned before samples are painted."""
+"""Sizes of pictures, and windows of them."""
 
 import operator
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from resample.types import Single
 from resample.words import check_threads, shortly
-
-SPLATS, POINTS, MIXTURE = "splats", "points", "mixture"  # names of painters
 
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 LARGEST_PICTURE = 2**28  # px
-
-
-class PicturePlan(NamedTuple):
-    """What tiles need to know of all samples of a picture."""
-
-    painter: str  # "splats", "points", "mixture" or "paper"
-    tile: int  # px, side of a tile
-    least: Single  # px, smallest spacing of samples
-    most: Single  # px, largest spacing of samples
-    farthest: float  # largest absolute key, in the order's units
-    strongest: float  # largest extinction of a sample, per scene unit
-    visible: int  # visible samples
 
 
 def shape_of(size: Sequence[int] | int) -> tuple[int, int]:

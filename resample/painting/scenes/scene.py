@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.memory.mapped import contiguous
-from resample.painting.scenes.plans import PicturePlan, Window
+from resample.painting.scenes.plans import Window
 from resample.profiles.orders import Summing
 from resample.types import (
-    MOST_COLUMNS,
     Classifier,
     Doubles,
     Ellipsoid,
-    Field,
     Film,
     Floats,
     Lamp,
@@ -28,7 +26,6 @@ from resample.types import (
     Stage,
     Statistics,
     Style,
-    Tables,
     Tiles,
     View,
 )
@@ -106,39 +103,6 @@ def _is_finite(array: Floats | Doubles) -> bool:
         return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
 
 
-def samples_of(field: Field) -> Samples:
-    """Convert a field to samples for the painters.
-
-    Gradients take the place of colors, and the values' positions between the classifier's low and
-    high that of extinctions.
-    """
-    look = field.classifier
-    table = np.asarray(look.table)
-    if table.ndim != 3 or table.shape[2] != 4 or 0 in table.shape or table.dtype != np.float32:
-        raise ValueError(f"a classifier's table is float32 (G, K, 4), not {table.shape}")
-    if not np.isfinite(table).all() or table.min() < 0:
-        raise ValueError("a classifier's colors and extinctions must be finite and 0 or more")
-    spans = (look.high - look.low, look.steep, look.far - look.near)
-    if not all(0 < span < np.inf for span in spans) or not 0 <= look.dimmed <= 1:
-        raise ValueError(
-            f"a classifier needs low {look.low} below high {look.high}, steep {look.steep} above "
-            f"0, near {look.near} before far {look.far}, and dimmed {look.dimmed} from 0 to 1"
-        )
-    value = np.asarray(field.value, np.float64)
-    if value.ndim != 1 or len(field.gradient) not in (0, value.size):
-        raise ValueError(
-            f"values {value.shape} and gradients {np.shape(field.gradient)} do not fit; they have "
-            "shapes (N,) and (N, 3)"
-        )
-    gradient = field.gradient if len(field.gradient) else np.zeros((value.size, 3), np.float32)
-    for name, array in (("value", value), ("gradient", gradient)):
-        if not _is_finite(array):
-            raise ValueError(f"a sample's {name} is not finite; leave such samples out")
-    position = (value - look.low) / (look.high - look.low)
-    samples = Samples(field.position, gradient, np.zeros(value.size, np.float32), field.lattice)
-    return check_samples(samples)._replace(extinction=position.astype(np.float32))
-
-
 def kernel_classifier(look: Classifier) -> Classifier:
     """Classifier with the array and number types that kernels are compiled for."""
     lamp = look.lamp
@@ -196,30 +160,6 @@ def planes_of(clip: ArrayLike | None, view: View, ellipsoid: Ellipsoid) -> Doubl
         normal, offset = np.vstack([normal, [0.0, 0.0, -1.0]]), np.append(offset, view.far)
     reach = np.sqrt(np.einsum("ni,ij,nj->n", normal, ellipsoid.covariance, normal))
     return np.ascontiguousarray(np.column_stack([normal, offset, reach]))
-
-
-def screen_of(width: int, height: int, margin: float, view: View, ellipsoid: Ellipsoid) -> Screen:
-    """Screen of a size, with the planes outside of which an ellipsoid's center is invisible."""
-    sides = np.zeros((4, 4))
-    for side, (axis, edge) in enumerate(
-        [(0, -margin), (0, width + margin), (1, -margin), (1, height + margin)]
-    ):
-        sign = -1.0 if side % 2 == 0 else 1.0
-        offset = sign * (edge - view.principal[axis]) / view.focal[axis]
-        sides[side, axis] = sign
-        sides[side, 2 if view.perspective else 3] = -offset
-        outward = sides[side, :3]
-        sides[side, 3] -= np.sqrt(outward @ ellipsoid.covariance @ outward)
-    return Screen(width, height, float(margin), sides)
-
-
-def size_of_tiles(subpixels: int, margin: int = 0, columns: int = MOST_COLUMNS) -> int:
-    """Side of a tile in px for up to `subpixels` per side of a pixel.
-
-    A row of its sub-pixels, with a margin in px on both sides for the pixel filter, has at most
-    `columns`, unless a single pixel has more.
-    """
-    return max(1, min(max(8, 32 // subpixels), columns // subpixels - 2 * margin))
 
 
 def tiles_along(screen: Screen, size: int) -> tuple[int, int]:
@@ -300,13 +240,86 @@ class PreparedScene:
     ellipsoid: Ellipsoid
     screen: Screen
     style: Style
-    tables: Tables
     summing: Summing
     layers: Layers
-    classifier: Classifier | None  # of a field; None: samples have colors
-    plan: PicturePlan | None = None  # of the whole picture; None: computed from the samples
 
-    @property
-    def stage(self) -> Stage:
-        """Data shared by all painters."""
-        return Stage(self.view, self.ellipsoid, self.screen, self.style, self.tables, self.layers)
+    def stage_of(self, view: View, size: tuple[int, int]) -> Stage:
+        """Data of kernels that place samples on a screen (height, width) of this view."""
+        screen = self.screen._replace(height=size[0], width=size[1])
+        return Stage(view, self.ellipsoid, screen)
+
+    def left_by_planes(
+        self, samples: Samples, *, by_center: bool = False
+    ) -> tuple[Samples, Doubles]:
+        """Samples of which clipping planes leave a part, or the center; and planes that cut them.
+
+        These (M, 4) are those of `Screen`, and the near plane, or that of the eye.
+        """
+        view, covariance = self.view, self.ellipsoid.covariance
+        near = [0.0, 0.0, 1.0, -view.near, math.sqrt(covariance[2, 2])]
+        size = np.ones(1, np.float32) if samples.scale is None else samples.scale
+        size = size * np.float32(0.0 if by_center else 1.001)  # float32
+        inside, cutting = np.ones(samples.extinction.size, np.bool_), []
+        for plane in (*self.screen.planes, np.array(near)):
+            offset = plane[:3] @ view.translation + plane[3]
+            away = along(samples.position, plane[:3] @ view.rotation, offset)
+            reach = np.float32(plane[4]) * size
+            inside &= away > -reach
+            if (abs(away) < reach).any():
+                cutting.append(plane[:4])
+        planes = np.array(cutting).reshape(-1, 4)
+        if inside.all():
+            return samples, planes
+        parts = {name: getattr(samples, name)[inside] for name in ("position", "color")}
+        scale = None if samples.scale is None else samples.scale[inside]
+        return samples._replace(extinction=samples.extinction[inside], scale=scale, **parts), planes
+
+    def tinted(self, color: Floats) -> Floats:
+        """Colors (N, 3) of splats: their own, or as bright in the one that tells them apart."""
+        tint = np.array(self.style.tint, np.float32)
+        return color if tint[0] < 0 else color.max(axis=1, keepdims=True) * tint
+
+
+def along(position: Floats, axis: ArrayLike, offset: float) -> Floats:
+    """Places (N,) of positions (N, 3) along an axis; each depends on nothing but its position."""
+    x, y, z = position.T
+    a, b, c = np.asarray(axis, np.float32)
+    return np.asarray(a * x + b * y + (c * z + np.float32(offset)), np.float32)
+
+
+def spacing_of(view: View, samples: Samples) -> Floats:
+    """Largest spacing (N,) of samples and their neighbours on the screen, px; inf behind the eye.
+
+    The longest axis of J V Jᵀ, where J is the projection's Jacobian (`resample.hybrid.classify`).
+    """
+    step = view.rotation @ samples.lattice
+    v = (step @ step.T).astype(np.float32)
+    fx, fy = np.float32(view.focal[0]), np.float32(view.focal[1])
+    x = y = np.zeros(1, np.float32)
+    near: Floats = np.ones(1, np.float32)
+    is_ahead = np.ones(samples.extinction.size, np.bool_)
+    if view.perspective:
+        across, down, z = (
+            along(samples.position, view.rotation[n], float(view.translation[n])) for n in range(3)
+        )
+        is_ahead = z > max(view.near, 1e-30)
+        near = np.asarray(1 / np.where(is_ahead, z, 1), np.float32)
+        with np.errstate(over="ignore"):
+            x, y = across * near, down * near
+    # What is beside the eye may be beyond numbers.
+    with np.errstate(over="ignore", invalid="ignore"):
+        apart = _longest(v, (x, y), (fx, fy)) * near
+    if samples.scale is not None:
+        apart = apart * samples.scale
+    return np.where(is_ahead & np.isfinite(apart), apart, np.float32(np.inf)).astype(np.float32)
+
+
+def _longest(
+    v: Floats, slope: tuple[Floats, Floats], focal: tuple[np.float32, np.float32]
+) -> Floats:
+    """Longest axes (N,) of J V Jᵀ at a depth of 1, px."""
+    (x, y), (fx, fy) = slope, focal
+    xx = fx * fx * (v[0, 0] - 2 * x * v[0, 2] + x * x * v[2, 2])
+    xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])
+    yy = fy * fy * (v[1, 1] - 2 * y * v[1, 2] + y * y * v[2, 2])
+    return np.asarray(np.sqrt(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)), np.float32)

@@ -3,26 +3,26 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.memory.mapped import contiguous
-from resample.painting.choices import PaintChoices
 from resample.painting.scenes.plans import Window, check_size
 from resample.painting.scenes.scene import Clock, check_places
-from resample.profiles.orders import EverySample, Rays
 from resample.profiles.reconstruction import (
     Reconstruction,
     footprint_pieces,
     footprint_profile,
     footprint_table,
+    partial_table,
+    variance,
 )
 from resample.types import (
+    Doubles,
     Floats,
     Frame,
     Pieces,
@@ -36,12 +36,12 @@ from resample.watching import Progress, told
 if TYPE_CHECKING:
     from resample.engine.shaped.canvas import PaintedShapes
     from resample.engine.shaped.lists import TileGrid, TileLists
-    from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
+    from resample.engine.shaped.painting import Opacity
     from resample.engine.shaped.records import ShapedOptions
 
 FAINTEST = 1.0 / 255.0  # opacity below which Gaussians end, as in training
 MOST_OPAQUE = 0.99  # likewise
-FINEST = 8  # sub-pixels per side of a pixel, at most
+FINEST, MOST = 8, 32  # sub-pixels per side of a pixel, at most; and where they are chosen
 WANTED = 0.6  # sub-pixels that a thin ellipsoid's standard deviation is long, at least
 WANTED_ALONG_RAYS = 1.2  # likewise where each ray has its order, so that its edges are as good
 THIN = 0.25  # share of ellipsoids that may be thinner than that
@@ -80,6 +80,8 @@ class Ellipsoids(NamedTuple):
     opacity: Floats  # (N,) of Gaussians at the center; of kernels see `particles`
     color: Floats  # (N, 3) straight
     kernel: Reconstruction | None = None  # None: opacity × exp(−i² / 2), at most 0.99
+    # (N,) optical depth per scene unit of a ray through the center, in place of the opacity
+    extinction: Floats | None = None
 
 
 class ShapedStyle(NamedTuple):
@@ -93,6 +95,13 @@ class ShapedStyle(NamedTuple):
     least_trained: float = 0.0  # px, that it has at least where it is the camera's, if rays allow
     is_compensated: bool = False  # training made up for the dilation by the opacity
     is_affine: bool = False  # Gaussians are projected linearly (EWA)
+    is_linear: bool = False  # kernels are as opaque as they are deep: α F of classic splatting
+    # (K,) light of kernels that are smaller than a chosen sub-pixel, see `resample.engine.shaped.
+    # records.DEPTHS`: each sub-pixel takes its share. None: what the ray of a sub-pixel meets.
+    taken: Floats | None = None
+    # (M, 4) unit normals and offsets in camera axes: planes that cut kernels, as the near plane
+    # does then; None: the near plane leaves out what rays pass nearest to before it.
+    planes: Doubles | None = None
 
 
 class EllipsoidSource(Protocol):
@@ -226,24 +235,6 @@ def paint_ellipsoid_parts(
     return ShapedPicture(*canvas, counts)
 
 
-def order_of_shapes(choice: PaintChoices, clip: ArrayLike | None) -> ShapedOrder:
-    """Order of ellipsoids that choices stand for; refuse choices that ellipsoids do not have."""
-    usual = replace(choice, order=EverySample(), subpixels=None) == type(choice)()
-    if not usual or clip is not None:
-        raise ValueError(
-            "samples with a shape each take an order by depth, by distance or along rays, and"
-            " sub-pixels; leave other choices and clipping planes out"
-        )
-    if isinstance(choice.order, Rays):
-        return ShapedOrder.RAYS
-    if not isinstance(choice.order, EverySample):
-        raise ValueError(
-            f"samples with a shape each are not summed by {type(choice.order).__name__}; take"
-            " EverySample or Rays"
-        )
-    return ShapedOrder(choice.order.key)
-
-
 def frame_of(picture: ShapedPicture) -> Frame[Statistics]:
     """Return a picture of ellipsoids in linear light as a frame."""
     rgba, depth, _, first, coverage, counts = picture
@@ -295,7 +286,7 @@ class ShapedScene(NamedTuple):
     def finest(self) -> int:
         """Sub-pixels per side of a pixel."""
         if self.style.subpixels is not None:
-            return min(self.style.subpixels, FINEST)
+            return min(self.style.subpixels, MOST)
         if self.thickness is None or not self.thickness.any():
             return 1
         share = np.cumsum(self.thickness) / self.thickness.sum()
@@ -319,15 +310,20 @@ class ShapedScene(NamedTuple):
     def _project(self, shapes: Ellipsoids, rows: slice) -> Floats:
         from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
 
-        position, scale, rotation, weight, color = (
-            np.ascontiguousarray(array[rows], np.float32) for array in shapes[:5]
+        turn = shapes.rotation if len(shapes.rotation) == 1 else shapes.rotation[rows]
+        given = (shapes.position, shapes.scale, shapes.opacity, shapes.color)
+        position, scale, weight, color = (
+            np.ascontiguousarray(array[rows], np.float32) for array in given
         )
-        if shapes.kernel is not None:  # extinctions, of unit spheres
+        rotation = np.ascontiguousarray(turn, np.float32)
+        if shapes.extinction is not None:
+            weight = np.ascontiguousarray(shapes.extinction[rows], np.float32)
+        elif shapes.kernel is not None:  # extinctions, of unit spheres
             mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
             weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
         records = np.empty((len(weight), WHOLE), np.float32)
         arrays = ShapedArrays(position, scale, rotation, weight, color)
-        project_shapes(arrays, self.view, self._options(shapes.kernel is None), records)
+        project_shapes(arrays, self.view, self._options(shapes.kernel), records)
         return in_window(records, (0, 0, self.size[1], self.size[0]))
 
     def records(self, window: Window | None = None, most: int | None = None) -> "HeldRecords":
@@ -355,7 +351,7 @@ class ShapedScene(NamedTuple):
         records, count = held.records, held.count
         if not count:
             return 0
-        lists = _listed(records, held.front_to_back(), grid)
+        lists = listed(records, held.front_to_back(), grid)
         part = [array[y0:y1, x0:x1] for array in canvas]
         whole = PaintedShapes(*map(np.ascontiguousarray, part))
         paint_all = paint_along_rays if self.style.order is ShapedOrder.RAYS else paint_shapes
@@ -366,16 +362,19 @@ class ShapedScene(NamedTuple):
                 mine[...] = painted
         return count
 
-    def _options(self, is_peak: bool) -> "ShapedOptions":
+    def _options(self, kernel: Reconstruction | None) -> "ShapedOptions":
         from resample.engine.shaped.records import ShapedOptions
 
         style = self.style
+        small: tuple[float, float, Floats] | tuple[()] = ()
+        if kernel is not None and style.taken is not None:
+            small = 1.0 / self.finest(), variance(kernel) / kernel.radius**2, style.taken
         own = float(np.sqrt(abs(self.view.focal[0] * self.view.focal[1])))
         finest = style.subpixels or FINEST  # what is thinner would fall between the rays
         return ShapedOptions(
             self.size[1],
             self.size[0],
-            is_peak,
+            kernel is None,
             style.is_affine,
             style.order is ShapedOrder.DISTANCE,
             float(style.dilation),
@@ -383,11 +382,13 @@ class ShapedScene(NamedTuple):
             style.is_compensated,
             FAINTEST,
             self.nearest,
+            style.planes is not None,
+            *small,
         )
 
-    def opacity(self) -> "PeakOpacity | DepthOpacity":
+    def opacity(self) -> "Opacity":
         """How distances become opacities."""
-        from resample.engine.shaped.painting import DepthOpacity, PeakOpacity
+        from resample.engine.shaped.painting import CutOpacity, DepthOpacity, PeakOpacity
 
         kernel = self.source.kernel()
         if kernel is None:
@@ -395,7 +396,23 @@ class ShapedScene(NamedTuple):
         along = self.view.focal if self.view.perspective else np.full(2, np.inf)
         per = np.float32(1.0 / along[0]), np.float32(1.0 / along[1])
         place = np.float32(self.view.principal[0]), np.float32(self.view.principal[1])
-        return DepthOpacity(relative_integral(kernel), per, place)
+        if self.style.planes is not None:
+            table = partial_table(kernel)
+            planes = self._on_screen(self.style.planes)
+            return CutOpacity(table / table[0, -1], planes, per, place, self.style.is_linear)
+        return DepthOpacity(relative_integral(kernel), per, place, self.style.is_linear)
+
+    def _on_screen(self, planes: Doubles) -> Floats:
+        """Planes (M, 6) as rays through pixels meet them, see `CutOpacity`."""
+        per, middle = 1.0 / self.view.focal, self.view.principal
+        constant, across = np.zeros((len(planes), 2)), np.zeros((len(planes), 4))
+        constant[:, 0], constant[:, 1] = planes[:, 2], planes[:, 3]
+        # Slopes belong to the rate where rays leave the eye, else to the offset.
+        first = 0 if self.view.perspective else 1
+        constant[:, first] -= planes[:, :2] @ (middle * per)
+        across[:, 2 * first : 2 * first + 2] = planes[:, :2] * per
+        columns = constant[:, 0], across[:, 0], across[:, 1], constant[:, 1], *across[:, 2:].T
+        return np.ascontiguousarray(np.column_stack(columns), np.float32)
 
 
 def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
@@ -465,7 +482,7 @@ class HeldRecords:
         return pair.view(np.uint32)[: self.count]
 
 
-def _listed(records: Floats, order: NDArray[np.uint32], grid: "TileGrid") -> "TileLists":
+def listed(records: Floats, order: NDArray[np.uint32], grid: "TileGrid") -> "TileLists":
     """Deal records to tiles."""
     from resample.engine.shaped.lists import CHUNKS, TileLists, deal_records
 

@@ -257,9 +257,7 @@ def _painted(
         np.full(shape, np.inf, np.float32),
         np.full(shape, np.inf, np.float32),
     )
-    canvas = WindowCanvas(
-        Screen(shape[1], shape[0], 0.0, np.zeros((4, 4))), tile, style.subpixels, picture
-    )
+    canvas = WindowCanvas(Screen(shape[1], shape[0]), tile, style.subpixels, picture)
     eye = eye_of(surfels, part, shape, style)
 
     def project_some(rows: slice, records: Records) -> None:

@@ -611,13 +611,6 @@ class Projecting(Choices):
             raise ValueError("compare measures plain sums; take the projection additive")
         return Resampling(projection=self.projection, iso=self.iso)
 
-    def painting(self, look: AppearanceChoices) -> Resampling:
-        """The same for painters of samples, also of fields."""
-        is_of_field = look.classify == "post" or self.projection != "composite"
-        thickness = 1 if self.projection == "maximum" else 0.5
-        order = f"image-sheets:thickness={thickness}" if is_of_field else None
-        return self.resampling().model_copy(update={"order": order})
-
 
 def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[float]:
     try:

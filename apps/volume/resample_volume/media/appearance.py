@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST
 from resample.profiles.named import OneOf
-from resample.profiles.orders import OF_FIELDS, EverySample, Rays, Summing
+from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
@@ -215,15 +215,10 @@ def check_together(
                 "projection of values; for the classification pre take another order"
             )
         return
-    if resampler.order.summing not in OF_FIELDS:
-        raise ValueError(
-            f"the classification post needs the order rays or image-sheets, not {resampler.order}"
-        )
-    if "labels" in extras and not (is_composite and resampler.order.summing is Summing.RAYS):
-        raise ValueError(
-            "labels color voxels, so they need the projection composite, and along rays or in the "
-            "classification pre"
-        )
+    if resampler.order.summing is not Summing.RAYS:
+        raise ValueError(f"the classification post needs the order rays, not {resampler.order}")
+    if "labels" in extras and not is_composite:
+        raise ValueError("labels color voxels, so they need the projection composite")
     if "gradient-opacity" in extras and not is_composite:
         raise ValueError(
             f"gradient-opacity fades voxels, so it needs the projection composite, not {projection}"

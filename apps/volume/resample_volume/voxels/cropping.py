@@ -1,7 +1,6 @@
 """Crop and clip a volume: planes of a box of voxels and planes given by normals."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +10,6 @@ from resample.words import parts_of
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import along
 from resample_volume.voxels.visible import Voxels, lattice_of
-
-if TYPE_CHECKING:
-    from resample_volume.voxels.fields import FieldVoxels
-
-Kept = TypeVar("Kept", bound="Voxels | FieldVoxels")
 
 CUT = 3.0  # voxels that a cut is thick
 STEEPER = 1e-3  # of the steepest gradient: above the threshold for homogeneous regions
@@ -56,22 +50,21 @@ def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -
     return is_near
 
 
-def keep(voxels: Kept, planes: Doubles, radius: float = 2.0) -> Kept:
+def keep(voxels: Voxels, planes: Doubles, radius: float = 2.0) -> Voxels:
     """Remove voxels that are wholly cut away; see `inside`."""
     if not len(planes):
         return voxels
     return chosen(voxels, np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius)))
 
 
-def chosen(voxels: Kept, index: NDArray[np.int64]) -> Kept:
+def chosen(voxels: Voxels, index: NDArray[np.int64]) -> Voxels:
     """Return the voxels of the given indices, in their order."""
     of_each = voxels._asdict().keys() & PER_VOXEL
     parts = {name: array[index] for name in of_each if len(array := getattr(voxels, name))}
-    those: Kept = voxels._replace(**parts)  # type: ignore[assignment]
-    return those
+    return voxels._replace(**parts)
 
 
-def faced(voxels: Kept, planes: Doubles) -> Kept:
+def faced(voxels: Voxels, planes: Doubles) -> Voxels:
     """Replace gradients near a cut by the cut's normal, keeping their lengths.
 
     A cut through homogeneous tissue meets only noise, whose gradients would make it look rough. So
@@ -88,13 +81,10 @@ def faced(voxels: Kept, planes: Doubles) -> Kept:
     least = np.float32(STEEPER) * length.max()
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
-    across: Kept = voxels._replace(gradient=gradient)  # type: ignore[assignment]
-    return across
+    return voxels._replace(gradient=gradient)
 
 
-def _near(
-    voxels: "Voxels | FieldVoxels", planes: Doubles
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _near(voxels: Voxels, planes: Doubles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the voxels near a plane, and the nearest plane (N,) of each voxel."""
     normal = planes[:, :3]
     away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)

@@ -211,7 +211,11 @@ def _higher(volume: Volume, two: Doubles, part: slice) -> Flags:
 def lit_lattice(
     field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
 ) -> LatticeField:
-    """Shade a field; parameters as of `fields.lit_field`."""
+    """Shade a field.
+
+    `light`: None leaves the colors as they are. `viewer`: (4,) position and 1, or direction to the
+    viewer and 0; scene axes. `cue`: of `Classifier`: near, far and dimmed.
+    """
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
     classifier = Classifier(*field.table, lamp, *cue)

@@ -11,7 +11,6 @@ from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (
     DataRange,
     Transfer,
-    TransferTable,
     evaluated,
     extinction,
     visible_places,
@@ -214,60 +213,6 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
 
     side_by_side(find, voxel.size)
     return position
-
-
-def reachable(volume: Volume, looks: TransferTable, radius: float = 2.0) -> Indices:
-    """Return the flat indices (N,) of the voxels that affect the visible field.
-
-    The value at a point is a mean of those around it or, at the volume's border, lies between that
-    mean and `looks.low`; so it is visible only if one of them exceeds the transparent range that
-    begins at `looks.low`. Voxels that share a point with such a voxel are less than two radii away
-    from it. All others can be left out: points that they contribute to are transparent with and
-    without them.
-
-    `volume`: of any type. Missing and infinite voxels are left out. `radius`: distance beyond which
-    kernels are zero, voxels; plus half the length over which values are averaged, such as a ray's
-    path through a slab.
-    """
-    is_known = np.empty(volume.values.shape, bool)
-    is_beyond = np.empty(volume.values.shape, np.uint8)
-    limit = _transparent_up_to(looks)
-    start = 0
-    for chunk in slabs(volume.values):
-        part = slice(start, start + len(chunk))
-        is_known[part] = np.isfinite(chunk)
-        is_beyond[part] = is_known[part] & (chunk > limit)
-        start += len(chunk)
-    return np.flatnonzero(is_known & (_nearer(is_beyond, 2 * radius) > 0))
-
-
-def _transparent_up_to(looks: TransferTable) -> np.float64:
-    """Return the upper end of the transparent range that begins at the lowest value."""
-    seen = np.flatnonzero(looks.table[..., 3].max(axis=0) > 0)
-    if not seen.size:
-        return np.float64(np.inf)
-    if not seen[0]:
-        return np.float64(-np.inf)
-    step = (looks.high - looks.low) / (looks.table.shape[1] - 1)
-    return np.float64(looks.low + step * (seen[0] - 1))
-
-
-def _nearer(marked: NDArray[np.uint8], distance: float) -> NDArray[np.uint8]:
-    """Dilate marked voxels (Z, Y, X) by a distance, voxels: 1 for all that are nearer."""
-    import cv2
-
-    reach = int(np.ceil(distance)) - 1
-    place = np.arange(-reach, reach + 1.0)
-    ball = place**2 + place[:, np.newaxis] ** 2 + place[:, np.newaxis, np.newaxis] ** 2
-    ball = (ball < distance**2).astype(np.uint8)
-    near = np.zeros_like(marked)
-    for z in np.flatnonzero(marked.any(axis=(1, 2))):
-        for away in range(reach + 1):
-            spread = cv2.dilate(marked[z], ball[reach + away])
-            for target in {z - away, z + away}:
-                if 0 <= target < len(near):
-                    np.maximum(near[target], spread, out=near[target])
-    return near
 
 
 def check_gradient(transfer: Transfer, gradient: str | None) -> None:

@@ -51,12 +51,11 @@ def compare(
     methods
         Methods separated by commas; of hybrid, points, splats, paper, inflate, ewa.
     footprints
-        Splat models separated by commas; of exact, corrected, small-angle, affine, disc.
+        Splat models separated by commas; of exact, corrected, projected, affine, equation.
         [default: the one of each method]
     orders
         Compositing orders separated by commas; of every-sample, axis-sheets,
-        image-sheets:thickness=0.5, rays. [default: the order of render, but image-sheets for
-        fields and their projections]
+        image-sheets:thickness=0.5, rays. [default: the order of render]
     peer
         Also VTK's ray caster, at 1 and 4 x 4 rays per pixel; needs the extra peers.
     reference
@@ -71,11 +70,11 @@ def compare(
     from resample.command.session import Session, require_picture
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
+    from resample.profiles.orders import Summing
     from resample_comparisons.volume.compare import (
         Contest,
         check_vtk,
         gathered_for,
-        thickest,
         variants,
     )
     from resample_volume.command.inputs import prepared, require_values
@@ -84,7 +83,7 @@ def compare(
 
     pixels = PictureFormat(size=size).height_and_width()
     look = look.of_voxels()
-    first = look.renderer(projection.painting(look), source.scale)
+    first = look.renderer(projection.resampling(), source.scale)
     choice = variants(first, _words(methods), _words(footprints), method_names(orders, least=0))
     if not 1 <= rays <= MOST_RAYS:
         raise ValueError(f"{rays} rays per side of a pixel; 1 to {MOST_RAYS} are allowed")
@@ -101,7 +100,8 @@ def compare(
     if peer is not None:
         check_vtk(appearance, first)
     first = next(iter(choice.values()))
-    subject = scene_of(Session(), [(scene, appearance)], thickest(choice), look.fit)
+    painters = [one for one in choice.values() if one.order.summing is not Summing.RAYS]
+    subject = scene_of(Session(), [(scene, appearance)], (painters or [first])[0], look.fit)
     gathered = gathered_for(choice, scene, appearance)
     contest = Contest(subject, gathered, subject.camera(viewpoint, *pixels), pixels)
     (contest.cast if reference == "rays" else contest.splatted)(first, rays)

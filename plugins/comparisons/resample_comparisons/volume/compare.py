@@ -58,12 +58,6 @@ def variants(
     return choice
 
 
-def thickest(choice: Mapping[str, Resampler]) -> Resampler:
-    """Return the renderer whose slabs need voxels from farthest around visible ones."""
-    painting = [one for one in choice.values() if one.order.summing is not Summing.RAYS]
-    return max(painting or choice.values(), key=lambda resampler: resampler.order.thickness)
-
-
 def gathered_for(
     choice: Mapping[str, Resampler], volume: Volume, appearance: Appearance
 ) -> Subject | None:
@@ -123,17 +117,12 @@ class Contest:
 
     def cast(self, resampler: Resampler, rays: int) -> None:
         """Set the reference to the field integrated along `rays` × `rays` rays per pixel."""
-        casting = Casting(
-            rays=rays,
-            reconstruction=resampler.reconstruction,
-            projection=resampler.projection,
-            iso=resampler.iso,
-            clip=self.subject.cuts(self.camera),
-        )
         seen = self.subject.samples_for(self.camera)
         if isinstance(seen, LatticeField | list):
             self.splatted(resampler, rays)
             return
+        cuts = self.subject.cuts(self.camera)
+        casting = Casting(rays=rays, reconstruction=resampler.reconstruction, clip=cuts)
         cast = cast_rays(seen, self.camera, height=self.size[0], width=self.size[1], look=casting)
         self.pictures[f"reference, {rays} x {rays} rays"] = cast.rgba
 

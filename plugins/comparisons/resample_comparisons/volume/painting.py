@@ -4,22 +4,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resample.painting.choices import Footprint, PaintChoices, Technique
+from resample.painting.choices import Footprint, PaintChoices, Technique, technique_of
 from resample.painting.scenes.painters import SamplePainter
 from resample.profiles.orders import Summing, check_thickness, of_depth, thickness_of
 from resample.types import Doubles, Layers, View
 
-THINNEST = 1e-3  # voxels; thinner slabs change nothing and take proportionally longer
+THINNEST = 0.05  # voxels; thinner slabs change nothing and take proportionally longer
 EWA_VARIANCE = 0.25  # px², of the Gaussian that stands for a pixel's filter
 
 
 def inflate() -> Technique:
-    """Splats as wide as if their neighbours were at least a pixel apart.
+    """Splats as wide as if their neighbours were at least a pixel apart, and as heavy as before.
 
     Swan, Mueller, Möller, Shareef, Crawfis and Yagel, An Anti-Aliasing Technique for Splatting,
     1997.
     """
-    return Technique(0.0, (Footprint.AFFINE,), Footprint.AFFINE, inflated=1.0)
+    return Technique(0.0, (Footprint.EXACT,), inflated=1.0)
 
 
 def ewa() -> Technique:
@@ -27,23 +27,38 @@ def ewa() -> Technique:
 
     Zwicker, Pfister, van Baar and Gross, EWA Volume Splatting, 2001.
     """
-    return Technique(0.0, (Footprint.AFFINE,), Footprint.AFFINE, blurred=EWA_VARIANCE)
+    return Technique(0.0, (Footprint.EXACT,), blurred=EWA_VARIANCE)
 
 
 def _painter(choice: PaintChoices) -> SamplePainter:
     """Who sums samples by sheets or slabs."""
-    from resample_comparisons.volume.slabs import SummedPainter
+    from resample_comparisons.volume.sheets import SheetPainter
 
-    return SummedPainter(choice.reconstruction)
+    technique = technique_of(choice.primitive)
+    if technique.inflated or technique.blurred or technique.filter_at_pixels is not None:
+        raise ValueError(
+            f"the primitive {choice.primitive} composites every sample, so it has no order "
+            f"{choice.order}; take the order every-sample, or the primitive hybrid"
+        )
+    return SheetPainter(
+        choice.reconstruction,
+        choice.point_filter,
+        technique.threshold if choice.threshold is None else float(choice.threshold),
+        is_projected=True,
+        are_wide=True,
+        subpixels=technique.subpixels if choice.subpixels is None else int(choice.subpixels),
+        pixel_filter=choice.pixel_filter,
+    )
 
 
 @dataclass(frozen=True)
 class ImageSheets:
-    """Slabs of even depth, which cut splats into parts.
+    """Slabs of even depth, among which splats are divided.
 
     Mueller, Shareef, Huang and Crawfis, High-Quality Splatting on Rectilinear Grids with Efficient
     Culling of Occluded Voxels, 1999. No bleeding and no popping; every splat is painted once per
-    slab that it meets. Thinner slabs come closer to the integral along the ray.
+    slab that it meets, with the share of its kernel that lies there: kernels are taken for
+    Gaussians, whose parts have one footprint.
 
     Parameters
     ----------

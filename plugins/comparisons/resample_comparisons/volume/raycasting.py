@@ -4,7 +4,7 @@ Splats sum contributions per sample; this evaluates the field per point: extinct
 kᵢ(p) and color c(p) = Σ τᵢ cᵢ kᵢ / Σ τᵢ kᵢ, with k the reconstruction around each sample, scaled so
 that a constant field stays constant. A step of the ray has the opacity 1 − exp(−τ Δ) of its
 midpoint (the error falls with the square of the step), steps are composited front to back, and a
-pixel is the mean of N × N rays through its box. A `Field` is interpolated, then classified.
+pixel is the mean of N × N rays through its box.
 """
 
 from collections.abc import Iterator
@@ -17,18 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import AnyCamera
-from resample.painting.choices import SUMS, Projection, number_of
 from resample.painting.scenes.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
-from resample.types import Classifier, Doubles, Field, Floats, Lamp, Samples, View
+from resample.types import Doubles, Floats, Samples, View
 from resample.watching import Progress
 from resample_volume.data.memory import require_memory
 
 if TYPE_CHECKING:
-    from resample_comparisons.volume.kernels.raycasting import CastingOptions, FieldClassifier, Grid
+    from resample_comparisons.volume.kernels.raycasting import CastingOptions, Grid
 
-NO_LAMP = Lamp(np.zeros(3), np.zeros(4), 1.0, 0.0, 0.0, 1.0, 0.0)
-NO_CLASSIFIER = Classifier(np.zeros((1, 1, 4), np.float32), 0.0, 1.0, 1.0, NO_LAMP, 0.0, 1.0, 0.0)
 TABLE = 4096  # steps of the kernel's table; linear between them, it errs by under 2e-7 of the peak
 QUADRATURE = np.polynomial.legendre.leggauss(200)
 OFF_LATTICE = 0.02  # voxels; float32 keeps positions to 1/1000 of a voxel up to 10000 voxels away
@@ -39,16 +36,13 @@ ROWS_PER_CHECK = 8  # between two updates of progress, which also handle Ctrl-C
 class Casting:
     """Options of ray casting.
 
-    Raises ValueError: a number is outside its range, or `iso` and the projection do not fit.
+    Raises ValueError: a number is outside its range.
     """
 
     rays: int = 4  # per side of a pixel: this number squared, evenly spread over the pixel's box
     step: float = 0.25  # longest step along a ray, voxels (cube roots of the lattice's volume)
     # Kernel around every sample.
     reconstruction: Reconstruction = field(default_factory=GaussianKernel)
-    projection: Projection = Projection.COMPOSITE  # projection; all but composite need a `Field`
-    # Value of the isosurface for first-hit, data units; None for all other projections.
-    iso: float | None = None
     # (M, 4) planes n, d in scene units: what has n · p + d >= 0 for all of them is kept.
     clip: ArrayLike | None = None
 
@@ -57,11 +51,6 @@ class Casting:
             raise ValueError(f"{self.rays} rays per side of a pixel; 1 to 64 are allowed")
         if not 0 < self.step < np.inf:
             raise ValueError(f"a step of {self.step} voxels; it must be above 0")
-        if (self.projection is Projection.FIRST_HIT) != (self.iso is not None):
-            raise ValueError(
-                f"iso is {self.iso} for the projection {self.projection}; a first hit needs a "
-                "value, others take none"
-            )
         object.__setattr__(self, "clip", _planes(self.clip))
 
 
@@ -80,25 +69,22 @@ class Cast(NamedTuple):
 
     rgba: Floats  # (H, W, 4) premultiplied, linear light
     depth: Floats  # (H, W) z-depth weighted by opacity, scene units; inf where empty
-    value: Floats | None  # (H, W) values of maximum, average or additive, see `cast_rays`
 
 
 class _RaySource(NamedTuple):
-    """Samples or a field, prepared for rays."""
+    """Samples, prepared for rays."""
 
     position: Floats  # (N, 3) scene units
     properties: Floats  # (N, 4) see `kernels.raycasting.Grid`
     visible: NDArray[np.bool_]  # (N,) whether a sample alone may be visible
     lattice: Doubles  # (3, 3)
-    classifier: Classifier
-    classified: bool
 
 
 DEFAULT = Casting()
 
 
 def cast_rays(
-    samples: Samples | Field,
+    samples: Samples,
     camera: AnyCamera,
     *,
     height: int,
@@ -107,114 +93,49 @@ def cast_rays(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Cast:
-    """Render samples, or a field that is classified after interpolation.
+    """Render samples.
 
     `samples`: they must lie on their lattice: at an origin plus integer steps, at most one per
     node. `height`, `width`: of the picture, px. `progress`: called with the share of the work that
-    is done, 0 to 1, and may raise to stop. Result: of a field, `value` is the largest value
-    (maximum) or ∫ Σ kᵢ vᵢ / ∫ Σ kᵢ (average) in data units, weighted by opacity over a pixel's rays
-    and NaN where no sample is; or ∫ Σ kᵢ vᵢ (additive) in data units × scene units, 0 there.
-    Maximum and average have the color of that value, additive is black; the opacity of all three is
-    the ray's length within samples in voxels, at most 1.
+    is done, 0 to 1, and may raise to stop.
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")
-    source = _source_of_samples(samples, look)
-    picture = np.zeros((height, width, 7))
+    source = _source_of_samples(samples)
+    picture = np.zeros((height, width, 5))
     if len(source.position):
         with _threads(threads):
             _cast(source, camera.view(), look, picture, progress)
-    return _developed(picture, look.projection)
+    return _developed(picture)
 
 
 def _cast(
     source: _RaySource, view: View, look: Casting, picture: Doubles, progress: Progress | None
 ) -> None:
-    """Fill a picture (H, W, 7), some rows at a time."""
-    from resample_comparisons.volume.kernels.raycasting import Content, cast_rows
+    """Fill a picture (H, W, 5), some rows at a time."""
+    from resample_comparisons.volume.kernels.raycasting import cast_rows
 
     grid, plan = _grid(source, view, look.reconstruction), _plan(source, view, look)
-    content = Content(grid, _field_classifier(source.classifier), _lamp(source.classifier.lamp))
     height = len(picture)
     for first in range(0, height, ROWS_PER_CHECK):
         count = min(ROWS_PER_CHECK, height - first)
-        cast_rows(first, count, view, content, plan, picture)
+        cast_rows(first, count, view, grid, plan, picture)
         if progress is not None:
             progress((first + count) / height)
 
 
-def _developed(picture: Doubles, projection: Projection) -> Cast:
+def _developed(picture: Doubles) -> Cast:
     """Convert sums over a pixel's rays to results."""
     alpha = picture[..., 3]
     depth = np.divide(picture[..., 4], alpha, out=np.full(alpha.shape, np.inf), where=alpha > 0)
-    value = None
-    if projection in SUMS:
-        value = picture[..., 5].astype(np.float32)
-    elif projection in (Projection.MAXIMUM, Projection.AVERAGE):
-        unknown = np.full(alpha.shape, np.nan)
-        mean = np.divide(picture[..., 5], picture[..., 6], out=unknown, where=picture[..., 6] > 0)
-        value = mean.astype(np.float32)
-    return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32), value)
+    return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32))
 
 
-def _source_of_samples(samples: Samples | Field, look: Casting) -> _RaySource:
-    if isinstance(samples, Field):
-        return _source_of_field(samples, look)
-    if look.projection is not Projection.COMPOSITE:
-        raise ValueError(f"the projection {look.projection} needs a Field; samples have no values")
+def _source_of_samples(samples: Samples) -> _RaySource:
     checked = check_samples(samples)
     color = checked.color * checked.extinction[:, None]
     properties = np.column_stack([checked.extinction, color])
-    visible = checked.extinction > 0
-    return _RaySource(
-        checked.position, properties, visible, checked.lattice, NO_CLASSIFIER, classified=False
-    )
-
-
-def _source_of_field(given: Field, look: Casting) -> _RaySource:
-    classifier = given.classifier
-    _check_field(given, look.iso)
-    raised = np.asarray(given.value, np.float64) - classifier.low
-    # The core's checks: non-negative extinctions replace the values.
-    checked = check_samples(
-        Samples(given.position, given.gradient, np.abs(raised).astype(np.float32), given.lattice)
-    )
-    properties = np.column_stack([raised.astype(np.float32), checked.color])
-    return _RaySource(
-        checked.position,
-        properties,
-        _visible(raised, classifier, look.projection),
-        checked.lattice,
-        classifier,
-        classified=True,
-    )
-
-
-def _check_field(given: Field, iso: float | None) -> None:
-    """Check what the check of samples does not cover."""
-    look = given.classifier
-    shapes = [np.shape(given.position), np.shape(given.value), np.shape(given.gradient)]
-    count = np.size(given.value)
-    if shapes != [(count, 3), (count,), (count, 3)]:
-        raise ValueError(
-            "positions {}, values {} and gradients {} do not fit; they have shapes (N, 3), (N,) "
-            "and (N, 3)".format(*shapes)
-        )
-    if not (look.low < look.high and look.near < look.far and look.steep > 0):
-        raise ValueError(
-            "a classifier's low must be below its high, its near below its far and its steepest "
-            "gradient above 0"
-        )
-    if iso is not None and not iso > look.low:
-        raise ValueError(f"iso is {iso}; it must be above {look.low}, the value outside the field")
-
-
-def _visible(raised: Doubles, classifier: Classifier, projection: Projection) -> NDArray[np.bool_]:
-    """Return the samples (N,) whose kernels rays must traverse; `raised` is (N,) value − low."""
-    is_clear = projection is Projection.COMPOSITE and not np.any(classifier.table[:, 0, 3])
-    if is_clear or projection is Projection.FIRST_HIT:
-        return np.not_equal(raised, 0)
-    return np.ones(raised.shape, np.bool_)
+    return _RaySource(checked.position, properties, checked.extinction > 0, checked.lattice)
 
 
 def _grid(source: _RaySource, view: View, reconstruction: Reconstruction) -> "Grid":
@@ -296,25 +217,8 @@ def _plan(source: _RaySource, view: View, look: Casting) -> "CastingOptions":
     return CastingOptions(
         int(look.rays),
         float(look.step * voxel),
-        voxel,
-        number_of(look.projection),
-        source.classified,
-        float(look.iso or 0.0),
         np.column_stack([normal, offset]),
     )
-
-
-def _field_classifier(classifier: Classifier) -> "FieldClassifier":
-    from resample_comparisons.volume.kernels.raycasting import FieldClassifier
-
-    table = np.ascontiguousarray(classifier.table, np.float32)
-    return FieldClassifier(table, *map(float, classifier[1:4]), *map(float, classifier[5:]))
-
-
-def _lamp(lamp: Lamp) -> Lamp:
-    """Convert the lamp to the types that kernels are compiled for."""
-    toward, viewer = (np.ascontiguousarray(vector, np.float64) for vector in lamp[:2])
-    return Lamp(toward, viewer, *map(float, lamp[2:]))
 
 
 @contextmanager

@@ -3,17 +3,16 @@ import pytest
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import look_at
-from resample.painting.choices import Primitive, Projection
+from resample.painting.choices import Primitive
 from resample.profiles.reconstruction import BSplineKernel, GaussianKernel
 from resample.resampler import Resampler
-from resample.types import Classifier, Field, Lamp, Samples
+from resample.types import Samples
 from resample_comparisons.volume.raycasting import Casting, cast_rays
 
 # A rival, whose kernel is compiled for it alone.
 pytestmark = pytest.mark.sweep
 
 SKEW = np.array([[1.1, 0.2, 0.0], [0.0, 0.9, 0.1], [0.3, 0.0, -1.3]])  # left-handed too
-UNLIT = Lamp(np.zeros(3), np.array([0.0, 0.0, -1.0, 0.0]), 1.0, 0.0, 0.0, 1.0, 0.0)
 ONE = {"height": 1, "width": 1}
 ONE_RAY = Casting(rays=1, step=0.02)
 
@@ -41,23 +40,6 @@ def some_samples(rng, size=6, share=0.6):
 def a_camera(height=20, width=30, near=0.0):
     pose = look_at([4, -8, 5], [4.0, 4.5, 1.0])
     return Camera.from_fov(45, height=height, width=width, world_to_camera=pose, near=near)
-
-
-def classifier(low=0.0, high=1.0, table=((1, 1, 1, 0), (1, 1, 1, 1)), lamp=UNLIT, **more):
-    depths = {"near": 0.0, "far": 1.0, "dimmed": 0.0, "steep": 1.0} | more
-    rows = np.atleast_3d(np.array(table, np.float32)).reshape(-1, 2, 4)
-    return Classifier(rows, low, high, lamp=lamp, **depths)
-
-
-def field_of(value, look=None, gradient=None, lattice=None):
-    """Field of values (X, Y, Z) around 0, spacing 1 unless a lattice is given."""
-    lattice = np.eye(3) if lattice is None else lattice
-    middle = (np.array(value.shape) - 1) / 2
-    position = ((nodes(*value.shape) - middle) @ lattice.T).astype(np.float32)
-    slope = np.zeros((value.size, 3), np.float32)
-    if gradient is not None:
-        slope[:] = gradient
-    return Field(position, value.ravel().astype(np.float32), slope, lattice, look or classifier())
 
 
 def block(count, extinction, color=(0.2, 0.4, 0.8)):
@@ -117,7 +99,6 @@ def test_a_ray_off_the_kernels_sees_nothing():
     seen = cast_rays(one, down(2, x=2.6), **ONE, look=ONE_RAY)
     assert seen.rgba[0, 0].tolist() == [0, 0, 0, 0]
     assert np.isinf(seen.depth[0, 0])
-    assert seen.value is None
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -254,104 +235,6 @@ def test_no_samples_give_an_empty_picture():
     assert np.isinf(seen.depth).all()
 
 
-# Fields, classified after they are reconstructed
-
-
-def ramp(count=12, slope=0.1):
-    """Values that rise along z, 0.5 at the middle."""
-    z = np.arange(count) - (count - 1) / 2
-    return np.broadcast_to(0.5 + slope * z, (count, count, count))
-
-
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
-def test_the_first_hit_of_a_linear_ramp_lies_where_it_should(tilt):
-    # Slope 0.1 per voxel, 0.55 is reached at z = 0.5.
-    pose = look_at([20 * tilt, 0, -20.0], [0, 0, 0.5], (0, 1, 0))
-    camera = Camera.from_intrinsics(40, 40, 0.5, 0.5, pose)
-    look = Casting(rays=1, projection=Projection.FIRST_HIT, iso=0.55)
-    seen = cast_rays(field_of(ramp(12)), camera, **ONE, look=look)
-    distance = np.linalg.norm([20 * tilt, 0, 20.5])
-    # Values fade outside the samples, and kernels ripple: by 0.1 % of a value of 0.55.
-    assert seen.depth[0, 0] == pytest.approx(distance, abs=0.05)
-    assert seen.rgba[0, 0].tolist() == [1, 1, 1, 1]
-
-
-def test_a_first_hit_is_lit_and_dimmed_by_its_depth():
-    lamp = Lamp(np.zeros(3), np.array([0.0, 0.0, -1.0, 0.0]), 0.3, 0.6, 0.0, 1.0, 1e-6)
-    tint = ((0.8, 0.4, 0.2, 0), (0.8, 0.4, 0.2, 1))
-    look = classifier(table=tint, lamp=lamp, near=-10.0, far=11.0, dimmed=0.5)
-    gradient = 0.1 * np.array([np.sin(0.7), 0.0, np.cos(0.7)])
-    field = field_of(ramp(), look, gradient)
-    plan = Casting(rays=1, projection=Projection.FIRST_HIT, iso=0.55)
-    seen = cast_rays(field, down(2), **ONE, look=plan).rgba[0, 0]
-    expected = (0.3 + 0.6 * np.cos(0.7)) * (1 - 0.5 * 0.5)
-    np.testing.assert_allclose(seen[:3], expected * np.array(tint[0][:3]), rtol=2e-3)  # its depth
-
-
-def test_highlights_are_white_and_after_blinn_and_phong():
-    toward = np.array([np.sin(0.8), 0.0, -np.cos(0.8)])
-    lamp = Lamp(toward, np.array([0.0, 0.0, -1.0, 0.0]), 0.0, 0.0, 0.5, 8.0, 1e-6)
-    field = field_of(ramp(), classifier(table=((0, 0, 0, 0), (0, 0, 0, 1)), lamp=lamp), [0, 0, 0.1])
-    plan = Casting(rays=1, projection=Projection.FIRST_HIT, iso=0.55)
-    seen = cast_rays(field, down(2), **ONE, look=plan).rgba[0, 0]
-    np.testing.assert_allclose(seen[:3], 0.5 * np.cos(0.4) ** 8, rtol=1e-5)
-
-
-def test_an_even_field_looks_like_its_value():
-    table = ((0, 0, 0, 0), (1, 0.5, 0.25, 0.4))
-    field = field_of(np.full((16, 16, 16), 15.0), classifier(10.0, 20.0, table))
-    seen = cast_rays(field, down(2), **ONE).rgba[0, 0]
-    optical_depth = -np.log1p(-seen[3])
-    assert optical_depth == pytest.approx(16 * 0.2, rel=0.03)  # less at the ends, where it fades
-    np.testing.assert_allclose(seen[:3] / seen[3], [0.5, 0.25, 0.125], rtol=0.03)
-
-
-def test_the_gradient_chooses_a_row_of_the_classifier():
-    table = [[(1, 0, 0, 1), (1, 0, 0, 1)], [(0, 1, 0, 1), (0, 1, 0, 1)]]
-    look = classifier(table=table, steep=4.0)
-    field = field_of(np.full((8, 8, 8), 0.5), look, gradient=[0, 3, 0])
-    seen = cast_rays(field, down(2), **ONE).rgba[0, 0]
-    np.testing.assert_allclose(seen[:3] / seen[3], [0.25, 0.75, 0], rtol=1e-5)
-
-
-def test_the_maximum_of_one_blob_is_its_peak():
-    field = field_of(np.full((1, 1, 1), 12.0), classifier(low=2.0, high=20.0))
-    look = Casting(rays=1, step=0.01, projection=Projection.MAXIMUM)
-    seen = cast_rays(field, down(2), **ONE, look=look)
-    peak = unit_kernel(GaussianKernel())(np.array(0.0))
-    assert peak < 0.5  # so that the mean counts at least half a sample's worth
-    assert seen.value[0, 0] == pytest.approx(2 + 10 * peak / 0.5, rel=1e-4)
-    assert seen.depth[0, 0] == pytest.approx(0, abs=0.01)
-
-
-@pytest.mark.parametrize("name", ["maximum", "average"])
-def test_maximum_and_average_of_an_even_field_are_its_value(name):
-    field = field_of(np.full((8, 8, 8), 7.0), classifier(low=-3.0, high=9.0))
-    look = Casting(projection=Projection(name))
-    seen = cast_rays(field, Orthographic(1, 1, 8, 8), height=16, width=16, look=look)
-    np.testing.assert_allclose(seen.value[6:10, 6:10], 7.0, rtol=1e-6)
-    assert np.isnan(seen.value[0, 0])
-
-
-def test_the_average_weighs_by_what_the_ray_passes():
-    values = np.broadcast_to(np.where(np.arange(12) < 4, 2.0, 8.0), (12, 12, 12))
-    look = Casting(rays=1, projection=Projection.AVERAGE)
-    seen = cast_rays(field_of(values, classifier(low=0.0, high=10.0)), down(2), **ONE, look=look)
-    assert seen.value[0, 0] == pytest.approx((4 * 2 + 8 * 8) / 12, rel=2e-3)  # ripple
-
-
-@pytest.mark.parametrize("reconstruction", [GaussianKernel(), BSplineKernel()], ids=str)
-def test_all_pixels_of_an_additive_picture_sum_to_the_mass(rng, reconstruction):
-    value = rng.normal(size=(5, 6, 4))
-    field = field_of(value, classifier(low=-2.0), lattice=SKEW)
-    pose = look_at([3, -20, 8], [0, 0, 0])
-    camera = Orthographic(2, 3, 20, 20, pose, -50)
-    look = Casting(4, 0.1, reconstruction, Projection.ADDITIVE)
-    total = cast_rays(field, camera, height=40, width=40, look=look).value.sum(dtype=np.float64)
-    mass = field.value.sum(dtype=np.float64) * abs(np.linalg.det(SKEW))
-    assert total / (2 * 3) == pytest.approx(mass, rel=2e-4)
-
-
 # Input that is refused
 
 
@@ -361,8 +244,6 @@ def test_all_pixels_of_an_additive_picture_sum_to_the_mass(rng, reconstruction):
         ({"rays": 0}, "0 rays per side of a pixel; 1 to 64"),
         ({"step": 0.0}, r"a step of 0.0 voxels; it must be above 0"),
         ({"step": np.nan}, "it must be above 0"),
-        ({"iso": 1.0}, "a first hit needs a value, others take none"),
-        ({"projection": Projection.FIRST_HIT}, "a first hit needs a value"),
         ({"clip": [[1, 0, 0]]}, r"clipping planes have the shape \(M, 4\), not \(1, 3\)"),
         ({"clip": [1, 0, 0, np.nan]}, r"clipping planes must be finite"),
     ],
@@ -393,41 +274,6 @@ def test_samples_far_apart_are_refused_before_memory_is_taken():
     samples = Samples(ends, np.ones((2, 3)), np.ones(2), np.eye(3))
     with pytest.raises(ValueError, match="lattice around these samples"):
         cast_rays(samples, down(2), **ONE)
-
-
-@pytest.mark.parametrize("name", ["maximum", "average", "additive"])
-def test_samples_have_no_values_to_project(name):
-    with pytest.raises(ValueError, match="needs a Field"):
-        cast_rays(block(3, 1.0), down(2), **ONE, look=Casting(projection=Projection(name)))
-
-
-def test_a_surface_at_the_value_outside_the_field_is_refused():
-    field = field_of(np.ones((3, 3, 3)), classifier(low=0.5))
-    look = Casting(projection=Projection.FIRST_HIT, iso=0.5)
-    with pytest.raises(ValueError, match=r"iso is 0.5; it must be above 0.5"):
-        cast_rays(field, down(2), **ONE, look=look)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"value": np.ones(26)}, r"positions \(27, 3\), values \(26,\) and gradients"),
-        ({"gradient": np.ones(27)}, r"gradients \(27,\) do not fit"),
-        ({"classifier": classifier(low=1.0)}, "low must be below its high"),
-        ({"classifier": classifier(far=0.0)}, "its near below its far"),
-        ({"classifier": classifier(steep=0.0)}, "steepest gradient above 0"),
-    ],
-)
-def test_a_field_that_does_not_fit_together_is_refused(wrong, message):
-    field = field_of(np.ones((3, 3, 3)))._replace(**wrong)
-    with pytest.raises(ValueError, match=message):
-        cast_rays(field, down(2), **ONE)
-
-
-def test_a_field_with_missing_values_is_refused():
-    field = field_of(np.full((3, 3, 3), np.nan))
-    with pytest.raises(ValueError, match="is not finite"):
-        cast_rays(field, down(2), **ONE)
 
 
 @pytest.mark.parametrize("size", [{"height": 0, "width": 3}, {"height": 3, "width": -1}])

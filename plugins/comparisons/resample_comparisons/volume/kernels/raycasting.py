@@ -11,27 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply, scaled
-from resample.types import ADDITIVE, COMPOSITE, FIRST_HIT, MAXIMUM, Doubles, Floats, Lamp, View
+from resample.engine.vectors import Vector, combine, dot, matrix_of, multiply
+from resample.types import Doubles, Floats, View
 
 LEAST_TRANSMITTANCE = 1e-7  # transmittance at which a ray ends
-HALVINGS = 40  # bisections of the step in which a surface lies
-LEAST_DENSITY = 0.5  # kernels' sum below which values fade to the field's low
 
 Indices = NDArray[np.int32]
 Flags = NDArray[np.bool_]
 Sums = tuple[float, float, float, float, float]  # of k, then of k times each of four properties
 Light = tuple[float, float, float, float]  # straight RGB and extinction per scene unit
-# RGBA, α × depth, share × value (or the integral), and the share of the pixel that has one.
-Result = tuple[float, float, float, float, float, float, float]
-NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+Result = tuple[float, float, float, float, float]  # RGBA, and α × depth
 
 
 class Grid(NamedTuple):
     """Samples on their lattice; coordinates count from its first node."""
 
     node: Indices  # (Z, Y, X) which sample stands here, -1: none
-    properties: Floats  # (N, 4) extinction and its products with RGB; or value − low and gradient
+    properties: Floats  # (N, 4) extinction and its products with RGB
     occupied: Flags  # (z, y, x) bricks of `brick`³ nodes in which something may be visible
     density: Doubles  # (K + 1,) kernel over the squared distance in radii; a constant field gives 1
     radius: float  # voxels
@@ -42,35 +38,11 @@ class Grid(NamedTuple):
     turn: Doubles  # (3, 3) from camera axes to sample coordinates
 
 
-class FieldClassifier(NamedTuple):
-    """Transfer function of a field as numbers; see `resample.types.Classifier`."""
-
-    table: Floats  # (G, K, 4)
-    low: float
-    high: float
-    steep: float
-    near: float
-    far: float
-    dimmed: float
-
-
-class Content(NamedTuple):
-    """Samples, transfer function and light that rays pass through."""
-
-    grid: Grid
-    classifier: FieldClassifier
-    lamp: Lamp
-
-
 class CastingOptions(NamedTuple):
     """Choices as numbers."""
 
     rays: int  # per side of a pixel
     step: float  # scene units, at most
-    voxel: float  # scene units
-    projection: int
-    classified: bool  # the field is classified; otherwise samples were
-    iso: float
     clip: Doubles  # (M, 4) planes in camera axes
 
 
@@ -213,91 +185,6 @@ def _wall(ray: ReferenceRay, axis: int, brick: int, grid: Grid) -> float:
 
 
 @kernel
-def _value(sums: Sums, look: FieldClassifier) -> float:
-    """Value of the field; it fades to the lowest where samples end."""
-    return look.low + sums[1] / max(sums[0], LEAST_DENSITY)
-
-
-@kernel
-def _unit(v: Vector) -> Vector:
-    """Scale a vector to length 1; 0 stays 0."""
-    square = dot(v, v)
-    return scaled(1.0 / math.sqrt(square), v) if square > 0.0 else v
-
-
-@kernel
-def _cell(place: float, count: int) -> tuple[int, float]:
-    """Entry before a place 0..1 of a table, and the fraction to the next."""
-    position = max(0.0, min(1.0, place)) * (count - 1)
-    entry = max(0, min(int(position), count - 2))
-    return entry, position - entry
-
-
-@kernel
-def _classified(value: float, slope: float, look: FieldClassifier) -> Light:
-    """Look up color and extinction by a value and the length of its gradient."""
-    rows, columns, _ = look.table.shape
-    # Find the cell of the table.
-    r, down = _cell(slope / look.steep, rows)
-    c, right = _cell((value - look.low) / (look.high - look.low), columns)
-    below, beside = min(r + 1, rows - 1), min(c + 1, columns - 1)
-    # Interpolate the four numbers bilinearly.
-    found = (0.0, 0.0, 0.0, 0.0)
-    for n in range(4):
-        upper = (1.0 - right) * look.table[r, c, n] + right * look.table[r, beside, n]
-        lower = (1.0 - right) * look.table[below, c, n] + right * look.table[below, beside, n]
-        found = (found[1], found[2], found[3], (1.0 - down) * upper + down * lower)
-    return found
-
-
-@kernel
-def _lit(light: Light, place: Vector, gradient: Vector, slope: float, lamp: Lamp) -> Light:
-    """Shade a surface by Blinn and Phong, both sides alike."""
-    own, highlight = lamp.ambient + lamp.diffuse, 0.0
-    # Light surfaces with a gradient; flat regions have only ambient and diffuse light.
-    if slope > lamp.flat:
-        normal = scaled(1.0 / slope, gradient)
-        viewer = (lamp.viewer[0], lamp.viewer[1], lamp.viewer[2])
-        eye = _unit(combine(viewer, -lamp.viewer[3], place))
-        toward = (lamp.toward[0], lamp.toward[1], lamp.toward[2])
-        # Use a headlight if the lamp has no direction.
-        if dot(toward, toward) == 0.0:
-            toward = eye
-        halfway = _unit(combine(eye, 1.0, toward))
-        own = lamp.ambient + lamp.diffuse * abs(dot(normal, toward))
-        highlight = lamp.specular * abs(dot(normal, halfway)) ** lamp.shininess
-    red, green, blue, extinction = light
-    return (own * red + highlight, own * green + highlight, own * blue + highlight, extinction)
-
-
-@kernel
-def _surface(
-    sums: Sums,
-    value: float,
-    ray: ReferenceRay,
-    depth: float,
-    grid: Grid,
-    look: FieldClassifier,
-    lamp: Lamp,
-) -> Light:
-    """Shade the field at a point: classified, lit and dimmed by its depth."""
-    # Normalize the gradient by the kernels' sum.
-    total = max(sums[0], 1e-30)
-    gradient = (sums[2] / total, sums[3] / total, sums[4] / total)
-    slope = math.sqrt(dot(gradient, gradient))
-    # Classify the value, and light it at its place in the scene.
-    light = _classified(value, slope, look)
-    at = combine(ray.start, depth, ray.way)
-    origin = (grid.origin[0], grid.origin[1], grid.origin[2])
-    place = combine(origin, 1.0, multiply(matrix_of(grid.lattice), at))
-    red, green, blue, extinction = _lit(light, place, gradient, slope, lamp)
-    # Dim with depth, and fade where samples end.
-    far = max(0.0, min(1.0, (depth - look.near) / (look.far - look.near)))
-    left = 1.0 - look.dimmed * far
-    return (left * red, left * green, left * blue, extinction * sums[0])
-
-
-@kernel
 def _sample_light(sums: Sums) -> Light:
     """Color and extinction of samples that were classified before interpolation."""
     total = sums[1]
@@ -307,9 +194,8 @@ def _sample_light(sums: Sums) -> Light:
 
 
 @kernel
-def _composite(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Result:
+def _composite(ray: ReferenceRay, grid: Grid) -> Result:
     """Composite front to back, with a step's opacity by its middle's extinction."""
-    grid, look, lamp = content
     red = green = blue = deep = 0.0
     passed = 1.0
     # Step through occupied bricks until the ray leaves or is opaque.
@@ -318,11 +204,7 @@ def _composite(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Res
         depth = ray.enter + (step + 0.5) * ray.thickness
         sums = _sums(ray, depth, grid)
         if sums[0] > 0.0:
-            # Take the color of classified samples, or classify the interpolated value.
             light = _sample_light(sums)
-            if plan.classified:
-                value = look.low + sums[1] / sums[0]
-                light = _surface(sums, value, ray, depth, grid, look, lamp)
             # Composite under what lies in front: expm1 stays exact for thin steps.
             share = -passed * math.expm1(-light[3] * ray.thickness * ray.length)
             red += share * light[0]
@@ -331,116 +213,23 @@ def _composite(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Res
             deep += share * depth
             passed -= share
         step = _next_step(ray, step + 1, grid)
-    return (red, green, blue, 1.0 - passed, deep, 0.0, 0.0)
+    return (red, green, blue, 1.0 - passed, deep)
 
 
 @kernel
-def _measure(ray: ReferenceRay, grid: Grid, look: FieldClassifier, plan: CastingOptions) -> Result:
-    """Largest value, mean or integral along a ray, and the color of the former two.
-
-    Values are weighed by the length within samples, in voxels and at most 1; colors are as opaque
-    as a voxel of theirs where that is 1.
-    """
-    largest, largest_at, within, weighed, deep = look.low, 0.0, 0.0, 0.0, 0.0
-
-    # Step through occupied bricks.
-    step = _next_step(ray, 0, grid)
-    while step < ray.steps:
-        depth = ray.enter + (step + 0.5) * ray.thickness
-        sums = _sums(ray, depth, grid)
-        # Track the maximum.
-        if sums[0] > 0.0 and (within == 0.0 or _value(sums, look) > largest):
-            largest, largest_at = _value(sums, look), depth
-        # Integrate length, value and depth.
-        length = ray.thickness * ray.length
-        within += sums[0] * length
-        weighed += (sums[1] + look.low * sums[0]) * length
-        deep += depth * sums[0] * length
-        step = _next_step(ray, step + 1, grid)
-    if within <= 0.0:
-        return NOTHING
-
-    # An integral has no color.
-    share, depth = min(1.0, within / plan.voxel), deep / within
-    if plan.projection == ADDITIVE:
-        return (0.0, 0.0, 0.0, share, share * depth, weighed, 1.0)
-
-    # Classify the mean or the maximum, as opaque as one voxel of it.
-    value = weighed / within
-    if plan.projection == MAXIMUM:
-        value, depth = largest, largest_at
-    light = _classified(value, 0.0, look)
-    alpha = -share * math.expm1(-light[3] * plan.voxel)
-    return (
-        alpha * light[0],
-        alpha * light[1],
-        alpha * light[2],
-        alpha,
-        alpha * depth,
-        share * value,
-        share,
-    )
-
-
-@kernel
-def _is_within(
-    ray: ReferenceRay, depth: float, grid: Grid, look: FieldClassifier, iso: float
-) -> bool:
-    """Whether the field is at least `iso` at a depth of a ray."""
-    return _value(_sums(ray, depth, grid), look) >= iso
-
-
-@kernel
-def _first_hit(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Result:
-    """Find the surface on which the field first rises to `iso`; it is opaque."""
-    grid, look, lamp = content
-    # Step through occupied bricks.
-    step = _next_step(ray, 0, grid)
-    while step < ray.steps:
-        behind = ray.enter + (step + 0.5) * ray.thickness
-        # Bisect the step in which the field rises to the level.
-        if _is_within(ray, behind, grid, look, plan.iso):
-            before = max(ray.enter, behind - ray.thickness)
-            for _ in range(HALVINGS):
-                middle = 0.5 * (before + behind)
-                if _is_within(ray, middle, grid, look, plan.iso):
-                    behind = middle
-                else:
-                    before = middle
-            # Shade the hit.
-            sums = _sums(ray, behind, grid)
-            light = _surface(sums, plan.iso, ray, behind, grid, look, lamp)
-            return (light[0], light[1], light[2], 1.0, behind, plan.iso, 1.0)
-        step = _next_step(ray, step + 1, grid)
-    return NOTHING
-
-
-@kernel
-def _cast(ray: ReferenceRay, content: Content, plan: CastingOptions) -> Result:
-    """Cast a ray with the projection of the plan."""
-    if plan.projection == COMPOSITE:
-        return _composite(ray, content, plan)
-    if plan.projection == FIRST_HIT:
-        return _first_hit(ray, content, plan)
-    return _measure(ray, content.grid, content.classifier, plan)
-
-
-@kernel
-def _cast_row(
-    row: int, view: View, content: Content, plan: CastingOptions, picture: Doubles
-) -> None:
+def _cast_row(row: int, view: View, grid: Grid, plan: CastingOptions, picture: Doubles) -> None:
     """Average over the rays of every pixel in a row."""
     share = 1.0 / (plan.rays * plan.rays)
     for column in range(picture.shape[1]):
-        for channel in range(7):
+        for channel in range(5):
             picture[row, column, channel] = 0.0
         # Cast a regular grid of rays through the pixel.
         for down in range(plan.rays):
             for right in range(plan.rays):
                 x, y = column + (right + 0.5) / plan.rays, row + (down + 0.5) / plan.rays
-                ray = _new_ray(x, y, content.grid, view, plan)
-                seen = _cast(ray, content, plan)
-                for channel in range(7):
+                ray = _new_ray(x, y, grid, view, plan)
+                seen = _composite(ray, grid)
+                for channel in range(5):
                     picture[row, column, channel] += share * seen[channel]
 
 
@@ -450,10 +239,10 @@ def cast_rows(
     first: int,
     count: int,
     view: View,
-    content: Content,
+    grid: Grid,
     plan: CastingOptions,
     picture: Doubles,
 ) -> None:
-    """Fill `count` rows of a picture (H, W, 7) from row `first` on; see `Result`."""
+    """Fill `count` rows of a picture (H, W, 5) from row `first` on; see `Result`."""
     for row in tasks(counter, count):
-        _cast_row(first + row, view, content, plan, picture)
+        _cast_row(first + row, view, grid, plan, picture)

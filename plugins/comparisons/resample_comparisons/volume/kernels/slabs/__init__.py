@@ -1,1 +1,0 @@
-"""Sheets of samples, slabs that cut them, and fields that are classified in them."""

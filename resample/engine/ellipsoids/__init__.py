@@ -1,1 +1,0 @@
-"""Ellipsoids seen by a camera, painted as elliptical splats."""

@@ -1,1 +1,0 @@
-"""Mixtures of splats and points, projected and painted nearest first."""

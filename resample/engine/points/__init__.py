@@ -1,1 +1,0 @@
-"""Points seen by a camera, summed sheet by sheet under a filter."""
