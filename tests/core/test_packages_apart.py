@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("cells", "comparisons", "figures", "gradients", "meshes", "sky"):
+for name in ("cells", "comparisons", "figures", "gradients", "meshes", "particles", "sky"):
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -44,6 +44,7 @@ MISSING = [
     ("resample-warp3d render sample:room --method mcmillan -o a.png", "warp", "comparisons"),
     ("resample-texture mesh sample:knot -o a.png", "command 'texture.mesh'", "meshes"),
     ("resample-texture view sample:knot", "page 'texture.mesh'", "meshes"),
+    ("resample-points density sample:halo -o a.png", "command 'points.density'", "particles"),
     ("resample-points compare sample:knot-gaussians", "command 'points.compare'", "comparisons"),
 ]
 WORK = [
@@ -91,6 +92,18 @@ def test_a_file_of_cells_names_the_package_that_reads_it(name, tmp_path):
     refused = alone(f"resample-volume info {name}", tmp_path)
     assert "pip install hybrid-resample-cells" in refused.stderr
     assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+
+
+@pytest.mark.some(2)
+@pytest.mark.parametrize(
+    "line", ["render a.hdf5 -o a.png", "animate a.hdf5 -o a", "info a.hdf5", "view a.hdf5"]
+)
+def test_a_snapshot_names_the_package_that_maps_it(line, tmp_path):
+    (tmp_path / "a.hdf5").touch()
+    refused = alone(f"resample-points {line}", tmp_path)
+    assert "pip install hybrid-resample-particles\n" in refused.stderr
+    assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.hdf5"]
 
 
 @pytest.mark.parametrize(("old", "name"), [("differentiable", "LinearWarp"), ("torch", "warp")])

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample import registry
 from resample.memory.mapped import is_in_file
@@ -14,6 +13,7 @@ from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, some_of
 from resample_points.data.fields import linear
 
+SNAPSHOTS = (".hdf5", ".h5", ".he5")  # of particles, which another package maps
 LASER = (".las", ".laz")  # of which parts are read, where they are large
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
 
@@ -71,6 +71,9 @@ def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | Non
     source = Path(path)
     check_file(path)
     known = suffixes()
+    if source.suffix.lower() in SNAPSHOTS:
+        mapped = f"{source.name} holds particles, which `resample-points density` maps and films"
+        raise ValueError(registry.missing("commands", "points.density") or mapped)
     if source.suffix.lower() not in known:
         raise ValueError(f"{path}: clouds are read from {', '.join(known)}")
     if level and source.suffix.lower() not in LASER:
@@ -121,10 +124,9 @@ def read_arrays(path: Path) -> Cloud:
         parts["color"] = linear(parts["color"])
     kind = np.float32 if position.dtype == np.float32 else np.float64
     single = {name: part.astype(np.float32) for name, part in parts.items()}
-    columns = {name: part for name, part in known.items() if _is_column(part, count)}
+    columns = {
+        name: part
+        for name, part in known.items()
+        if part.shape == (count,) and part.dtype.kind in "iufb"
+    }
     return Cloud(position.astype(kind), **single, columns=columns)
-
-
-def _is_column(part: NDArray[Any], count: int) -> bool:
-    """Whether an array holds a number for each point."""
-    return part.shape == (count,) and part.dtype.kind in "iufb"
