@@ -81,7 +81,7 @@ CAMERA, LIGHT, SETTINGS, LIMITS = "Camera", "Light", "Settings", "Limits"
 HEADINGS = (  # in the order of the help
     *("Input", "Source camera", "Several sources", "Further volumes", "Target", "Look"),
     *("3D Gaussians", "Particles", LIGHT),
-    *(CAMERA, "Stereo", "Projection", "Method", "Picture", "Annotations and objects"),
+    *(CAMERA, "Stereo", "Projection", "Method", "Picture", "Films", "Annotations and objects"),
     *("Further outputs", "Page", "Workers", SETTINGS, LIMITS),
 )
 
