@@ -359,9 +359,8 @@ def test_films_of_panoramas_are_made_as_pictures_are(command, rng):
     np.save("length.npy", 2 + rng.random((2, 16, 32)))
     np.save("one.npy", np.load("length.npy")[1])
     words = ["--source-projection", "equirectangular", "--fill", "--refine", "none"]
-    words += (
-        MOVED if command == "render" else [*"--depth-kind z --layout sbs --eyes 0.1".split()]
-    )
+    eyes = ["--depth-kind", "z", "--layout", "sbs", "--eyes", "0.1"]
+    words += MOVED if command == "render" else eyes
     assert ended(command, "pano", "length.npy", *words, "-o", "out") == 0
     assert ended(command, "pano/1.png", "one.npy", *words, "-o", "one.png") == 0
     one = np.array(Image.open("one.png").convert("RGBA"))

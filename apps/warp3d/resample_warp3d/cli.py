@@ -213,7 +213,8 @@ def stereo(
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
-    from resample_warp3d.command.stereo_job import StereoJob, write_stereo
+    from resample_warp3d.command.filming.depth_model import opened
+    from resample_warp3d.command.filming.stereo_job import StereoJob, write_stereo
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
@@ -222,7 +223,7 @@ def stereo(
     warping.built()
     job = StereoJob(
         eye, meaning, parallax, fraction, filming, film, warping, written, extras, disparity_scale,
-        estimating.opened(warping.threads),
+        opened(estimating, warping.threads),
     )  # fmt: skip
     write_stereo(job, picture, depth, output, batch)
 

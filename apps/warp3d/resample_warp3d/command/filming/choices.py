@@ -13,7 +13,6 @@ from resample.command.settings import Choices
 if TYPE_CHECKING:
     from resample.files.films import FilmCoding
     from resample.files.stereo_boxes import StereoMarks
-    from resample_warp3d.command.depth_model import DepthModel
 
 CLOCK = re.compile(r"(?:(?:(\d+):)?(\d+):)?(\d+\.?\d*|\.\d+)", re.ASCII)
 BITS = re.compile(r"(\d+(?:\.\d+)?)([kM]?)", re.ASCII)
@@ -161,41 +160,6 @@ class Estimating(Choices):
     model_batch: Annotated[
         int, OptionTopic.RESOURCE, Field(ge=1, le=64, description="Pictures at a time, of films.")
     ] = 4
-
-    def opened(self, threads: int | None) -> "DepthModel | None":
-        """Open the network, if there is one.
-
-        Raises
-        ------
-        ValueError, OSError
-            There is no onnxruntime, the file cannot be read, or takes other than pictures.
-        """
-        if self.depth_model is None:
-            given = ("model_size", "model_mean", "model_std")
-            for name in given:
-                if getattr(self, name) is not None:
-                    raise ValueError(f"--{name.replace('_', '-')} belongs to --depth-model")
-            return None
-        if not self.depth_model.is_file():
-            raise FileNotFoundError(2, "No such file", str(self.depth_model))
-        from resample_warp3d.command.depth_model import DepthModel
-
-        try:
-            import onnxruntime
-        except ImportError:
-            raise ValueError(
-                "--depth-model needs onnxruntime, which is not installed: "
-                "pip install 'hybrid-resample[depth]'"
-            ) from None
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads or 0
-        options.log_severity_level = 3
-        try:
-            session = onnxruntime.InferenceSession(str(self.depth_model), options)
-        except Exception as error:
-            text = str(error).partition("\n")[0]
-            raise ValueError(f"{self.depth_model} is not a network that runs: {text}") from None
-        return DepthModel(self, session)
 
 
 class Batch(Choices):

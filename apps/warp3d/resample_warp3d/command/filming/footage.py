@@ -18,7 +18,7 @@ from resample.files.pictures import Picture, read_picture
 from resample.files.sequences import FILMS, READ, USUAL, Frames, frames_of
 from resample.files.writing import replacing
 from resample.types import Floats
-from resample_warp3d.command.depth_model import DepthModel
+from resample_warp3d.command.filming.depth_model import DepthModel
 from resample_warp3d.command.inputs import read_names
 from resample_warp3d.depth.encodings import Raw
 from resample_warp3d.depth.files import read_depth, read_depths

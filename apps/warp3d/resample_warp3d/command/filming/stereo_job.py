@@ -18,8 +18,8 @@ from resample.files.stereo_boxes import UNMARKED
 from resample.files.writing import check_targets
 from resample.words import one_line
 from resample_warp3d.command.choices import Extras
-from resample_warp3d.command.depth_model import DepthModel
 from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
+from resample_warp3d.command.filming.depth_model import DepthModel
 from resample_warp3d.command.filming.films import stereo_film
 from resample_warp3d.command.filming.footage import WHOLE, Footage, files_in, footage_of
 from resample_warp3d.command.filming.targets import FilmTarget

@@ -34,6 +34,19 @@ class DepthModel:
                 f"{self.path} takes arrays {form}; a network of depth takes pictures (N, 3, H, W)"
             )
 
+        mean, spread = self._levels
+        if mean.shape != (3,) or spread.shape != (3,) or not (spread > 0).all():
+            raise ValueError("--model-mean and --model-std are three numbers, the latter above 0")
+
+    @cached_property
+    def _levels(self) -> tuple[Floats, Floats]:
+        """Levels that the network takes for 0, and by which they are then divided."""
+        about = self.session.get_modelmeta().custom_metadata_map
+        return (
+            np.array(numbers_in("mean", self.choice.model_mean or about.get("mean", MEAN)), "f4"),
+            np.array(numbers_in("std", self.choice.model_std or about.get("std", SPREAD)), "f4"),
+        )
+
     @property
     def path(self) -> Path:
         """File of the network."""
@@ -60,16 +73,7 @@ class DepthModel:
         """Return the depth of pictures of one size, in the network's numbers and at its size."""
         import cv2
 
-        about = self.session.get_modelmeta().custom_metadata_map
-        mean, spread = (
-            np.array(numbers_in(name, given or about.get(key, usual)), np.float32)
-            for name, given, key, usual in (
-                ("model-mean", self.choice.model_mean, "mean", MEAN),
-                ("model-std", self.choice.model_std, "std", SPREAD),
-            )
-        )
-        if mean.shape != (3,) or spread.shape != (3,) or not (spread > 0).all():
-            raise ValueError("--model-mean and --model-std are three numbers, the latter above 0")
+        mean, spread = self._levels
         small = [self._reduced(picture) for picture in pictures]
         array = np.stack([(each - mean) / spread for each in small]).transpose(0, 3, 1, 2)
         form, count = self.session.get_inputs()[0], len(pictures)
@@ -102,7 +106,40 @@ class DepthModel:
             for given, side in zip(form[2:], (height, width), strict=True)
         )
         way = cv2.INTER_AREA if rows * columns < height * width else cv2.INTER_CUBIC
-        light = cv2.resize(
-            np.ascontiguousarray(color, np.float32), (columns, rows), None, 0, 0, way
-        )
+        color = np.ascontiguousarray(color, np.float32)
+        light = cv2.resize(color, (columns, rows), interpolation=way)
         return np.asarray(to_srgb(np.clip(light, 0.0, 1.0)), np.float32)
+
+
+def opened(choice: Estimating, threads: int | None) -> DepthModel | None:
+    """Open a network, if there is one.
+
+    Raises
+    ------
+    ValueError, OSError
+        There is no onnxruntime, the file cannot be read, or takes other than pictures.
+    """
+    if choice.depth_model is None:
+        given = ("model_size", "model_mean", "model_std")
+        for name in given:
+            if getattr(choice, name) is not None:
+                raise ValueError(f"--{name.replace('_', '-')} belongs to --depth-model")
+        return None
+    if not choice.depth_model.is_file():
+        raise FileNotFoundError(2, "No such file", str(choice.depth_model))
+    try:
+        import onnxruntime
+    except ImportError:
+        raise ValueError(
+            "--depth-model needs onnxruntime, which is not installed: "
+            "pip install 'hybrid-resample[depth]'"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads or 0
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(str(choice.depth_model), options)
+    except Exception as error:
+        text = str(error).partition("\n")[0]
+        raise ValueError(f"{choice.depth_model} is not a network that runs: {text}") from None
+    return DepthModel(choice, session)
