@@ -183,23 +183,18 @@ class StereoRendering:
 
         `chosen`: refinement of each view; None: that of the options.
         """
-        layout, warped = self.parallax.layout or "one", None
+        layout = self.parallax.layout or "one"
         if not self.is_around:
             taken = self._staged(taken, eyes)
         sources = prepared(session, taken.views, self.warping, chosen)
-        seen: list[Picture] = []
+        if self.is_around:
+            seen, warped = self._around(session, taken, sources, eyes)
+        else:
+            seen, warped = self._flat(session, taken, sources, eyes)
         if layout.endswith("rgbd"):
             nearness = sources[0].source.nearness
             share = (nearness - eyes.far) / max(eyes.near - eyes.far, 1e-12)
-            first, _ = self._flat(session, taken, sources, eyes, 0.0)
-            seen = [first, shade(share, first)]
-        elif self.is_around:
-            seen, warped = self._around(session, taken, sources, eyes)
-        else:
-            for position in self._places(layout):
-                picture, made = self._flat(session, taken, sources, eyes, position)
-                seen.append(self._cropped(picture, eyes))
-                warped = made or warped
+            seen.append(self._cropped(shade(share, seen[0]), eyes))
         if layout == "quilt":
             whole = tiled(seen, int(self.parallax.quilt.partition("x")[0]))
         elif layout == "one":
@@ -208,13 +203,16 @@ class StereoRendering:
             whole = together(seen[0], seen[1], layout)
         return StereoPair(whole, seen, warped, sources)
 
-    def _places(self, layout: str) -> list[float]:
-        """Return the positions of flat pictures, of which one or two or a quilt are made."""
-        left, right = self.positions
+    @property
+    def _places(self) -> list[float]:
+        """Positions of flat pictures, of which one, two or a quilt are made."""
+        (left, right), layout = self.positions, self.parallax.layout or "one"
+        if layout.endswith("rgbd"):
+            return [0.0]
+        if layout == "one":
+            return [left if self.parallax.eyes == "left" else right]
         if layout != "quilt":
-            return [left if self.parallax.eyes == "left" else right] if layout == "one" else [
-                left, right
-            ]  # fmt: skip
+            return [left, right]
         columns, rows = map(int, self.parallax.quilt.split("x"))
         return list(self.fraction * np.linspace(-0.5, 0.5, columns * rows))
 
@@ -251,19 +249,26 @@ class StereoRendering:
         return picture._replace(data=np.ascontiguousarray(data, np.float32))
 
     def _flat(
-        self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes, position: float
-    ) -> tuple[Picture, Warped | None]:
-        """Render a picture at a position; the source's own is copied, unless it has a lens."""
-        view, kind, filled = taken.views[0], taken.picture.kind, self.warping.fill
-        if position == 0.0 and not view.image.place.size:
-            return view.picture, None
-        equation = of_rectified(position, eyes.gain, eyes.zero)
-        warped = shifted(session, sources[0], equation, taken.shape, self.warping)
-        return warped_picture(warped, kind, filled=filled), warped
+        self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes
+    ) -> tuple[list[Picture], Warped | None]:
+        """Render flat pictures; the source's own is copied, unless it has a lens."""
+        view, kind, method = taken.views[0], taken.picture.kind, self.warping.built()
+        seen: list[Picture] = []
+        warped = None
+        for position in self._places:
+            picture = view.picture
+            if position != 0.0 or view.image.place.size:
+                equation = of_rectified(position, eyes.gain, eyes.zero)
+                warped = shifted(
+                    session, sources[0], equation, taken.shape, self.warping, method
+                )  # fmt: skip
+                picture = warped_picture(warped, kind, filled=self.warping.fill)
+            seen.append(self._cropped(picture, eyes))
+        return seen, warped
 
     def _around(
         self, session: Session, taken: Inputs, sources: list[Prepared], eyes: Eyes
-    ) -> tuple[list[Picture], Warped]:
+    ) -> tuple[list[Picture], Warped | None]:
         """Render pictures of directions, for both eyes."""
         kind, filled = taken.picture.kind, self.warping.fill
         is_half = self.parallax.layout == "vr180"
