@@ -2,10 +2,12 @@
 
 import io
 import re
+import shlex
 import struct
 from functools import partial
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -291,3 +293,42 @@ def test_films_are_estimated_in_batches_and_made_as_with_depth_files(batch):
 def test_what_networks_cannot_do_is_refused(capsys, words, complaint):
     write_network("mean.onnx")
     assert complaint in commands.refused(cli.app, capsys, "stereo", *words, "-o", "out.png")
+
+
+# The page
+
+
+PAGE = Path(__file__).parents[2] / "docs/howto/headset.md"
+
+
+def write_film(name, shade):
+    """A film of a second, of 10 pictures of a box that moves before a wall."""
+    with av.open(name, "w") as film:
+        stream = film.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 112, 56, "yuv420p"
+        for n in range(10):
+            levels = shade.copy()
+            levels[20:40, 20 + 2 * n : 50 + 2 * n] = 220
+            picture = av.VideoFrame.from_ndarray(levels, format="rgb24")
+            film.mux(stream.encode(picture.reformat(format="yuv420p")))
+        film.mux(stream.encode(None))
+
+
+def test_the_page_of_headsets_is_made_of_commands_that_run():
+    ramp = np.linspace(20, 120, 112).astype(np.uint8)[None, :, None]
+    write_film("film.mp4", np.ascontiguousarray(np.broadcast_to(ramp, (56, 112, 3))))
+    write_film("depth.mp4", np.full((56, 112, 3), 60, np.uint8))
+    write_network("depth.onnx", facts=[("size", "28")])
+    for file in ("photo.jpg", "photos/a.png", "photos/below/b.jpg"):
+        Path(file).parent.mkdir(exist_ok=True)
+        cv2.imwrite(file, cv2.imread("color.png"))
+    lines = re.findall(r"^\$ resample-warp3d (.+)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(lines) == 10
+    for line in lines:
+        assert ended(*shlex.split(line)) == 0
+    for name in (
+        "trial_LRF_Full_SBS.mp4", "weaker_LRF_Full_SBS.mp4", "relief.mkv", "whole.mp4",
+        "television_TB.mkv", "around_180x180_LR.mp4", "photos-3d/a_LRF_Full_SBS.png",
+        "photos-3d/below/b_LRF_Full_SBS.jpg", "photo.mpo", "frame_qs5x3.png",
+    ):  # fmt: skip
+        assert Path(name).stat().st_size > 100
