@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 MODES = {"top-bottom": 1, "left-right": 2}  # of st3d
 QUARTER = 0x40000000  # of a panorama, beside the half ahead at each side: as 0.32 fixed point
-CONTAINERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
+# Boxes that contain others, and the bytes before these.
+HEADS = {b"moov": 0, b"trak": 0, b"mdia": 0, b"minf": 0, b"stbl": 0, b"stsd": 8}
 OFFSETS = {b"stco": ">I", b"co64": ">Q"}  # tables of places in the file
 CODERS = (b"avc1", b"hvc1", b"hev1", b"av01")
 
@@ -51,20 +52,16 @@ def mark_stereo(path: Path, marks: StereoMarks) -> None:
     ValueError
         The file's tables do not lie before its pictures.
     """
-    boxes = marks.boxes()
+    added = marks.boxes()
     with path.open("r+b") as file:
-        head = list(_boxes_in(file.read(1 << 16), 0))
-        found = [(start, size) for kind, start, size in head if kind == b"moov"]
+        found = [box for box in _boxes_in(file.read(1 << 16), 0) if box[0] == b"moov"]
         if not found:
             raise ValueError(f"{path}: the tables of an MP4 file lie before its pictures")
-        place, size = found[0]
+        _, place, size = found[0]
         file.seek(place)
-        moov, end = file.read(size), place + size
-        marked = _marked(moov, boxes)
-        if len(marked) == len(moov):
-            return
+        moov, end, last = file.read(size), place + size, path.stat().st_size
+        growth = len(_marked(moov, added, 0)) - size
         # Everything behind the tables moves by their growth, from the end on.
-        growth, last = len(marked) - len(moov), path.stat().st_size
         while last > end:
             first = max(end, last - (1 << 24))
             file.seek(first)
@@ -73,7 +70,7 @@ def mark_stereo(path: Path, marks: StereoMarks) -> None:
             file.write(part)
             last = first
         file.seek(place)
-        file.write(_moved(marked, growth))
+        file.write(_marked(moov, added, growth))
 
 
 def _box(kind: bytes, body: bytes) -> bytes:
@@ -90,26 +87,14 @@ def _boxes_in(data: bytes, start: int) -> Iterator[tuple[bytes, int, int]]:
         start += max(size, 8)
 
 
-def _marked(box: bytes, added: bytes) -> bytes:
-    """Return a box with boxes added to the sample entry of its video."""
+def _marked(box: bytes, added: bytes, growth: int) -> bytes:
+    """Return a box with boxes added to its video's sample entry, and places moved by a growth."""
     kind, body = box[4:8], box[8:]
-    parts = [body[at : at + size] for _, at, size in _boxes_in(body, 0)]
-    if kind in CONTAINERS:
-        return _box(kind, b"".join(_marked(part, added) for part in parts))
-    if kind == b"stsd":
-        entries = [body[at : at + size] for _, at, size in _boxes_in(body, 8)]
-        return _box(kind, body[:8] + b"".join(_marked(entry, added) for entry in entries))
+    if kind in HEADS:
+        head = HEADS[kind]
+        parts = (body[at : at + size] for _, at, size in _boxes_in(body, head))
+        return _box(kind, body[:head] + b"".join(_marked(each, added, growth) for each in parts))
+    if kind in OFFSETS:
+        places = (at + growth for (at,) in struct.iter_unpack(OFFSETS[kind], body[8:]))
+        return _box(kind, body[:8] + b"".join(struct.pack(OFFSETS[kind], at) for at in places))
     return _box(kind, body + added) if kind in CODERS else box
-
-
-def _moved(box: bytes, growth: int) -> bytes:
-    """Return a box whose places in the file are larger by a growth."""
-    kind, body = box[4:8], box[8:]
-    if kind in CONTAINERS:
-        parts = [body[at : at + size] for _, at, size in _boxes_in(body, 0)]
-        return _box(kind, b"".join(_moved(part, growth) for part in parts))
-    if kind not in OFFSETS:
-        return box
-    form = OFFSETS[kind]
-    places = (at + growth for (at,) in struct.iter_unpack(form, body[8:]))
-    return _box(kind, body[:8] + b"".join(struct.pack(form, at) for at in places))

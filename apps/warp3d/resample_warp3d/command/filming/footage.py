@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -95,7 +96,7 @@ class EstimatedSeries:
 
     pictures: FrameSeries[Picture]  # read forward, and by nobody else
     model: DepthModel
-    folder: Path
+    folder: Path = Path()
 
     def __len__(self) -> int:
         return len(self.pictures)
@@ -152,6 +153,13 @@ class Footage:
         ends = zip((self.rows, self.columns), whole.shape[:2], strict=True)
         return whole[tuple(slice(round(a * size), round(b * size)) for (a, b), size in ends)]
 
+    def estimated_beside(self, output: Path) -> "Footage":
+        """Return a film whose estimated depth is kept beside a target, by what it depends on."""
+        assert isinstance(self.depths, EstimatedSeries)
+        what = f"{self.fingerprint} {self.depths.model.fingerprint} {self.frames.first}"
+        name = f".{output.name}.{hashlib.sha256(what.encode()).hexdigest()[:16]}"
+        return replace(self, depths=replace(self.depths, folder=output.parent / name))
+
     def check_apart(self, folder: Path) -> None:
         """Refuse to write numbered files to a folder that the film's files are in."""
         for series in (self.pictures, self.depths):
@@ -165,6 +173,7 @@ class Footage:
         """Name of a picture and of its depth."""
         return _name_of(self.pictures, n, self.color), _name_of(self.depths, n, self.depth)
 
+    @cached_property
     def fingerprint(self) -> str:
         """Hash of the contents of all files."""
         digest = hashlib.sha256()
@@ -181,7 +190,7 @@ def footage_of(
     *,
     labels: bool = False,
     times: tuple[float, float] = WHOLE,
-    model: tuple[DepthModel, Path] | None = None,
+    model: DepthModel | None = None,
 ) -> Footage | None:
     """Open a film, a folder or a pattern of pictures with depth; None for a single picture.
 
@@ -198,7 +207,7 @@ def footage_of(
     times
         Start and end of the pictures that are taken, s.
     model
-        Network that estimates the depth, and the folder where it is kept; in place of `depth`.
+        Network that estimates the depth; in place of `depth`.
 
     Raises
     ------
@@ -225,8 +234,8 @@ def footage_of(
         return FileSeries(chosen, read_names if labels else read_picture)
 
     if model is not None:
-        estimated = EstimatedSeries(opened(), *model)
-        return Footage(color, str(model[0].path), opened(), estimated, taken)
+        estimated = EstimatedSeries(opened(), model)
+        return Footage(color, str(model.path), opened(), estimated, taken)
     assert depth is not None
     depths = _depths_of(color, depth)
     if len(depths) not in (count, len(taken.seconds)):

@@ -10,7 +10,7 @@ from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import progress_bar, say
 from resample.files.films import FORMATS
-from resample.files.formats import SUFFIXES, WriteOptions, check_output
+from resample.files.formats import SUFFIXES, check_output
 from resample.files.pictures import form_of, read_picture
 from resample.files.saving import tell_empty, write_picture
 from resample.files.sequences import FILMS, READ
@@ -21,7 +21,13 @@ from resample_warp3d.command.choices import Extras
 from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
 from resample_warp3d.command.filming.depth_model import DepthModel
 from resample_warp3d.command.filming.films import stereo_film
-from resample_warp3d.command.filming.footage import WHOLE, Footage, files_in, footage_of
+from resample_warp3d.command.filming.footage import (
+    WHOLE,
+    EstimatedSeries,
+    Footage,
+    files_in,
+    footage_of,
+)
 from resample_warp3d.command.filming.targets import FilmTarget
 from resample_warp3d.command.inputs import DepthReader, Inputs, inputs_of, read_pair, read_views
 from resample_warp3d.command.layouts import marks_of
@@ -29,7 +35,7 @@ from resample_warp3d.command.numbered import names_folder
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.rendering import check_memory, mention_holes
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.command.stereo import StereoPair, StereoRendering
+from resample_warp3d.command.stereo import StereoRendering
 from resample_warp3d.command.stereo_stills import PAIRS, write_pair
 from resample_warp3d.command.writing import check_extras, write_extras
 from resample_warp3d.depth.files import read_depth
@@ -54,8 +60,8 @@ class StereoJob:
     model: DepthModel | None
     is_quiet: bool = False  # no progress bars, as within that of a batch
 
-    def write(self, picture: str, depth: str | None, output: Path) -> Path:
-        """Write one picture or film; return its file."""
+    def write(self, picture: str, depth: str | None, output: Path) -> None:
+        """Write one picture or film."""
         if depth is None and self.model is None:
             raise ValueError(
                 f"{picture}: depth is missing; give its file, or a network that estimates it, "
@@ -63,36 +69,31 @@ class StereoJob:
             )
         if depth is not None and self.model is not None:
             raise ValueError("--depth-model is in place of a depth file; give one of them")
-        output = output if output.suffix.lower() != ".jps" else self._crossed(output)
-        model, times = None, self.film.times()
+        if output.suffix.lower() == ".jps" and self.parallax.layout not in (None, "cross-eyed"):
+            raise ValueError(f"{output}: .jps holds the layout cross-eyed; leave out --layout")
+        times = self.film.times()
         self.film.coding(UNMARKED)
-        if self.model is not None:
-            model = self.model, output.parent / f".{output.name}.{self.model.fingerprint[:12]}"
-        footage = footage_of(picture, depth, self.filming.fps, times=times, model=model)
+        footage = footage_of(picture, depth, self.filming.fps, times=times, model=self.model)
+        if footage is not None and self.model is not None:
+            footage = footage.estimated_beside(output)
         around = self.parallax.is_around(self.eye)
         meaning = self._meaning(depth, footage, is_around=around)
         is_pair = meaning.depth_kind == "pair"
         reader = None if is_pair else DepthReader.checked(self.eye.guessed(), meaning)
         chosen = self.parallax if footage is None else self.parallax.for_film(is_pair=is_pair)
         chosen.check(meaning, self.eye)
-        output = self._named(output, chosen)
+        output = self.named(output, chosen)
         stereo = StereoRendering(chosen, self.fraction, self.warping, around)
         if footage is None:
             if times != WHOLE:
                 raise ValueError("--start and --end are for films, not for pictures")
             self._write_picture((picture, depth), output, stereo, reader)
-            return output
+            return
         self._write_film(footage, output, stereo, reader)
-        if model is not None:
-            shutil.rmtree(model[1], ignore_errors=True)
-        return output
+        if isinstance(footage.depths, EstimatedSeries):
+            shutil.rmtree(footage.depths.folder, ignore_errors=True)
 
-    def _crossed(self, output: Path) -> Path:
-        if self.parallax.layout not in (None, "cross-eyed"):
-            raise ValueError(f"{output}: .jps holds the layout cross-eyed; leave out --layout")
-        return output
-
-    def _named(self, output: Path, chosen: Parallax) -> Path:
+    def named(self, output: Path, chosen: Parallax) -> Path:
         """Return the target's name, with its layout if requested."""
         if not self.film.name_layout or names_folder(output):
             return output
@@ -126,7 +127,7 @@ class StereoJob:
             output, footage, self.written.options(), self.film.coding(marks), marks,
             self.film.resume,
         )  # fmt: skip
-        job: dict[str, Any] = {"film": footage.fingerprint(), "fraction": self.fraction}
+        job: dict[str, Any] = {"film": footage.fingerprint, "fraction": self.fraction}
         for part in (self.eye, self.meaning, stereo.parallax, self.filming, self.written):
             job |= part.model_dump(mode="json")
         job |= self.warping.model_dump(mode="json", exclude={"threads"})
@@ -155,16 +156,13 @@ class StereoJob:
         made = stereo.render(session, taken, eyes)
         if made.warped is not None and not self.warping.fill:
             mention_holes(made.warped)
-        self._save(output, made, look)
-        if made.warped is not None:
-            tell_empty(output, not made.warped.coverage.any())
-            write_extras(extras, made.warped, None)
-
-    def _save(self, output: Path, made: StereoPair, look: WriteOptions) -> None:
-        if output.suffix.lower() in PAIRS:
+        if suffix in PAIRS:
             write_pair(output, made.both[0], made.both[1], look)
         else:
             write_picture(output, made.picture, look)
+        if made.warped is not None:
+            tell_empty(output, not made.warped.coverage.any())
+            write_extras(extras, made.warped, None)
 
     def _read(self, names: tuple[str, str | None], reader: DepthReader | None) -> Inputs:
         color, depth = names
@@ -203,7 +201,8 @@ def write_stereo(
     with progress_bar("photos", count=len(files)) as progress:
         for n, (file, below, target) in enumerate(_targets(files, picture, output)):
             try:
-                if job.film.resume and job._named(target, job.parallax).is_file():
+                looks = (job.parallax, job.parallax.for_film(is_pair=False))
+                if job.film.resume and any(job.named(target, look).is_file() for look in looks):
                     kept += 1
                     continue
                 target.parent.mkdir(parents=True, exist_ok=True)
