@@ -52,16 +52,17 @@ class Parallax(Choices):
     eyes: Annotated[
         Literal["left", "right", "both"] | None,
         Field(
-            description="Which eye's picture is made from the source, which is the other eye's; "
-            "both: the source is between them, so that each eye gets half of the parallax. "
-            "[default: right; both for films with depth]"
+            description="Distance between the eyes, scene units; or whose picture is made from the "
+            "source, which is the other eye's: left, right, or both, with the source between them "
+            "and half of the parallax each. [default: right; both for films with depth]"
         ),
     ] = None
     eye_distance: Annotated[
         float | None,
         Field(
             gt=0,
-            description="Distance between the eyes, scene units. [default: such that parallax is "
+            description="Distance between the eyes, where --eyes says whose pictures are made, "
+            "scene units. [default: such that parallax is "
             "at most 1.5 % of the width; for vr180 and panoramas 2 degrees]",
         ),
     ] = None
@@ -144,7 +145,7 @@ class Parallax(Choices):
     @model_validator(mode="before")
     @classmethod
     def _of_numbers(cls, given: Any) -> Any:
-        """Take a number for `eyes`, as in earlier versions, for their distance."""
+        """Take a number for `eyes` for their distance."""
         if isinstance(given, dict) and NUMBER.fullmatch(str(given.get("eyes"))):
             given = {**given, "eye_distance": given["eyes"], "eyes": None}
         return given
