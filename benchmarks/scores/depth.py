@@ -194,7 +194,7 @@ def stereo(judge: Judge) -> None:
         color, depth = shots[source]
         write_png(judge.folder / "color.png", color)
         held = write_depth(judge.folder / "depth.png", matrix[0, 0] * EYES / depth, 256)
-        eye = ("--from", "right") if source == "right" else ()
+        eye = ("--eyes", "left") if source == "right" else ()
         words = ("--disparity-scale", 256, *eye, "-o", "out.png")
         call = judge.call("warp3d", "stereo", "color.png", "depth.png", *words)
         seen = scene.visible(eyes[goal], eyes[source]) > 0.999

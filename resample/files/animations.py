@@ -185,7 +185,7 @@ def write_film(
     kept = target if write is None else target.with_name(f".{target.name}.frames")
     is_new = not kept.is_dir()
     kept.mkdir(exist_ok=True)
-    with _alone(kept, path):
+    with alone(kept, path):
         try:
             _claim(kept, {"frames": shots.total, **shots.job}, resume)
         except OSError:
@@ -203,7 +203,7 @@ def write_film(
 
 
 @contextmanager
-def _alone(folder: Path, path: Path) -> Iterator[None]:
+def alone(folder: Path, path: Path) -> Iterator[None]:
     """Lock a folder against other processes that make frames, where there are locks."""
     if os.name == "nt":  # where folders cannot be opened
         yield
@@ -280,7 +280,7 @@ def _claim(folder: Path, job: Mapping[str, Any], resume: bool) -> None:
     """Record which animation a folder's frames belong to; remove frames that do not."""
     facts = folder / FACTS
     if facts.is_file() and resume:
-        _check_same(folder, _facts(facts), json.loads(json.dumps(job)))
+        check_same(folder, facts_of(facts), json.loads(json.dumps(job)))
     else:
         own = (
             folder.glob(FRAMES) if facts.is_file() else map(folder.joinpath, _names(job["frames"]))
@@ -294,7 +294,8 @@ def _names(count: int) -> list[str]:
     return [FRAME.format(n) for n in range(count)]
 
 
-def _facts(path: Path) -> dict[str, Any]:
+def facts_of(path: Path) -> dict[str, Any]:
+    """Job that a folder's file of facts states; empty if it is damaged."""
     try:
         held = json_of(text_of(path))
     except ValueError:
@@ -302,7 +303,8 @@ def _facts(path: Path) -> dict[str, Any]:
     return held if isinstance(held, dict) else {}
 
 
-def _check_same(folder: Path, held: Mapping[str, Any], job: Mapping[str, Any]) -> None:
+def check_same(folder: Path, held: Mapping[str, Any], job: Mapping[str, Any]) -> None:
+    """Reject a folder that was made by another job."""
     for key in {**job, **held}:
         if held.get(key) != job.get(key):
             raise ValueError(

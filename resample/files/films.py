@@ -1,10 +1,10 @@
 """Read and write films frame by frame by PyAV; H.264 for all players."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,9 @@ from resample.reading.limits import check_unpacked
 if TYPE_CHECKING:
     from av.container import InputContainer, OutputContainer
 
-H264 = "libx264"
+CODECS = {"h264": "libx264", "hevc": "libx265", "av1": "libsvtav1"}
+PRESETS = {"h264": "medium", "hevc": "medium", "av1": "8"}
+FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska"}
 CHOICES = {"movflags": "faststart"}
 # Formats that contain the film itself: playlists may refer to any file.
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegvideo"
@@ -25,9 +27,38 @@ READING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 HELD = ("aac", "ac3", "alac", "eac3", "flac", "mov_text", "mp3", "opus")
 LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}  # of AAC, by channels; others are mixed
 RATES = (8000, 11025, 12000, 16000, 22050, 24000, 32000, 44100, 48000, 64000, 88200, 96000)
-EARLIEST = -0.2  # s before the first picture; coders of sound need what is just before it
+# S before the first picture; coders of sound need what is just before it. Not in Matroska.
+EARLIEST = -0.2
 FRAME_BYTES = 16  # bytes per pixel in memory: red, green, blue and alpha in float32
-QUALITY = {"crf": "18", "preset": "medium"}
+
+
+class FilmCoding(NamedTuple):
+    """How the pictures of a film are encoded."""
+
+    codec: str = "h264"  # of `CODECS`
+    crf: int = 18  # constant quality: less is better and larger
+    bitrate: int | None = None  # bits per second, in place of constant quality
+    pixels: str = "yuv420p"  # pixel format in FFmpeg's words
+    metadata: Mapping[str, str] = {}  # of the video stream
+    packing: int | None = None  # number of H.264's SEI for two squeezed pictures in a frame
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether there are more than 8 bits per channel."""
+        return self.pixels.endswith("le")
+
+    def options(self) -> dict[str, str]:
+        """Options of the encoder."""
+        made = {} if self.bitrate is not None else {"crf": str(self.crf)}
+        made["preset"] = PRESETS[self.codec]
+        if self.codec == "h264" and self.packing is not None:
+            made["x264-params"] = f"frame-packing={self.packing}"
+        if self.codec == "hevc":
+            made["x265-params"] = "log-level=error:pools=1:frame-threads=1"
+        return made
+
+
+PLAIN = FilmCoding()
 
 
 def check_codecs(path: Path) -> None:
@@ -63,12 +94,14 @@ def opened_film(path: Path) -> Iterator["InputContainer"]:
 
 @contextmanager
 def new_film(path: Path) -> Iterator["OutputContainer"]:
-    """Open an MP4 film for writing."""
+    """Open a film for writing, in the format of its suffix (`FORMATS`)."""
     check_codecs(path)
     import av
 
+    form = FORMATS[path.suffix.lower()]
+    options = {} if form == "matroska" else CHOICES
     try:
-        with av.open(str(path), "w", format="mp4", options=CHOICES) as film:
+        with av.open(str(path), "w", format=form, options=options) as film:
             yield film
     except av.FFmpegError as error:
         raise refused(path, path, str(error.strerror)) from None
@@ -76,18 +109,23 @@ def new_film(path: Path) -> Iterator["OutputContainer"]:
         check_end(path, path)
 
 
-def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> Any:
+def new_stream(
+    film: "OutputContainer", fps: float, size: tuple[int, int], coding: FilmCoding = PLAIN
+) -> Any:
     """Add a video stream to a film.
 
-    `size`: height and width, px. H.264 stores one color per 2 × 2 pixels, so sides are rounded to
+    `size`: height and width, px. Codecs store one color per 2 × 2 pixels, so sides are rounded to
     even.
     """
     from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 
     rate = Fraction(fps).limit_denominator(1001)
-    stream: Any = film.add_stream(H264, rate=rate, options=QUALITY)
+    stream: Any = film.add_stream(CODECS[coding.codec], rate=rate, options=coding.options())
     stream.height, stream.width = (side + side % 2 for side in size)
-    stream.pix_fmt = "yuv420p"
+    stream.pix_fmt = coding.pixels
+    if coding.bitrate is not None:
+        stream.bit_rate = coding.bitrate
+    stream.metadata.update(coding.metadata)
     codec_context = stream.codec_context
     codec_context.thread_count = 1  # more threads cut pictures into slices, without gain
     codec_context.color_range, codec_context.colorspace = ColorRange.MPEG, Colorspace.ITU709
@@ -96,22 +134,28 @@ def new_stream(film: "OutputContainer", fps: float, size: tuple[int, int]) -> An
     return stream
 
 
-def other_tracks(path: Path, film: "OutputContainer") -> Iterator[tuple[float, Any]]:
+def other_tracks(
+    path: Path, film: "OutputContainer", begin: float = 0.0
+) -> Iterator[tuple[float, Any]]:
     """Add the sound and subtitles of a film (path) to a new one, and give their packets.
 
     Packets of `HELD` are copied, other sound is encoded anew; subtitles of other codecs are left
     out, which is said. Tracks are added when the first packet is asked for.
 
+    `begin`: seconds of the film before the new one's first picture.
+
     Result: packets for the new film, each with its time in seconds from the first picture.
     """
     import av
 
+    is_free = film.format.name == "matroska"  # it holds every codec
+
     with opened_film(path) as source:
         pictures, made = source.streams.video[0], dict[Any, tuple[Any, Any]]()
-        start = float((pictures.start_time or 0) * (pictures.time_base or 0))
+        start = float((pictures.start_time or 0) * (pictures.time_base or 0)) + begin
         for stream in (*source.streams.audio, *source.streams.subtitles):
             codec: Any = stream.codec_context
-            if codec is not None and codec.name in HELD:
+            if codec is not None and (is_free or codec.name in HELD):
                 made[stream] = film.add_stream_from_template(stream), None
             elif codec is not None and stream.type == "audio":
                 rate = codec.rate if codec.rate in RATES else 48_000
@@ -121,10 +165,12 @@ def other_tracks(path: Path, film: "OutputContainer") -> Iterator[tuple[float, A
             else:
                 name = "an unknown codec" if codec is None else codec.name
                 say(f"{path.name}: {stream.type} of {name} is not copied")
+        if made and begin > 0.0:
+            source.seek(round((start + EARLIEST) * av.time_base))
         for packet in source.demux(list(made)) if made else ():
             for each in _remade(packet, *made[packet.stream], start):
                 second = float(each.pts * each.time_base)
-                if second >= EARLIEST:
+                if second >= (0.0 if is_free else EARLIEST):
                     yield second, each
 
 
@@ -156,15 +202,16 @@ def _remade(packet: Any, track: Any, turned: Any, start: float) -> list[Any]:
     return made
 
 
-def film_picture(levels: NDArray[np.uint8], stream: Any) -> Any:
-    """Convert levels (H, W, 3) to a frame of a stream."""
+def film_picture(levels: NDArray[np.uint8] | NDArray[np.uint16], stream: Any) -> Any:
+    """Convert levels (H, W, 3) of 8 or 16 bits to a frame of a stream."""
     import av
     from av.video.reformatter import ColorRange, Colorspace
 
     height, width = levels.shape[:2]
     padding = ((0, stream.height - height), (0, stream.width - width), (0, 0))
     levels = np.ascontiguousarray(np.pad(levels, padding, mode="edge"))
-    picture = av.VideoFrame.from_ndarray(levels, format="rgb24")
+    form = "rgb24" if levels.dtype == np.uint8 else "rgb48le"
+    picture = av.VideoFrame.from_ndarray(levels, format=form)
     return picture.reformat(
-        format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
+        format=stream.pix_fmt, dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
     )

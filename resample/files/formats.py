@@ -10,6 +10,7 @@ from resample.colors import to_srgb
 from resample.console import Color, say
 from resample.files.facts.metadata import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.facts.profiles import converted
+from resample.files.films import FORMATS
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.types import Floats
@@ -54,7 +55,7 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
 
 def takes_alpha(path: Path, look: WriteOptions) -> bool:
     """Whether a file has opacity, or a background in its place; in others nothing is black."""
-    return look.background is not None or path.suffix.lower() not in (*JPEG, ".mp4")
+    return look.background is not None or path.suffix.lower() not in (*JPEG, *FORMATS)
 
 
 def can_be_written(suffix: str) -> bool:

@@ -23,7 +23,10 @@ from resample.files.facts.colors import coded_colors, is_srgb, stretched
 from resample.files.facts.metadata import TIFF, page_tags
 from resample.files.facts.tags import Directory, Tag
 from resample.files.films import (
+    FORMATS,
     FRAME_BYTES,
+    PLAIN,
+    FilmCoding,
     check_codecs,
     film_picture,
     new_film,
@@ -50,7 +53,7 @@ from resample.reading.pictures import decoding
 
 ANIMATED = (".gif", ".webp", ".apng", ".png")  # formats that may also hold a single picture
 FILMS = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".mpg", ".mpeg")
-WRITTEN = (".gif", ".webp", ".apng", ".mp4")
+WRITTEN = (".gif", ".webp", ".apng", *FORMATS)
 SUBFILE, SMALLER, MASK = 254, 1, 4  # a tag of TIFF, and its bits
 USUAL = 1.0 / 24.0  # s per picture if not specified
 SHORTEST = 0.001  # s between two frames of a film, even if their times are equal
@@ -69,19 +72,43 @@ class Frames(NamedTuple):
     encoding: str = "auto"  # of integers in pages, see `resample.files.images.open_file`
     plays: int = 0  # how often an animation is shown; 0: without end
     has_tracks: bool = False  # sound or subtitles
+    first: int = 0  # number of the first picture that is taken
+    begin: float = 0.0  # seconds before it
+
+    def part(self, start: float, end: float) -> "Frames":
+        """Return the pictures that are first shown between two times, s.
+
+        Raises
+        ------
+        ValueError
+            There is none.
+        """
+        begins = [0.0, *itertools.accumulate(self.seconds)]
+        chosen = [n for n, at in enumerate(begins[:-1]) if start <= at + SHORTEST / 2 < end]
+        if not chosen:
+            raise ValueError(
+                f"{self.path} has no picture from {start:g} to {end:g} s; it is {begins[-1]:g} s "
+                "long (--start, --end)"
+            )
+        first, pages = chosen[0], self.pages
+        return self._replace(
+            seconds=self.seconds[first : chosen[-1] + 1], first=first, begin=begins[first],
+            pages=None if pages is None else pages[first : chosen[-1] + 1],
+        )  # fmt: skip
 
     def tell_tracks(self, target: Path) -> None:
         """Say that a target has no sound and subtitles, if the film has some."""
-        if self.has_tracks and target.suffix.lower() != ".mp4":
-            say(f"{self.path.name}: sound and subtitles are copied to .mp4 alone")
+        if self.has_tracks and target.suffix.lower() not in FORMATS:
+            say(f"{self.path.name}: sound and subtitles are copied to {', '.join(FORMATS)} alone")
 
     def read(self) -> Iterator[Picture]:
         """Read pictures one after the other."""
         if self.pages is not None:
             options: dict[str, Any] = {"as_data": True, "encoding": self.encoding}
             return (read_picture(self.path, page, **options) for page in self.pages)
-        is_film = self.path.suffix.lower() in FILMS
-        return _film_frames(self.path) if is_film else _animated_frames(self.path)
+        if self.path.suffix.lower() in FILMS:
+            return _film_frames(self.path, self.begin)
+        return itertools.islice(_animated_frames(self.path), self.first, None)
 
 
 def frames_of(path: Place, encoding: str = "auto") -> Frames | None:
@@ -119,24 +146,24 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
         raise ValueError(f"{path}: the {count} pictures of {frames.path} are written as {known}")
     elif look.bits not in (None, 8):
         raise ValueError(f"{path}: animations have 8 bits per channel, not {look.bits}")
-    elif suffix == ".mp4":
+    elif suffix in FORMATS:
         check_codecs(path)
 
 
 def write_frames(path: Path, pictures: Iterable[Picture], film: Frames, look: WriteOptions) -> None:
-    """Write pictures to one file, with the times of a film, and its sound where it is an MP4.
+    """Write pictures to one file, with the times of a film, and its sound where it has some.
 
-    Films of MP4 are opaque: black is behind them, unless there is another background.
+    Films are opaque: black is behind them, unless there is another background.
     """
     suffix, seconds = path.suffix.lower(), film.seconds
     if suffix in TIFF:
         write_pages(path, pictures, look)
         return
-    screens = (_screen(path, picture, look, tells=n == 0) for n, picture in enumerate(pictures))
-    shades = itertools.islice(screens, len(seconds))
+    shades = itertools.islice(shades_of(path, pictures, look), len(seconds))
     with replacing(path) as temporary:
-        if suffix == ".mp4":
-            _write_film(temporary, shades, film)
+        if suffix in FORMATS:
+            with new_film(temporary) as made:
+                mux_beside(made, encoded(made, shades, film.seconds), film)
         else:
             _ANIMATED[suffix](temporary, shades, seconds, film.plays)
 
@@ -185,10 +212,11 @@ def _animated_frames(path: Path) -> Iterator[Picture]:
             yield _shades(np.asarray(image.convert("RGBA")))
 
 
-def _shades(levels: NDArray[np.uint8]) -> Picture:
-    """Picture from levels (H, W, 3 or 4); without alpha if opaque."""
-    light = from_srgb((np.arange(256) / 255.0).astype(np.float32))
-    kind = Kind(("R", "G", "B"), 8, is_encoded=True)
+def _shades(levels: NDArray[Any]) -> Picture:
+    """Picture from levels (H, W, 3 or 4) of 8 or 16 bits; without alpha if opaque."""
+    bits = 8 * levels.itemsize
+    light = from_srgb((np.arange(1 << bits) / ((1 << bits) - 1.0)).astype(np.float32))
+    kind = Kind(("R", "G", "B"), bits, is_encoded=True)
     color = np.asarray(light[levels[..., :3]], np.float32)
     if levels.shape[2] == 3 or bool((levels[..., 3] == 255).all()):
         return Picture(color, kind)
@@ -221,16 +249,24 @@ def _film(path: Path) -> Frames:
     return Frames(path, (*gaps, *(last,) * bool(known)), has_tracks=has_tracks)
 
 
-def _film_frames(path: Path) -> Iterator[Picture]:
+def _film_frames(path: Path, begin: float = 0.0) -> Iterator[Picture]:
+    """Pictures of a film that are shown `begin` seconds after its first one, or later."""
     from resample.engine.jit import workers
 
     with opened_film(path) as film:
         stream = film.streams.video[0]
         stream.thread_type, stream.codec_context.thread_count = "AUTO", workers()
+        base = stream.time_base or Fraction(1, TICKS)
+        start = float((stream.start_time or 0) * base) + begin
+        if begin > 0.0:
+            film.seek(round(start / base), stream=stream)
         for frame in film.decode(stream):
+            if begin > 0.0 and frame.time is not None and frame.time < start - SHORTEST / 2:
+                continue
             check_unpacked(str(path), path.stat().st_size, FRAME_BYTES * frame.width * frame.height)
             has_alpha = any(part.is_alpha for part in frame.format.components)
-            form = "rgba" if has_alpha else "rgb24"
+            is_deep = not has_alpha and any(part.bits > 8 for part in frame.format.components)
+            form = "rgba" if has_alpha else "rgb48le" if is_deep else "rgb24"
             levels = frame.to_ndarray(format=form, **_colors_of(frame))
             yield _shades(np.rot90(levels, round(frame.rotation / 90.0)))
 
@@ -245,22 +281,29 @@ def _colors_of(frame: Any) -> dict[str, Any]:
     return {"src_colorspace": Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601}
 
 
-def _screen(path: Path, picture: Picture, look: WriteOptions, *, tells: bool) -> NDArray[np.uint8]:
-    """Display levels (H, W, 3 or 4) of a picture."""
-    if look.in_srgb:
-        picture = as_srgb(picture)
-    if tells:
-        tell_colors(path, picture.about, is_guessed=look.is_light)
-    is_opaque = path.suffix.lower() == ".mp4" and picture.kind.has_alpha
+def shades_of(
+    path: Path, pictures: Iterable[Picture], look: WriteOptions, *, is_deep: bool = False
+) -> Iterator[Any]:
+    """Display levels (H, W, 3 or 4) of pictures for a file, of 16 bits if they are deep."""
+    for n, picture in enumerate(pictures):
+        shown = as_srgb(picture) if look.in_srgb else picture
+        if n == 0:
+            tell_colors(path, shown.about, is_guessed=look.is_light)
+        yield _screen(path, shown, look, is_deep=is_deep)
+
+
+def _screen(path: Path, picture: Picture, look: WriteOptions, *, is_deep: bool) -> NDArray[Any]:
+    is_opaque = path.suffix.lower() in FORMATS and picture.kind.has_alpha
     if look.background is not None or is_opaque:
         picture = flattened(picture, look.background or (0.0, 0.0, 0.0))
     colors = len(picture.kind.channels) - picture.kind.has_alpha
     if colors not in (1, 3) or picture.about.number:
         raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
-    shades = levels(picture.data, "uint8", has_alpha=picture.kind.has_alpha, is_light=look.is_light)
+    form = "uint16" if is_deep else "uint8"
+    shades = levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=look.is_light)
     if colors == 1:
         shades = shades[..., [0, 0, 0, 1][: 3 + picture.kind.has_alpha]]
-    return np.ascontiguousarray(shades, np.uint8)
+    return np.ascontiguousarray(shades, form)
 
 
 def _write_gif(
@@ -336,33 +379,45 @@ def _with_palette(levels: NDArray[np.uint8]) -> Any:
     return shown
 
 
-def _write_film(path: Path, frames: Iterable[NDArray[np.uint8]], source: Frames) -> None:
-    """Encode frames with their start times, beside the sound and subtitles of their film."""
-    first, rest = _peeked(frames)
-    begins = [0.0, *itertools.accumulate(source.seconds)]
-    with new_film(path) as film:
-        stream = new_stream(film, _rate(source.seconds), first.shape[:2])
-        stream.codec_context.time_base = Fraction(1, TICKS)
-        beside = other_tracks(source.path, film) if source.has_tracks else iter(())
-        waiting = next(beside, None)
-        for n, levels in enumerate(rest):
-            picture = film_picture(levels, stream)
-            picture.pts, picture.time_base = round(begins[n] * TICKS), Fraction(1, TICKS)
-            film.mux(stream.encode(picture))
-            # Sound goes beside the pictures that it is heard with; it ends with the last one.
-            while waiting is not None and waiting[0] < begins[n + 1]:
-                film.mux(waiting[1])
-                waiting = next(beside, None)
-        film.mux(stream.encode(None))
+def encoded(
+    film: Any,
+    frames: Iterable[NDArray[Any]],
+    seconds: Sequence[float],
+    coding: FilmCoding = PLAIN,
+    usual: float | None = None,
+) -> Iterator[tuple[float, Any]]:
+    """Encode frames as a new stream of a film; give packets, with seconds that are then shown.
 
-
-def _peeked(
-    frames: Iterable[NDArray[np.uint8]],
-) -> tuple[NDArray[np.uint8], Iterator[NDArray[np.uint8]]]:
-    """First of some frames, and an iterator over all of them."""
+    `usual`: seconds of a frame that the stream states; None: their mean.
+    """
     iterator = iter(frames)
     first = next(iterator)
-    return first, itertools.chain([first], iterator)
+    begins = [0.0, *itertools.accumulate(seconds)]
+    rate = _rate(seconds if usual is None else [usual])
+    stream = new_stream(film, rate, first.shape[:2], coding)
+    stream.codec_context.time_base = Fraction(1, TICKS)
+    for n, shades in enumerate(itertools.chain([first], iterator)):
+        picture = film_picture(shades, stream)
+        picture.pts, picture.time_base = round(begins[n] * TICKS), Fraction(1, TICKS)
+        yield begins[n + 1], stream.encode(picture)
+    yield begins[-1], stream.encode(None)
+
+
+def mux_beside(film: Any, packets: Iterable[tuple[float, Any]], source: Frames) -> None:
+    """Mux the pictures of a new film, beside the sound and subtitles of the one it is made of.
+
+    Sound goes beside the pictures that it is heard with; it ends with the last one.
+    """
+    beside: Iterator[tuple[float, Any]] = iter(())
+    waiting = None
+    for n, (shown, made) in enumerate(packets):
+        if n == 0 and source.has_tracks:
+            beside = other_tracks(source.path, film, source.begin)
+            waiting = next(beside, None)
+        film.mux(made)
+        while waiting is not None and waiting[0] < shown:
+            film.mux(waiting[1])
+            waiting = next(beside, None)
 
 
 def _rate(seconds: Sequence[float]) -> float:
@@ -451,6 +506,6 @@ def _name(source: Place, pattern: str | None) -> str:
     if suffix in SUFFIXES or can_be_written(suffix):
         return source.name
     if suffix in FILMS:
-        return Path(source.name).with_suffix(".mp4").name if suffix != ".mp4" else source.name
+        return Path(source.name).with_suffix(".mp4").name if suffix not in FORMATS else source.name
     is_animated = suffix in WRITTEN and frames_of(source) is not None
     return source.name if is_animated else Path(source.name).with_suffix(".png").name

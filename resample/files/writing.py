@@ -110,7 +110,7 @@ def check_end(path: str | Path, temporary: Path) -> None:
             file.seek(max(0, size - len(PNG_END)))
             is_whole = file.read() == PNG_END
         else:
-            is_whole = kind != ".mp4" or _end_of_boxes(file, size) == size
+            is_whole = kind not in (".mp4", ".mov") or _end_of_boxes(file, size) == size
     if not is_whole:
         raise refused(path, temporary, INCOMPLETE)
 

@@ -264,7 +264,7 @@ def test_frames_of_unknown_origin_are_not_taken_for_ones_own(tmp_path):
 
 
 def test_a_film_that_cannot_be_written_in_the_end_keeps_its_frames(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample.files.films.QUALITY", {"preset": "magic"})
+    monkeypatch.setattr("resample.files.films.PRESETS", {"h264": "magic"})
     with pytest.raises(OSError, match="cannot be written"):
         write_film(tmp_path / "a.mp4", shots(), 24)
     assert files(tmp_path) == [".a.mp4.frames"]

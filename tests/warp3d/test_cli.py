@@ -497,7 +497,7 @@ def test_things_are_further_left_in_the_right_picture():
 @pytest.mark.sweep
 def test_the_right_picture_leads_to_the_left_one():
     rectified()
-    source, left = read_image("color.png"), shifted("--from", "right")
+    source, left = read_image("color.png"), shifted("--eyes", "left")
     assert np.allclose(left[:8, 2:, :3], source[:8, :30], atol=1e-6)
     assert np.array_equal(left, shifted("--fraction", "-1"))
 

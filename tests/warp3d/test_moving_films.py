@@ -169,7 +169,8 @@ def test_a_folder_has_the_frames_per_second_it_is_given():
 @pytest.mark.parametrize("layout", ["one", "side-by-side", "half-top-bottom", "anaglyph", "vr180"])
 def test_films_are_made_for_two_eyes(layout):
     fast = FAST if layout != "vr180" else [*FAST[:2], *FAST[-2:]]
-    eyes = ["--depth-kind", "z", *DEPTH, *fast, "--layout", layout, "--eyes", "0.2", "--fill"]
+    eyes = ["--depth-kind", "z", *DEPTH, *fast, "--layout", layout, "--fill"]
+    eyes += ["--eye-distance", "0.2", "--eyes", "right" if layout == "one" else "both"]
     eyes += ["--size", "32"] if layout == "vr180" else ["--zero-plane", "2"]
     assert ended("stereo", "pictures", "depth", *eyes, "-o", "out.apng") == 0
     given = ["pictures/9.png", "depth/9.png", *eyes]
@@ -358,7 +359,8 @@ def test_films_of_panoramas_are_made_as_pictures_are(command, rng):
     np.save("length.npy", 2 + rng.random((2, 16, 32)))
     np.save("one.npy", np.load("length.npy")[1])
     words = ["--source-projection", "equirectangular", "--fill", "--refine", "none"]
-    words += MOVED if command == "render" else ["--depth-kind", "z", "--eyes", "0.1"]
+    eyes = ["--depth-kind", "z", "--layout", "sbs", "--eyes", "0.1"]
+    words += MOVED if command == "render" else eyes
     assert ended(command, "pano", "length.npy", *words, "-o", "out") == 0
     assert ended(command, "pano/1.png", "one.npy", *words, "-o", "one.png") == 0
     one = np.array(Image.open("one.png").convert("RGBA"))

@@ -162,13 +162,13 @@ def test_depth_and_disparity_agree():
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize("given", ["left", "right"])
-def test_both_pictures_stand_in_one(given):
-    words = ["--eyes", "0.8", "--from", given, "--fill"]
+@pytest.mark.parametrize("made", ["left", "right"])
+def test_both_pictures_stand_in_one(made):
+    words = ["--eye-distance", "0.8", "--eyes", made, "--fill"]
     source, other = read_image("color.png"), two_eyes(*words)
     beside = two_eyes(*words, "--layout", "side-by-side")
     above = two_eyes(*words, "--layout", "top-bottom")
-    first, second = (source, other) if given == "left" else (other, source)
+    first, second = (source, other) if made == "right" else (other, source)
     np.testing.assert_allclose(beside, np.concatenate([first, second], axis=1), atol=1e-6)
     np.testing.assert_allclose(above, np.concatenate([first, second], axis=0), atol=1e-6)
     mixed = two_eyes(*words, "--layout", "anaglyph")
@@ -269,7 +269,7 @@ def test_eyes_that_see_the_same_picture_are_told(capsys):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["--depth-kind", "pair", "--eyes", "0.1"], "--eyes needs depth, by --depth-kind"),
+        (["--depth-kind", "pair", "--eyes", "0.1"], "--eye-distance needs depth, by --depth-kind"),
         (["--depth-kind", "pair", "--zero-plane", "2"], "--zero-plane needs depth"),
         (["--depth-kind", "relative", "--depth-scale", "9"], "relative depth has no scale"),
         (

@@ -117,16 +117,26 @@ def middle(picture):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize("given", ["left", "right"])
-def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, given):
+@pytest.mark.parametrize(("made", "left"), [("right", 0.0), ("left", -0.4), ("both", -0.2)])
+def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, made, left):
     monkeypatch.chdir(tmp_path)
-    words = [*square(60, 24), "--eyes", 0.4, "--layout", "vr180", "--size", "180", "--from", given]
+    words = [
+        *square(60, 24),
+        "--eye-distance",
+        0.4,
+        "--layout",
+        "vr180",
+        "--size",
+        "180",
+        "--eyes",
+        made,
+    ]
     assert ended(*words, "-o", "out.exr") == 0
     both = read_image("out.exr")
     assert both.shape == (180, 360, 3)
     x, y, z = (60 - 40) / 40 * 2.0, (24 - 30) / 40 * 2.0, 2.0
-    for picture, at in ((both[:, :180], 0), (both[:, 180:], 0.4)):
-        right = x - (at if given == "left" else at - 0.4)
+    for picture, at in ((both[:, :180], left), (both[:, 180:], left + 0.4)):
+        right = x - at
         east = np.degrees(np.arctan2(right, z))
         north = np.degrees(np.arctan2(-y, np.hypot(right, z)))
         np.testing.assert_allclose(middle(picture), (90 + east, 90 - north), atol=0.1)
@@ -185,7 +195,7 @@ def test_panoramas_take_relative_depth(panorama):
             ["--layout", "vr180", "--zero-plane", "2"],
             "--zero-plane, --divergence and --convergence belong to flat pictures",
         ),
-        (["--size", "64"], "--size belongs to --layout vr180 and panoramas"),
+        (["--size", "64"], "--size belongs to --layout vr180 or quilt and to panoramas"),
         (["--layout", "vr180", "--depth-kind", "pair"], "need depth, by --depth-kind"),
         (["--source-projection", "equirectangular", "--fov", "60"], "--fov is for a pinhole"),
     ],

@@ -1,7 +1,7 @@
 """The `resample-warp3d` command."""
 
 from functools import partial
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, NoReturn
 
 from cyclopts import Parameter
 
@@ -26,7 +26,7 @@ from resample_warp3d.command.choices import (
     Showing,
     Travel,
 )
-from resample_warp3d.command.filming.choices import FilmInput
+from resample_warp3d.command.filming.choices import Batch, Estimating, FilmFormat, FilmInput
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.target import Aim, TargetCamera
@@ -55,6 +55,7 @@ TARGET, SHOWING = TargetCamera.usual(), Showing.usual()
 JOINT, SERVING, SHARING = Joint.usual(), Serving.usual(), Sharing.usual()
 PAIR_DEPTH, PARALLAX, FILMING = PairDepth.usual(), Parallax.usual(), FilmInput.usual()
 STEREO_WARPING = StereoWarping.usual()
+BATCH, ESTIMATING, FILM = Batch.usual(), Estimating.usual(), FilmFormat.usual()
 DEMO = {
     "moved.png": "render sample:room --fill",
     "anaglyph.png": "stereo sample:room --layout anaglyph",
@@ -162,102 +163,71 @@ def render(
 @app.command
 def stereo(
     picture: str,
-    depth: str,
+    depth: str | None = None,
     /,
     *,
     output: flags.Output,
     disparity_scale: flags.AppearanceFlag[float | None] = None,
     eye: Annotated[SourceCamera, flags.Flat] = EYE,
     meaning: Annotated[PairDepth, flags.Flat] = PAIR_DEPTH,
+    estimating: Annotated[Estimating, flags.Flat] = ESTIMATING,
     parallax: Annotated[Parallax, flags.Flat] = PARALLAX,
     fraction: Annotated[float, OptionTopic.APPEARANCE, flags.Hyphen] = 1.0,
-    given: Annotated[
-        Literal["left", "right"], OptionTopic.APPEARANCE, Parameter(name="--from")
-    ] = "left",
+    batch: Annotated[Batch, flags.Flat] = BATCH,
     filming: Annotated[FilmInput, flags.Flat] = FILMING,
+    film: Annotated[FilmFormat, flags.Flat] = FILM,
     warping: Annotated[StereoWarping, flags.Flat] = STEREO_WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
     holes: flags.Target = None,
     coverage: flags.Target = None,
 ) -> None:
-    """Make the other eye's picture of a stereo pair from a picture and its depth.
+    """Make the other eye's picture of a stereo pair, or both, from a picture and its depth.
 
     For example:
 
         resample-warp3d stereo sample:room -o right.png
         resample-warp3d stereo sample:room --layout anaglyph -o red-cyan.png
-        resample-warp3d stereo sample:room --layout side-by-side -o pair.png
+        resample-warp3d stereo sample:room --layout sbs --eyes both -o pair.png
 
     Parameters
     ----------
     picture
-        The left picture, unless --from right; or a film: one file, or a folder or pattern of
-        pictures.
+        The left picture, unless --eyes says otherwise; or a film: one file, or a folder or
+        pattern of pictures; or photos, with --batch.
     depth
         Disparity of the same size: how much further left things are in the right picture, 0 if
         unknown; or depth of the kind given by --depth-kind. For a film a film of gray
-        levels, a folder, a pattern of depth files, or a stack (N, H, W) in .npy or .npz.
+        levels, a folder, a pattern of depth files, or a stack (N, H, W) in .npy or .npz. With
+        --batch a folder with files of the same names. Not with --depth-model.
     output
-        Written to: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
-        .apng, a folder for numbered .png files, or a name with * for the number (moved/*.exr).
+        Written to: .png, .tif or .exr, .jpg over a background, or a pair in .mpo or .jps; for a
+        film .mp4, .mov, .mkv, .gif, .webp or .apng, a folder for numbered .png files, or a name
+        with * for the number (moved/*.exr); with --batch a folder, or a name with *.
     disparity_scale
         File values per px: 4 for Middlebury 2003, 16 for OpenCV, 256 for KITTI. Not for floats.
         [default: 1 for floats; integers need one]
     fraction
-        Position of the new eye: 1 is the other eye, 0.5 halfway; below 0 the opposite way.
-    given
-        What is given: the left or the right picture.
+        Distance between the two pictures: 1 is that of the eyes, 0.5 half of it; below 0 the
+        opposite way.
     holes
         Also write the holes by their cause (.png): magenta hidden behind something, gray outside
         the source, blue without depth, yellow a crack that was filled.
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
-    from resample.command.session import Session
-    from resample.files import formats, saving
-    from resample.files.writing import check_targets
-    from resample_warp3d.command.filming.films import FilmWriting, stereo_film
-    from resample_warp3d.command.inputs import DepthReader, read_pair, read_views
-    from resample_warp3d.command.rendering import check_memory, mention_holes
-    from resample_warp3d.command.stereo import StereoRendering
-    from resample_warp3d.command.writing import check_extras, write_extras
-    from resample_warp3d.depth.files import read_depth
+    from resample_warp3d.command.filming.depth_model import opened
+    from resample_warp3d.command.filming.stereo_job import StereoJob, write_stereo
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
     if warping.unmixed:  # filling would mix colors
         warping = warping.model_copy(update={"fill": False})
     warping.built()
-    look, around = written.options(), parallax.is_around(eye)
-    pair = StereoRendering(parallax, fraction, given, warping, around)
-    writing = FilmWriting(output, look, filming, extras)
-    footage = writing.footage(picture, depth)
-    if meaning.depth_kind == "auto":
-        raw = read_depth(depth) if footage is None else footage.depths[0]
-        of_pair = disparity_scale is not None
-        meaning = parallax.recognised(meaning, raw, depth, is_around=around, of_pair=of_pair)
-        parallax.check(meaning, eye)
-    is_pair = meaning.depth_kind == "pair"
-    reader = None if is_pair else DepthReader.checked(eye.guessed(), meaning)
-    if footage is not None:
-        stereo_film(footage, writing, reader, pair, disparity_scale)
-        return
-    check_extras(extras)
-    formats.check_output(output, look, transparent=not warping.fill)
-    check_targets(output, holes, coverage)
-    session = Session()
-    if reader is None:
-        taken = read_pair(picture, depth, disparity_scale)
-    else:
-        taken = read_views(reader, picture, depth)
-    eyes = pair.eyes([taken], is_pair=is_pair)
-    check_memory(taken.views, pair.shape(taken), output)
-    made = pair.render(session, taken, eyes)
-    if not warping.fill:
-        mention_holes(made.warped)
-    saving.write_picture(output, made.picture, look)
-    saving.tell_empty(output, not made.warped.coverage.any())
-    write_extras(extras, made.warped, None)
+    job = StereoJob(
+        eye, meaning, parallax, fraction, filming, film, warping, written, extras, disparity_scale,
+        opened(estimating, warping.threads),
+    )  # fmt: skip
+    write_stereo(job, picture, depth, output, batch)
 
 
 @app.command

@@ -5,9 +5,13 @@ images", ICASSP 2001) make what each eye sees through red and cyan glasses as cl
 as the glasses allow; those for LCD screens by Eric Dubois.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from resample.colors import from_srgb
 from resample.files.pictures import Picture
+from resample.files.stereo_boxes import UNMARKED, StereoMarks
 from resample.types import Floats
 
 LUMA = (0.2126, 0.7152, 0.0722)  # of sRGB's primaries
@@ -24,6 +28,48 @@ ANAGLYPHS = {
     ),
 }
 
+# What players have to know; names of files are those that iw3, Pigasus, SKYBOX and DeoVR know.
+MARKS = {
+    "side-by-side": StereoMarks("left-right", None, "_LRF_Full_SBS", "left_right"),
+    "half-side-by-side": StereoMarks("left-right", None, "_LR", "left_right", 3),
+    "top-bottom": StereoMarks("top-bottom", None, "_TBF_fulltb", "top_bottom"),
+    "half-top-bottom": StereoMarks("top-bottom", None, "_TB", "top_bottom", 4),
+    "cross-eyed": StereoMarks(None, None, "_RLF_cross", "right_left"),
+    "half-cross-eyed": StereoMarks(None, None, "_RL", "right_left"),
+    "rows": StereoMarks(None, None, "_rows", "row_interleaved_lr"),
+    "rgbd": StereoMarks(name="_RGBD"),
+    "half-rgbd": StereoMarks(name="_HRGBD"),
+    "vr180": StereoMarks("left-right", "180", "_180x180_LR", "left_right"),
+    **{layout: StereoMarks(None, None, "_redcyan", "anaglyph_cyan_red") for layout in ANAGLYPHS},
+}
+
+
+def marks_of(layout: str | None, *, is_panorama: bool) -> StereoMarks:
+    """Return what a player has to know of pictures in a layout."""
+    marks = MARKS.get(layout or "one", UNMARKED)
+    if not is_panorama or layout == "vr180":
+        return marks
+    short = {"left-right": "_LR", "top-bottom": "_TB"}.get(marks.mode or "", "")
+    return marks._replace(around="360", name=f"_360{short}")
+
+
+def tiled(views: Sequence[Picture], columns: int) -> Picture:
+    """Combine views of a quilt, from the lower left one to the upper right one."""
+    rows = [
+        np.concatenate([each.data for each in views[start : start + columns]], axis=1)
+        for start in range(0, len(views), columns)
+    ]
+    return views[0]._replace(data=np.concatenate(rows[::-1], axis=0))
+
+
+def shade(share: Floats, like: Picture) -> Picture:
+    """Return shares (H, W) of 0..1 as an opaque gray picture with the channels of another one."""
+    light = from_srgb(np.clip(share, 0.0, 1.0).astype(np.float32))[..., None]
+    data = np.repeat(light, len(like.kind.channels), axis=2)
+    if like.kind.has_alpha:
+        data[..., -1] = 1.0
+    return like._replace(data=np.ascontiguousarray(data, np.float32))
+
 
 def together(left: Picture, right: Picture, layout: str) -> Picture:
     """Combine the pictures of both eyes; both have alpha if one has."""
@@ -38,7 +84,7 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
         return left._replace(data=whole)
     if layout.endswith("cross-eyed"):
         left, right = right, left
-    axis = 1 if layout.endswith(("side-by-side", "cross-eyed", "vr180")) else 0
+    axis = 1 if layout.endswith(("side-by-side", "cross-eyed", "vr180", "rgbd")) else 0
     both = [p.data for p in (left, right)]
     if layout.startswith("half-"):
         both = [_squeezed(data, axis) for data in both]

@@ -1,10 +1,11 @@
 """Options of pictures for two eyes."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+import re
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from resample.command.flags import SIZE, OptionTopic
+from resample.command.flags import SIZE, Hyphen, OptionTopic, Switch
 from resample.command.intrinsics import Shape
 from resample.command.settings import Choices, height_and_width
 from resample.console import say
@@ -14,6 +15,7 @@ from resample_warp3d.command.source import SourceCamera
 if TYPE_CHECKING:
     from resample_warp3d.depth.encodings import Raw
 
+NUMBER = re.compile(r"-?\d*\.?\d+(?:[eE][-+]?\d+)?", re.ASCII)
 MILLIMETERS = 20_000  # whole numbers of 16 bits below this are z; a network's fill the range
 
 
@@ -48,10 +50,19 @@ class Parallax(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     eyes: Annotated[
+        Literal["left", "right", "both"] | None,
+        Field(
+            description="Distance between the eyes, scene units; or whose picture is made from the "
+            "source, which is the other eye's: left, right, or both, with the source between them "
+            "and half of the parallax each. [default: right; both for films with depth]"
+        ),
+    ] = None
+    eye_distance: Annotated[
         float | None,
         Field(
             gt=0,
-            description="Distance between the eyes, scene units. [default: such that parallax is "
+            description="Distance between the eyes, where --eyes says whose pictures are made, "
+            "scene units. [default: such that parallax is "
             "at most 1.5 % of the width; for vr180 and panoramas 2 degrees]",
         ),
     ] = None
@@ -70,7 +81,7 @@ class Parallax(Choices):
             gt=0,
             le=50,
             description="Parallax from the farthest to the nearest things, % of the width. "
-            "[default: by --eyes]",
+            "[default: by --eye-distance]",
         ),
     ] = None
     convergence: Annotated[
@@ -82,26 +93,62 @@ class Parallax(Choices):
             "[default: by --zero-plane]",
         ),
     ] = None
+    foreground_scale: Annotated[
+        float,
+        Hyphen,
+        Field(
+            ge=-3,
+            le=3,
+            description="Depth of the foreground beside that of the background: 1 doubles the "
+            "relief of the nearest things and flattens far ones, -1 the opposite.",
+        ),
+    ] = 0.0
+    preserve_borders: Annotated[
+        bool,
+        Switch,
+        Field(description="Let parallax fade to none at the left and right border, so that there "
+        "is nothing to be filled."),
+    ] = False  # fmt: skip
+    crop_borders: Annotated[
+        bool,
+        Switch,
+        Field(description="Cut off the left and right borders that not both eyes see."),
+    ] = False
     layout: Annotated[
         Literal[
             "one", "side-by-side", "half-side-by-side", "top-bottom", "half-top-bottom", "anaglyph",
             "vr180", "cross-eyed", "half-cross-eyed", "rows", "anaglyph-half-color",
-            "anaglyph-gray", "anaglyph-dubois",
-        ],
+            "anaglyph-gray", "anaglyph-dubois", "rgbd", "half-rgbd", "quilt",
+        ] | None,
         Field(
-            description="Output: the other eye's picture alone, or both: the left one at the "
+            description="Output: the new eye's picture alone (one), or both: the left one at the "
             "left (at the right for cross-eyed), on top, in even rows, or in red; half: each "
             "squeezed by 2, together as large as one; anaglyph-dubois: least-squares colors for "
-            "red and cyan glasses; vr180: the half sphere ahead of each eye, side by side."
+            "red and cyan glasses; vr180: the half sphere ahead of each eye, side by side; rgbd: "
+            "the source and its depth, nearer is lighter; quilt: views from left to right, from "
+            "the bottom row up, for light-field displays. [default: one; side-by-side for films "
+            "with both eyes, cross-eyed for .jps]"
         ),
-    ] = "one"  # fmt: skip
+    ] = None  # fmt: skip
+    quilt: Annotated[
+        str,
+        Field(pattern=r"^\d{1,2}x\d{1,2}$", description="Columns x rows of a quilt."),
+    ] = "8x6"
     size: Annotated[
         str | None,
         Field(
-            description=f"{SIZE} Of each eye's picture, for vr180 (a square) and panoramas. "
-            "[default: as fine as the source]"
+            description=f"{SIZE} Of each eye's picture, for vr180 (a square), panoramas and "
+            "quilts. [default: as fine as the source]"
         ),
     ] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_numbers(cls, given: Any) -> Any:
+        """Take a number for `eyes` for their distance."""
+        if isinstance(given, dict) and NUMBER.fullmatch(str(given.get("eyes"))):
+            given = {**given, "eye_distance": given["eyes"], "eyes": None}
+        return given
 
     def is_around(self, eye: SourceCamera) -> bool:
         """Whether eyes have pictures of directions: for vr180 and panoramas."""
@@ -129,7 +176,7 @@ class Parallax(Choices):
             return meaning.model_copy(update={"depth_kind": "pair" if of_pair else "z"})
         chosen: dict[str, object] = {"depth_kind": "relative"}
         numbers = "levels are relative, larger is nearer"
-        if raw.dtype.kind == "f" and (is_around or self.eyes or self.zero_plane):
+        if raw.dtype.kind == "f" and (is_around or self.eye_distance or self.zero_plane):
             chosen, numbers = {"depth_kind": "z"}, "numbers are distances"
         elif raw.dtype.kind == "f":
             chosen, numbers = {"depth_kind": "pair"}, "numbers are the disparity of a pair in px"
@@ -147,17 +194,26 @@ class Parallax(Choices):
         height, width = height_and_width(self.size)
         if self.layout == "vr180" and width != height:
             raise ValueError(f"--size {self.size}: each eye of vr180 has a square, such as 2048")
-        if self.layout != "vr180" and width != 2 * height:
+        if self.layout not in ("vr180", "quilt") and width != 2 * height:
             raise ValueError(f"--size {self.size}: a panorama is twice as wide as high")
         return height, width
 
     def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
         """Refuse options that do not go together."""
-        for words, meters in (("divergence", "eyes"), ("convergence", "zero_plane")):
+        for words, meters in (("divergence", "eye_distance"), ("convergence", "zero_plane")):
             if getattr(self, words) is not None and getattr(self, meters) is not None:
                 option = meters.replace("_", "-")
                 raise ValueError(f"--{words} and --{option} both say the parallax; give one")
+        if self.layout == "one" and self.eyes == "both":
+            raise ValueError("--layout one holds one eye's picture; give --eyes left or right")
+        if self.preserve_borders and self.crop_borders:
+            raise ValueError("--preserve-borders leaves nothing to crop; leave out --crop-borders")
         if self.is_around(eye):
+            flat = ("foreground_scale", "preserve_borders", "crop_borders")
+            given = [name for name in flat if getattr(self, name)]
+            if given or self.layout in ("rgbd", "half-rgbd", "quilt"):
+                what = f"--{given[0].replace('_', '-')}" if given else f"--layout {self.layout}"
+                raise ValueError(f"{what} is for flat pictures, not for vr180 and panoramas")
             if eye.source_projection == "orthographic":
                 raise ValueError("vr180 needs a pinhole, a lens or a panorama")
             if meaning.depth_kind == "pair":
@@ -170,11 +226,20 @@ class Parallax(Choices):
             self.shape()
             return
         eye.check_pinhole("stereo")
-        if self.size is not None:
-            raise ValueError("--size belongs to --layout vr180 and panoramas; leave it out")
+        if self.size is not None and self.layout != "quilt":
+            raise ValueError(
+                "--size belongs to --layout vr180 or quilt and to panoramas; leave it out"
+            )
         if meaning.depth_kind != "pair":
             return
-        for name in ("eyes", "zero_plane", "divergence", "convergence"):
-            if getattr(self, name) is not None:
+        for name in ("eye_distance", "zero_plane", "divergence", "convergence", "foreground_scale"):
+            if getattr(self, name) not in (None, 0.0):
                 option = name.replace("_", "-")
                 raise ValueError(f"--{option} needs depth, by --depth-kind; a pair has --fraction")
+
+    def for_film(self, *, is_pair: bool) -> "Parallax":
+        """Return the options for a film: both eyes, side by side, unless they are given."""
+        both = self.eyes is None and self.layout != "one" and not is_pair
+        eyes = "both" if both else self.eyes
+        usual = "side-by-side" if eyes == "both" else None
+        return self.model_copy(update={"eyes": eyes, "layout": self.layout or usual})

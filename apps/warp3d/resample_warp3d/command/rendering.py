@@ -23,7 +23,7 @@ from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
-from resample_warp3d.types import Equation, Hole, Source, Warped
+from resample_warp3d.types import Equation, Hole, Method, Source, Warped
 from resample_warp3d.wide import CameraModel, Way, mapping_between
 
 if TYPE_CHECKING:
@@ -147,18 +147,31 @@ def joined(
 
 
 def shifted(
-    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: DepthWarping
+    session: Session,
+    source: Prepared,
+    equation: Equation,
+    shape: Shape,
+    choice: DepthWarping,
+    method: Method,
 ) -> Warped:
-    """Render a picture of a rectified pair by the equation of another eye."""
-    return _rendered(session, source, equation, shape, choice)
+    """Render a picture of a rectified pair by the equation of another eye.
+
+    `method`: that of the options; one of both eyes prepares their source once.
+    """
+    return _rendered(session, source, equation, shape, choice, method)
 
 
 def _rendered(
-    session: Session, source: Prepared, equation: Way, shape: Shape, choice: DepthWarping
+    session: Session,
+    source: Prepared,
+    equation: Way,
+    shape: Shape,
+    choice: DepthWarping,
+    method: Method | None = None,
 ) -> Warped:
     from resample_warp3d.warping import render
 
-    method = choice.built()
+    method = method or choice.built()
     with session.stage("warp"):
         viewed, *layers = (
             render(each, equation, shape, method, choice.threads, filter=choice.filter)

@@ -51,11 +51,15 @@ def ranges_of(
     count = len(footage)
 
     def small(n: int) -> Thumbnail | None:
-        raw = footage.depths[n]
+        raw = footage.inside(footage.depths[n])
         each.append(RelativeDepth.ends_of(raw))
         if progress is not None:
             progress((n + 1) / count)
-        return None if filming.temporal == "none" else thumbnail(footage.pictures[n].data, raw)
+        return (
+            None
+            if filming.temporal == "none"
+            else thumbnail(footage.inside(footage.pictures[n].data), raw)
+        )
 
     film = (small(n) for n in range(count))
     found = align(picture for picture in film if picture is not None)

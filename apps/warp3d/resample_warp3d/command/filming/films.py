@@ -1,8 +1,10 @@
 """Render films with depth: each picture has a depth map and gets the same new viewpoint."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,14 +20,12 @@ from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.filming.footage import Footage, footage_of
 from resample_warp3d.command.filming.sources import FilmSources, rectified, with_depth
 from resample_warp3d.command.filming.targets import FilmTarget
-from resample_warp3d.command.inputs import DepthReader, Inputs
+from resample_warp3d.command.inputs import DepthReader
 from resample_warp3d.command.rendering import check_memory, joined, joining_of
 from resample_warp3d.command.stereo import StereoRendering
 from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.types import Warped
-
-SURVEYED = 9  # pictures of a film by which the eyes are chosen, at most
 
 
 class FilmWriting(NamedTuple):
@@ -73,8 +73,8 @@ def rendered_film(
     read = with_depth(footage, reader, ranges)
     film = FilmSources(session, footage, read, ranges, warping)
 
-    def pictures(progress: Progress | None) -> Iterator[Picture]:
-        for n in range(len(footage)):
+    def pictures(progress: Progress | None, start: int) -> Iterator[Picture]:
+        for n in range(start, len(footage)):
             picture, seen = _from_aim(session, film, n, (reader, aim, writing.output))
             if depths is not None:
                 depths.write(n, seen.depth)
@@ -83,7 +83,7 @@ def rendered_film(
             yield picture
 
     with session.stage("film", bar="rendering") as progress, appearing(depths):
-        target.write(pictures(progress))
+        target.write(partial(pictures, progress), {})
     if extras.stats is not None:
         about = {"pictures": len(footage), **ranges.report(), "seconds": session.times()}
         write_json(extras.stats, about)
@@ -106,31 +106,36 @@ def _from_aim(
 
 
 def stereo_film(
-    footage: Footage, writing: FilmWriting, reader: DepthReader | None, stereo: StereoRendering,
-    disparity_scale: float | None = None,
+    session: Session, target: FilmTarget, filming: FilmInput, reader: DepthReader | None,
+    stereo: StereoRendering, disparity_scale: float | None, job: Mapping[str, Any],
 ) -> None:  # fmt: skip
     """Write a film for two eyes.
 
     `reader`: of depth; None: disparity of a rectified pair, in `disparity_scale` values per px.
+    `job`: JSON values that the pictures depend on, to continue an interrupted run.
     """
-    target = FilmTarget(writing.output, footage, writing.options)
     target.check(transparent=not stereo.warping.fill)
-    session = Session()
-    ranges = DepthRanges(None)
+    footage, ranges = target.footage, DepthRanges(None)
     if reader is None:
         read = rectified(footage, disparity_scale)
     else:
-        ranges = _ranges(session, footage, reader, writing.filming)
+        if reader.meaning.is_relative and not stereo.is_around:
+            footage = footage.without_bars()
+        ranges = _ranges(session, footage, reader, filming)
         read = with_depth(footage, reader, ranges)
     film = FilmSources(session, footage, read, ranges, stereo.warping)
-    eyes = stereo.eyes(_surveyed(film), is_pair=reader is None)
+    surveyed = [film.read(n) for n in footage.surveyed()]
+    bars = np.ones(surveyed[0].shape, bool)
+    footage.inside(bars)[...] = False
+    stereo = replace(stereo, bars=bars if bars.any() else None)
+    eyes = stereo.eyes(surveyed, is_pair=reader is None)
 
-    def pictures(progress: Progress | None) -> Iterator[Picture]:
-        for n in range(len(footage)):
+    def pictures(progress: Progress | None, start: int) -> Iterator[Picture]:
+        for n in range(start, len(footage)):
             chosen = film.refinements(n)
             taken = film.inputs(n)
-            if n == 0:
-                check_memory(taken.views, stereo.shape(taken), writing.output)
+            if n == start:
+                check_memory(taken.views, stereo.shape(taken), target.path)
             pair = stereo.render(session, taken, eyes, chosen)
             film.note(n, pair.sources)
             if progress is not None:
@@ -138,7 +143,7 @@ def stereo_film(
             yield pair.picture
 
     with session.stage("film", bar="rendering") as progress:
-        target.write(pictures(progress))
+        target.write(partial(pictures, progress), job)
 
 
 def _ranges(
@@ -146,10 +151,3 @@ def _ranges(
 ) -> DepthRanges:
     with session.stage("align", bar="aligning depth") as progress:
         return ranges_of(footage, reader, filming, progress)
-
-
-def _surveyed(film: FilmSources) -> list[Inputs]:
-    """Return some pictures of a film, evenly spaced."""
-    count = len(film.footage)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, SURVEYED)).round().astype(int))
-    return [film.read(int(n)) for n in chosen]

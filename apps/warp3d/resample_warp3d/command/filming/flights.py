@@ -91,7 +91,7 @@ def _job(settings: FlightSettings, footage: Footage, depths: DepthFrames | None)
     """Return what the frames depend on."""
     eye, meaning = settings.reader.eye, settings.reader.meaning
     return {
-        "source": footage.fingerprint(),
+        "source": footage.fingerprint,
         "camera": [eye.model_dump(), meaning.model_dump()],
         "size": list(settings.shape),
         "choices": settings.warping.model_dump(exclude={"threads"}),

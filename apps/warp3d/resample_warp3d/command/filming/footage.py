@@ -2,19 +2,24 @@
 
 import glob
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.colors import to_srgb
 from resample.files.animations import check_rate
 from resample.files.pictures import Picture, read_picture
 from resample.files.sequences import FILMS, READ, USUAL, Frames, frames_of
+from resample.files.writing import replacing
 from resample.types import Floats
+from resample_warp3d.command.filming.depth_model import DepthModel
 from resample_warp3d.command.inputs import read_names
 from resample_warp3d.depth.encodings import Raw
 from resample_warp3d.depth.files import read_depth, read_depths
@@ -22,6 +27,10 @@ from resample_warp3d.depth.files import read_depth, read_depths
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 NUMBER = re.compile(r"(\d+)")
+WHOLE = 0.0, math.inf  # s
+SURVEYED = 9  # pictures of a film by which the eyes and black bars are chosen, at most
+BLACK = 6.0 / 255.0 / 12.92  # light of black bars, at most
+THINNEST = 0.02  # share of a side that a bar at each end has, at least
 
 
 class FrameSeries(Protocol[T_co]):
@@ -82,6 +91,29 @@ class StackSeries:
 
 
 @dataclass(frozen=True, eq=False)
+class EstimatedSeries:
+    """Maps that a network estimates, in batches; they are kept in a folder."""
+
+    pictures: FrameSeries[Picture]  # read forward, and by nobody else
+    model: DepthModel
+    folder: Path = Path()
+
+    def __len__(self) -> int:
+        return len(self.pictures)
+
+    def __getitem__(self, n: int) -> Raw:
+        kept = self.folder / f"{n:07d}.npy"
+        if not kept.is_file():
+            self.folder.mkdir(exist_ok=True)
+            numbers = range(n, min(n + self.model.batch, len(self)))
+            maps = self.model.estimate([self.pictures[each] for each in numbers])
+            for each, depth in zip(numbers, maps, strict=True):
+                with replacing(self.folder / f"{each:07d}.npy") as temporary:
+                    np.save(temporary, depth.astype(np.float16))
+        return np.asarray(np.load(kept), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
 class Footage:
     """Pictures of a film, the depth of each, and their display times."""
 
@@ -90,6 +122,8 @@ class Footage:
     pictures: FrameSeries[Picture]
     depths: FrameSeries[Raw]
     frames: Frames  # the film as a file of several pictures
+    rows: tuple[float, float] = (0.0, 1.0)  # shares of the height between black bars
+    columns: tuple[float, float] = (0.0, 1.0)  # and of the width
 
     def __len__(self) -> int:
         return len(self.frames.seconds)
@@ -98,6 +132,33 @@ class Footage:
     def files(self) -> list[Path]:
         """All files that the film is read from."""
         return [*_files_of(self.pictures, self.color), *_files_of(self.depths, self.depth)]
+
+    def surveyed(self) -> list[int]:
+        """Return the numbers of some pictures, evenly spaced."""
+        count = len(self)
+        chosen = np.linspace(0, count - 1, min(count, SURVEYED)).round().astype(int)
+        return [int(n) for n in np.unique(chosen)]
+
+    def without_bars(self) -> "Footage":
+        """Return the film with the black bars found that some of its pictures have in common."""
+        few = [np.asarray(self.pictures[n].data[..., :3].max(axis=2)) for n in self.surveyed()]
+        if len({each.shape for each in few}) > 1:
+            return self
+        light = np.maximum.reduce(few)
+        rows, columns = (_content(light.max(axis=axis) > BLACK) for axis in (1, 0))
+        return replace(self, rows=rows, columns=columns)
+
+    def inside(self, whole: NDArray[Any]) -> NDArray[Any]:
+        """Return the part between the black bars of a picture or map of any size."""
+        ends = zip((self.rows, self.columns), whole.shape[:2], strict=True)
+        return whole[tuple(slice(round(a * size), round(b * size)) for (a, b), size in ends)]
+
+    def estimated_beside(self, output: Path) -> "Footage":
+        """Return a film whose estimated depth is kept beside a target, by what it depends on."""
+        assert isinstance(self.depths, EstimatedSeries)
+        what = f"{self.fingerprint} {self.depths.model.fingerprint} {self.frames.first}"
+        name = f".{output.name}.{hashlib.sha256(what.encode()).hexdigest()[:16]}"
+        return replace(self, depths=replace(self.depths, folder=output.parent / name))
 
     def check_apart(self, folder: Path) -> None:
         """Refuse to write numbered files to a folder that the film's files are in."""
@@ -112,6 +173,7 @@ class Footage:
         """Name of a picture and of its depth."""
         return _name_of(self.pictures, n, self.color), _name_of(self.depths, n, self.depth)
 
+    @cached_property
     def fingerprint(self) -> str:
         """Hash of the contents of all files."""
         digest = hashlib.sha256()
@@ -122,7 +184,13 @@ class Footage:
 
 
 def footage_of(
-    color: str, depth: str, fps: float | None = None, *, labels: bool = False
+    color: str,
+    depth: str | None,
+    fps: float | None = None,
+    *,
+    labels: bool = False,
+    times: tuple[float, float] = WHOLE,
+    model: DepthModel | None = None,
 ) -> Footage | None:
     """Open a film, a folder or a pattern of pictures with depth; None for a single picture.
 
@@ -136,6 +204,10 @@ def footage_of(
         Pictures per second; None: the film's own, or 24.
     labels
         Whether colors are labels, kept as stored.
+    times
+        Start and end of the pictures that are taken, s.
+    model
+        Network that estimates the depth; in place of `depth`.
 
     Raises
     ------
@@ -143,27 +215,57 @@ def footage_of(
         There are no pictures, depth is none of these, or has another number of pictures.
     """
     frames = frames_of(Path(color))
-    pictures: FrameSeries[Picture]
-    if frames is not None:
-        pictures = DecodedSeries(frames, _as_stored if labels else _as_is)
-    else:
-        files = files_in(color, _is_picture)
-        if files is None:
-            return None
+    files = None if frames is not None else files_in(color, _is_picture)
+    if frames is None and files is None:
+        return None
+    if frames is None:
         if not files:
             raise ValueError(f"{color} has no pictures; give a film, a folder or a pattern")
-        pictures = FileSeries(files, read_names if labels else read_picture)
         frames = Frames(Path(color), (USUAL,) * len(files))
     if fps is not None:
         check_rate(fps)
         frames = frames._replace(seconds=(1.0 / fps,) * len(frames.seconds))
-    footage = Footage(color, depth, pictures, _depths_of(color, depth), frames)
-    if len(footage.depths) != len(footage):
+    count, taken = len(frames.seconds), frames if times == WHOLE else frames.part(*times)
+
+    def opened() -> FrameSeries[Picture]:
+        if files is None:
+            return DecodedSeries(taken, _as_stored if labels else _as_is)
+        chosen = files[taken.first : taken.first + len(taken.seconds)]
+        return FileSeries(chosen, read_names if labels else read_picture)
+
+    if model is not None:
+        estimated = EstimatedSeries(opened(), model)
+        return Footage(color, str(model.path), opened(), estimated, taken)
+    assert depth is not None
+    depths = _depths_of(color, depth)
+    if len(depths) not in (count, len(taken.seconds)):
         raise ValueError(
-            f"{color} has {len(footage)} pictures, {depth} has {len(footage.depths)}; give one "
-            "depth for each"
+            f"{color} has {count} pictures, {depth} has {len(depths)}; give one depth for each"
         )
-    return footage
+    if len(depths) > len(taken.seconds):
+        depths = _part_of(depths, taken.first, len(taken.seconds))
+    return Footage(color, depth, opened(), depths, taken)
+
+
+def _content(is_light: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return the shares of a side between two black bars; all of it if there are none."""
+    lit, size = np.flatnonzero(is_light), len(is_light)
+    if not lit.size or min(lit[0], size - 1 - lit[-1]) < THINNEST * size:
+        return 0.0, 1.0
+    return float(lit[0]) / size, float(lit[-1] + 1) / size
+
+
+def _part_of(series: FrameSeries[Raw], first: int, count: int) -> FrameSeries[Raw]:
+    """Return some maps of a series."""
+    if isinstance(series, DecodedSeries):
+        seconds = series.frames.seconds
+        chosen = seconds[first : first + count]
+        part = series.frames._replace(seconds=chosen, first=first, begin=sum(seconds[:first]))
+        return DecodedSeries(part, series.convert)
+    if isinstance(series, FileSeries):
+        return replace(series, files=series.files[first : first + count])
+    assert isinstance(series, StackSeries)
+    return StackSeries(series.stack[first : first + count])
 
 
 def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:

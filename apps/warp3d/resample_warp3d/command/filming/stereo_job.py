@@ -1,0 +1,267 @@
+"""Write pictures, films and folders of them for two eyes."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from resample.command.session import Session
+from resample.command.settings import Written
+from resample.console import progress_bar, say
+from resample.files.films import FORMATS
+from resample.files.formats import SUFFIXES, check_output
+from resample.files.pictures import form_of, read_picture
+from resample.files.saving import tell_empty, write_picture
+from resample.files.sequences import FILMS, READ
+from resample.files.stereo_boxes import UNMARKED
+from resample.files.writing import check_targets
+from resample.words import one_line
+from resample_warp3d.command.choices import Extras
+from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
+from resample_warp3d.command.filming.depth_model import DepthModel
+from resample_warp3d.command.filming.films import stereo_film
+from resample_warp3d.command.filming.footage import (
+    WHOLE,
+    EstimatedSeries,
+    Footage,
+    files_in,
+    footage_of,
+)
+from resample_warp3d.command.filming.targets import FilmTarget
+from resample_warp3d.command.inputs import DepthReader, Inputs, inputs_of, read_pair, read_views
+from resample_warp3d.command.layouts import marks_of
+from resample_warp3d.command.numbered import names_folder
+from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
+from resample_warp3d.command.rendering import check_memory, mention_holes
+from resample_warp3d.command.source import SourceCamera
+from resample_warp3d.command.stereo import StereoRendering
+from resample_warp3d.command.stereo_stills import PAIRS, write_pair
+from resample_warp3d.command.writing import check_extras, write_extras
+from resample_warp3d.depth.files import read_depth
+
+FAILURES = (ValueError, LookupError, OSError, MemoryError)  # of one photo among others
+
+
+@dataclass(frozen=True, eq=False)
+class StereoJob:
+    """Options of pictures for two eyes."""
+
+    eye: SourceCamera
+    meaning: PairDepth
+    parallax: Parallax
+    fraction: float
+    filming: FilmInput
+    film: FilmFormat
+    warping: StereoWarping
+    written: Written
+    extras: Extras
+    disparity_scale: float | None
+    model: DepthModel | None
+    is_quiet: bool = False  # no progress bars, as within that of a batch
+
+    def write(self, picture: str, depth: str | None, output: Path) -> None:
+        """Write one picture or film."""
+        if depth is None and self.model is None:
+            raise ValueError(
+                f"{picture}: depth is missing; give its file, or a network that estimates it, "
+                "--depth-model FILE.onnx"
+            )
+        if depth is not None and self.model is not None:
+            raise ValueError("--depth-model is in place of a depth file; give one of them")
+        if output.suffix.lower() == ".jps" and self.parallax.layout not in (None, "cross-eyed"):
+            raise ValueError(f"{output}: .jps holds the layout cross-eyed; leave out --layout")
+        times = self.film.times()
+        self.film.coding(UNMARKED)
+        footage = footage_of(picture, depth, self.filming.fps, times=times, model=self.model)
+        if footage is not None and self.model is not None:
+            footage = footage.estimated_beside(output)
+        around = self.parallax.is_around(self.eye)
+        meaning = self._meaning(depth, footage, is_around=around)
+        is_pair = meaning.depth_kind == "pair"
+        reader = None if is_pair else DepthReader.checked(self.eye.guessed(), meaning)
+        chosen = self.parallax if footage is None else self.parallax.for_film(is_pair=is_pair)
+        chosen.check(meaning, self.eye)
+        output = self.named(output, chosen)
+        stereo = StereoRendering(chosen, self.fraction, self.warping, around)
+        if footage is None:
+            if times != WHOLE:
+                raise ValueError("--start and --end are for films, not for pictures")
+            self._write_picture((picture, depth), output, stereo, reader)
+            return
+        self._write_film(footage, output, stereo, reader)
+        if isinstance(footage.depths, EstimatedSeries):
+            shutil.rmtree(footage.depths.folder, ignore_errors=True)
+
+    def named(self, output: Path, chosen: Parallax) -> Path:
+        """Return the target's name, with its layout if requested."""
+        if not self.film.name_layout or names_folder(output):
+            return output
+        is_panorama = self.eye.source_projection == "equirectangular"
+        name = marks_of(chosen.layout, is_panorama=is_panorama).name
+        if chosen.layout == "quilt":
+            name = f"_qs{chosen.quilt}"
+        return output.with_stem(output.stem + name)
+
+    def _meaning(self, depth: str | None, footage: Footage | None, *, is_around: bool) -> PairDepth:
+        """Return the meaning of depth, by some of it if it is not given."""
+        if self.meaning.depth_kind != "auto":
+            return self.meaning
+        if depth is None:
+            return self.meaning.model_copy(update={"depth_kind": "relative"})
+        raw = read_depth(depth) if footage is None else footage.depths[0]
+        of_pair = self.disparity_scale is not None
+        return self.parallax.recognised(
+            self.meaning, raw, depth, is_around=is_around, of_pair=of_pair
+        )
+
+    def _write_film(
+        self, footage: Footage, output: Path, stereo: StereoRendering, reader: DepthReader | None
+    ) -> None:
+        for name in ("holes", "coverage"):
+            if getattr(self.extras, name) is not None:
+                raise ValueError(f"--{name} is for pictures, not for films")
+        is_panorama = self.eye.source_projection == "equirectangular"
+        marks = marks_of(stereo.parallax.layout, is_panorama=is_panorama)
+        target = FilmTarget(
+            output, footage, self.written.options(), self.film.coding(marks), marks,
+            self.film.resume,
+        )  # fmt: skip
+        job: dict[str, Any] = {"film": footage.fingerprint, "fraction": self.fraction}
+        for part in (self.eye, self.meaning, stereo.parallax, self.filming, self.written):
+            job |= part.model_dump(mode="json")
+        job |= self.warping.model_dump(mode="json", exclude={"threads"})
+        job |= {"disparity_scale": self.disparity_scale, "start": footage.frames.first}
+        if self.model is not None:
+            job["model"] = self.model.fingerprint
+        session = Session(is_quiet=self.is_quiet)
+        stereo_film(session, target, self.filming, reader, stereo, self.disparity_scale, job)
+
+    def _write_picture(
+        self, names: tuple[str, str | None], output: Path, stereo: StereoRendering,
+        reader: DepthReader | None,
+    ) -> None:  # fmt: skip
+        look, extras, suffix = self.written.options(), self.extras, output.suffix.lower()
+        check_extras(extras)
+        if suffix not in PAIRS:
+            check_output(output, look, transparent=not self.warping.fill)
+        check_targets(output, extras.holes, extras.coverage)
+        session = Session(is_quiet=self.is_quiet)
+        taken = self._read(names, reader)
+        eyes = stereo.eyes([taken], is_pair=reader is None)
+        check_memory(taken.views, stereo.shape(taken), output)
+        if suffix in PAIRS:
+            chosen = stereo.parallax.model_copy(update={"layout": "side-by-side"})
+            stereo = replace(stereo, parallax=chosen)
+        made = stereo.render(session, taken, eyes)
+        if made.warped is not None and not self.warping.fill:
+            mention_holes(made.warped)
+        if suffix in PAIRS:
+            write_pair(output, made.both[0], made.both[1], look)
+        else:
+            write_picture(output, made.picture, look)
+        if made.warped is not None:
+            tell_empty(output, not made.warped.coverage.any())
+            write_extras(extras, made.warped, None)
+
+    def _read(self, names: tuple[str, str | None], reader: DepthReader | None) -> Inputs:
+        color, depth = names
+        if depth is None:
+            assert self.model is not None
+            assert reader is not None
+            picture = read_picture(color)
+            (raw,) = self.model.estimate([picture])
+            return inputs_of(reader, picture, raw, (color, str(self.model.path)))
+        if reader is None:
+            return read_pair(color, depth, self.disparity_scale)
+        return read_views(reader, color, depth)
+
+
+def write_stereo(
+    job: StereoJob, picture: str, depth: str | None, output: Path, batch: Batch
+) -> None:
+    """Write a picture or film for two eyes, or each of several."""
+    files = None if Path(picture).is_file() else files_in(picture, _is_source)
+    if batch.recursive and Path(picture).is_dir():
+        found = Path(picture).rglob("*")
+        files = sorted(file for file in found if file.is_file() and _is_source(file))
+    if files is None or not (batch.batch or batch.recursive or batch.skip_errors):
+        if files is None or not _differ(files):
+            job.write(picture, depth, output)
+            return
+        say(f"{picture}: pictures have several sizes and are made one by one (--batch)")
+    if job.extras.holes is not None or job.extras.coverage is not None:
+        raise ValueError("--holes and --coverage are for one picture, not for several")
+    if not files:
+        raise ValueError(f"{picture} has no pictures and films; give a folder or a pattern")
+    if not names_folder(output) and "*" not in output.name:
+        raise ValueError(f"{output}: several pictures are written to a folder, or to a name with *")
+    kept, failed = 0, list[str]()
+    job = replace(job, is_quiet=True)
+    with progress_bar("photos", count=len(files)) as progress:
+        for n, (file, below, target) in enumerate(_targets(files, picture, output)):
+            try:
+                looks = (job.parallax, job.parallax.for_film(is_pair=False))
+                if job.film.resume and any(job.named(target, look).is_file() for look in looks):
+                    kept += 1
+                    continue
+                target.parent.mkdir(parents=True, exist_ok=True)
+                job.write(str(file), _depth_of(below, depth), target)
+            except FAILURES as error:
+                if not batch.skip_errors:
+                    raise
+                failed.append(f"{file}: {one_line(error)}")
+                say(failed[-1])
+            if progress is not None:
+                progress((n + 1) / len(files))
+    written = len(files) - kept - len(failed)
+    say(f"{written} written, {kept} were there, {len(failed)} failed")
+    if failed and not written:
+        raise ValueError(f"all of {len(failed)} pictures failed; the first: {failed[0]}")
+
+
+def _is_source(file: Path) -> bool:
+    return file.suffix.lower() in READ and not file.name.startswith(".")
+
+
+def _differ(files: Sequence[Path]) -> bool:
+    """Whether files are no film: there are films among them, or pictures of several sizes."""
+    if any(file.suffix.lower() in FILMS for file in files):
+        return True
+    return len({form_of(file)[0][:2] for file in files}) > 1
+
+
+def _targets(files: Sequence[Path], given: str, output: Path) -> Iterator[tuple[Path, Path, Path]]:
+    """Sources, their paths below the given folder, and their targets."""
+    taken: dict[Path, Path] = {}
+    is_folder = names_folder(output)
+    for file in files:
+        below = file.relative_to(given) if Path(given).is_dir() else Path(file.name)
+        suffix = below.suffix.lower()
+        is_film = suffix in FILMS
+        kept = suffix if suffix in (FORMATS if is_film else SUFFIXES) else None
+        name = below.with_suffix(kept or (".mp4" if is_film else ".png"))
+        target = output / name
+        if not is_folder:
+            target = output.parent / below.parent / output.name.replace("*", below.stem)
+        if target.resolve() == file.resolve():
+            raise ValueError(f"{file} would be replaced; give another folder")
+        if target in taken:
+            raise ValueError(f"{taken[target]} and {file} would both become {target}")
+        taken[target] = file
+        if is_folder and output.resolve() in file.resolve().parents:
+            continue  # results of an earlier run
+        yield file, below, target
+
+
+def _depth_of(below: Path, depth: str | None) -> str | None:
+    """Return the depth file of a picture: that of its name in the folder of depths."""
+    if depth is None:
+        return None
+    if not Path(depth).is_dir():
+        raise ValueError(f"{depth}: several pictures need a folder with depth files of their names")
+    folder = Path(depth) / below.parent
+    found = sorted(file for file in folder.glob(f"{below.stem}.*") if file.is_file())
+    if not found:
+        raise ValueError(f"{depth} has no depth named {below.with_suffix('.*')}")
+    return str(found[0])
