@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
+from resample_warp3d.depth.refining.enlargement import SmallMap
 from resample_warp3d.depth.refining.inspecting import Findings, depth_of, edges_of
-from resample_warp3d.depth.refining.resizing import without_blocks
+from resample_warp3d.depth.refining.resizing import enlarged
 
 if TYPE_CHECKING:
     from resample_warp3d.depth.refining.kernels.voting import VotingWindow
@@ -72,13 +73,12 @@ class Ballot(NamedTuple):
     kind: Kinds  # (H, W) as `ramps.classify` writes them, and `BESIDE` in the band around edges
 
 
-def unblocked(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+def unblocked(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
     """Interpolate a map of blocks, and move its edges to those of color; also return the votes."""
-    block = task.findings.block
-    start = without_blocks(nearness, block)
-    if block // 2 * 4 <= REACH:
-        return hardened(task, start)
-    return grown(task, start, block // 2, None)
+    axes = small.rows, small.columns
+    start = enlarged(small.values, (nearness.shape[0], nearness.shape[1]), axes)
+    off = int(small.side / 2.0)
+    return hardened(task, start) if off * 4 <= REACH else grown(task, start, off, None)
 
 
 def grown(
