@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_warp3d.depth.refining.enlargement import SmallMap, enlarged_by, parted, small_map
 from resample_warp3d.depth.refining.hardening import (
+    REACH,
     RECIPES,
     RefinementTask,
     ballot_of,
@@ -48,7 +49,9 @@ WELCOME = 1.3  # most times the error of a map grown by colors that a sharpened 
 ALIKE = 4.0  # enlargement up to which both may have the same
 SLIGHT = 2e-3  # relative: larger errors are compared
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
-AGREED = 0.95  # share of the votes for one surface that an unknown sample needs
+AGREED, UNANIMOUS = 0.95, 0.995  # share of the votes that an unknown sample needs, if in front
+IN_FRONT = 1.1  # times the nearness of the farthest surface around: more is in front
+NOWHERE = 1e30  # nearness: larger than any
 LEAST_SIDE = 32  # px: pictures are not reduced to less
 
 
@@ -277,13 +280,22 @@ def _densified(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
 
 
 def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
-    """Fill unknown nearness from known samples, round by round."""
+    """Fill unknown nearness from known samples, round by round.
+
+    What a sensor misses beside an edge is mostly behind it, so the votes for anything nearer than
+    the farthest surface around must be all but unanimous; wrong samples in front hide right ones.
+    """
+    import cv2
+
+    around = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     for _ in range(MOST_ROUNDS):
         unknown = (nearness <= 0).astype(np.uint8)
         if not unknown.any():
             break
         found, share = counted(task, ballot_of(task, nearness), unknown, nearness)
-        nearness = np.where((unknown > 0) & (share < AGREED), np.float32(0), found)
+        farthest = cv2.erode(np.where(unknown, np.float32(NOWHERE), nearness), around)
+        least = np.where(found > IN_FRONT * farthest, UNANIMOUS, AGREED)
+        nearness = np.where((unknown > 0) & (share < least), np.float32(0), found)
         share = np.where(nearness > 0, MADE_UP * share, 0)
         agreed = np.where(unknown > 0, share, agreed).astype(np.float32)
     return nearness, agreed

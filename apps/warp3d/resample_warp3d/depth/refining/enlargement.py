@@ -30,6 +30,7 @@ MOST_EVEN = 4.0  # of the mean around: more counts as this
 PEAKS = 8  # periods that are tried, per kind of difference
 FEWEST_BLOCKS = 8  # with steps at their borders
 BESIDE, NOISY_BESIDE = 0.03, 0.15  # of the steps that chance puts beside borders: most there
+UNUSUAL = 0.3  # of the steps that chance puts beside borders: fewer are not looked at closely
 BETTER = 0.01  # of all steps: smaller blocks have more of them at their borders
 FEW_STEPS = 0.01  # of all samples: a map with fewer steps shows flat objects
 LARGE_STEP = 0.08  # of the larger value: steps of noisy maps that count, between surfaces
@@ -122,7 +123,12 @@ def _of_blocks(nearness: Floats) -> SmallMap | None:
     is flat along an axis, the other axis tells the ratio.
     """
     for is_noisy, most in ((False, BESIDE), (True, NOISY_BESIDE)):
-        profiles = [_steps(values, is_noisy=is_noisy) for values in (nearness.T, nearness)]
+        if is_noisy and not nearness.all():  # a sensor's
+            return None
+        profiles = [
+            _steps(values[:: max(1, len(values) // LINES)], is_noisy=is_noisy)
+            for values in (nearness.T, nearness)
+        ]
         axes = [_borders(each, _periods([each]), most) for each in profiles]
         known = [axis.step for axis in axes if axis is not None]
         for n in (0, 1):
@@ -208,6 +214,9 @@ def _borders(
     found, least_share = None, 0.0
     for step in steps:
         start = _phase(profile, step) - 0.5 * step
+        usual = np.diff(np.floor(step * np.arange(count) + start)) @ profile / profile.sum()
+        if usual < step + UNUSUAL * (1.0 - step):
+            continue
         is_border = np.diff(np.floor(step * (np.arange(count) + moves) + start), axis=1) > 0
         share = is_border @ profile / profile.sum()
         best = share >= share.max() - 1e-9
@@ -364,10 +373,10 @@ def _interpolation(
     first, last = 0, (few or 1) - 1
     if few is None:
         first, last = int(np.floor(place[0] + UNSEEN)), int(np.ceil(place[-1] - UNSEEN))
-    column = np.clip(sample, first, last).astype(np.int64) - first
-    row = np.repeat(np.arange(count), taps.size)
+    column = np.clip(sample, first, last).astype(np.int32) - first
+    begins = np.arange(0, column.size + 1, taps.size, dtype=np.int32)
     shape = count, last - first + 1
-    return csr_array((weight.ravel(), (row, column.ravel())), shape=shape), first
+    return csr_array((weight.ravel(), column.ravel(), begins), shape=shape), first
 
 
 def enlarged_by(small: SmallMap, shape: tuple[int, ...], *, is_cubic: bool = False) -> Floats:
