@@ -170,14 +170,17 @@ def _repaired(
 def _grown(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
     """Enlarge a small map to the edges of color; also return the share of votes.
 
-    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken.
+    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken;
+    everywhere, if the small map is soft itself.
     """
     height, width = nearness.shape
+    own = depth_of(small.values) if small.is_depth else small.values
+    if _softness(own, task).remedy == "sharpen":
+        return _sharpened(task, nearness)
     found, agreed = _grown_by_color(task, small, (height, width))
     soft = enlarged_by(small, (height, width))
     soft = depth_of(soft) if small.is_depth else soft
-    share, sigma, is_depth, overshoot = softness_of(soft, task.noise, task.step)
-    findings = NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
+    findings = _softness(soft, task)
     if findings.remedy != "sharpen":
         return found, agreed
     hard, votes = _sharpened(task._replace(findings=findings), soft)
@@ -187,6 +190,12 @@ def _grown(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Flo
     snap = task._replace(recipe=RECIPES["snap"])
     joined, again = hardened(snap, np.where(takes, hard, found))
     return joined, np.minimum(np.where(takes, votes, agreed), again)
+
+
+def _softness(nearness: Floats, task: RefinementTask) -> Findings:
+    """Measure how soft a map's edges are."""
+    share, sigma, is_depth, overshoot = softness_of(nearness, task.noise, task.step)
+    return NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
 
 
 def _grown_by_color(

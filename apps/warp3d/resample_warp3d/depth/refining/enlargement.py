@@ -24,7 +24,8 @@ LARGEST, LEAST = 20.0, 1.25  # times, ratios that are looked for
 LARGEST_CUBIC = 9.0  # times: of more, colors tell too little
 SHORTEST = 32  # px, least side of an enlarged map
 LINES = 256  # lines in which periods are looked for
-FITTED = 8  # lines with most bends, to which the interpolation is fitted
+WINDOW = 384  # px in which periods are tried
+FITTED = 6  # lines with most bends, to which the interpolation is fitted
 ROUNDS = 6  # of such a fit
 MOST_EVEN = 4.0  # of the mean around: more counts as this
 PEAKS = 8  # periods that are tried, per kind of difference
@@ -36,6 +37,7 @@ FEW_STEPS = 0.01  # of all samples: a map with fewer steps shows flat objects
 LARGE_STEP = 0.08  # of the larger value: steps of noisy maps that count, between surfaces
 FEW_LARGE = 64  # of them: fewer tell nothing
 UNLIKE = 0.7  # of a fit half a sample beside: fits that leave more at first are not refined
+ROUGH = 10.0  # times what a fit may leave: the same where most bends are
 CLEAR = 4.0  # times the error of a fit: that of one half a sample beside
 ALIKE = 4e-3  # of the bends: what interpolated maps may leave, stored as they are
 OFF = 2e-4  # of the range: values farther off were not interpolated
@@ -289,29 +291,39 @@ def _fitted_axis(
     most = np.argsort(-(bends[0] > floor).sum(axis=1))[: 4 * FITTED : 4]
     rows, size = lines[np.sort(most)], float(np.sqrt(np.mean(np.square(bends[0][most]))))
     enough = ALIKE * size + 0.1 * floor + 1.5 * noise / np.sqrt(12.0)
-    fit = partial(_refined, rows, is_cubic=is_cubic)
+    # Try the periods where most bends are, and refine what fits there.
+    width = min(WINDOW, rows.shape[1])
+    at = int(np.argmax(np.convolve(profiles[0], np.ones(max(1, width - 2)), "valid")))
+    whole, part = (
+        partial(_refined, each, is_cubic=is_cubic) for each in (rows, rows[:, at : at + width])
+    )
     for step in (*likely, *_periods(profiles)):
         if is_cubic and step < 1.0 / LARGEST_CUBIC:
             continue
-        phase = _phase(np.pad(profiles[0], 1), step)
+        phase = _phase(np.pad(profiles[0], 1), step) + step * at
         # Bends amid two px have no phase.
-        starts = [Axis(step, phase + part) for part in (0.0, 0.25, 0.5, 0.75)]
-        errors = [fit(axis, 0)[1] for axis in starts]
-        if min(errors) > min(UNLIKE * max(errors), size):
+        starts = [Axis(step, phase + quarter) for quarter in (0.0, 0.25, 0.5, 0.75)]
+        errors = [part(axis, 0)[1] for axis in starts]
+        if min(errors) > UNLIKE * max(errors):
             continue
-        axis, error = fit(starts[int(np.argmin(errors))], ROUNDS)
-        if error <= enough and fit(axis._replace(start=axis.start + 0.5), 0)[1] > CLEAR * error:
-            return _coarsest(axis, lambda each: fit(each, ROUNDS), enough)
+        axis, error = part(starts[int(np.argmin(errors))], ROUNDS)
+        if error > ROUGH * enough:
+            continue
+        axis, error = whole(axis._replace(start=axis.start - axis.step * at), ROUNDS)
+        if error <= enough and whole(axis._replace(start=axis.start + 0.5), 0)[1] > CLEAR * error:
+            return _coarsest(axis, whole, enough)
     return None
 
 
-def _coarsest(axis: Axis, fit: Callable[[Axis], tuple[Axis, float]], enough: float) -> Axis:
+def _coarsest(axis: Axis, fit: Callable[[Axis, int], tuple[Axis, float]], enough: float) -> Axis:
     """Return the samples among given ones that suffice: all, each second or each third."""
     for every in (3, 2):
         for first in range(every):
-            found, error = fit(Axis(axis.step / every, (axis.start - first) / every))
-            if error <= enough:
-                return found
+            found = Axis(axis.step / every, (axis.start - first) / every)
+            if fit(found, 0)[1] <= ROUGH * enough:
+                found, error = fit(found, ROUNDS)
+                if error <= enough:
+                    return found
     return axis
 
 
