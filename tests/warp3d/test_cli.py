@@ -769,7 +769,7 @@ def test_what_was_done_about_depth_stands_in_the_statistics():
     moved(*RIGHT, *FAST, "--stats", "stats.json")
     (refined,) = json.loads(Path("stats.json").read_text())["refine"]
     assert refined["chosen"] == "none"
-    assert (refined["unknown"], refined["block"], refined["confidence"]) == (0.0, 1, 1.0)
+    assert (refined["unknown"], refined["enlargement"], refined["confidence"]) == (0.0, 1, 1.0)
 
 
 def test_depth_of_half_the_size_is_brought_to_the_picture(capsys):

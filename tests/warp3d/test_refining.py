@@ -300,7 +300,7 @@ def test_a_lone_sample_between_surfaces_is_dropped(rng):
 
 def test_a_smaller_map_is_interpolated_on_planes_and_not_across_edges():
     small = np.where(X < 32, NEAR + 0.001 * X, FAR + 0.002 * Y)
-    found = enlarged(small, (128, 128), (0.5, 0.5))
+    found = enlarged(small, (128, 128))
     y, x = (np.mgrid[:128, :128] + 0.5) / 2
     np.testing.assert_allclose(
         found, np.where(x < 32, NEAR + 0.001 * x, FAR + 0.002 * y), rtol=1e-5
@@ -393,7 +393,7 @@ def test_wide_edges_are_hardened_where_they_are_about_2_px_wide(
     monkeypatch.setattr(conditioning, "hardened", hardened)
     side = (32 if is_large else 31) * max(scale, 2) + 1
     flat = np.full((side, side + 8), 0.3, np.float32)
-    findings = Findings(0.5, sigma, False, 1.0, 1, 0.0, False)
+    findings = Findings(0.5, sigma, False, 1.0, 0.0, False)
     task = RefinementTask(flat[..., None], findings, 0.1, 0.0, RECIPES["snap"])
     found, _ = conditioning._sharpened(task, flat)
     np.testing.assert_allclose(found, flat)

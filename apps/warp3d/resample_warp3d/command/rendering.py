@@ -224,7 +224,7 @@ def _findings(refined: Refined) -> dict[str, Any]:
         "aligned": round(found.aligned, 3),
         "overshoot": round(found.overshoot, 3),
         "shift, px": list(found.shift),
-        "block": found.block,
+        "enlargement": round(found.enlargement, 4),
         "unknown": round(found.unknown, 6),
         "confidence": round(float(refined.confidence.mean()), 6),
     }

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
+from resample_warp3d.depth.refining.enlargement import SmallMap, enlarged_by, parted, small_map
 from resample_warp3d.depth.refining.hardening import (
+    REACH,
     RECIPES,
     RefinementTask,
     ballot_of,
@@ -34,18 +36,7 @@ from resample_warp3d.depth.refining.inspecting import (
     quantum_of,
     softness_of,
 )
-from resample_warp3d.depth.refining.resizing import (
-    enlarged,
-    fitted,
-    reduced,
-    reduced_known,
-)
-from resample_warp3d.depth.refining.shrinking import (
-    SmallMap,
-    enlarged_linearly,
-    parted,
-    small_map,
-)
+from resample_warp3d.depth.refining.resizing import enlarged, fitted, reduced, reduced_known
 from resample_warp3d.types import DepthImage
 
 Kinds = NDArray[np.uint8]
@@ -58,7 +49,9 @@ WELCOME = 1.3  # most times the error of a map grown by colors that a sharpened 
 ALIKE = 4.0  # enlargement up to which both may have the same
 SLIGHT = 2e-3  # relative: larger errors are compared
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
-AGREED = 0.95  # share of the votes for one surface that an unknown sample needs
+AGREED, UNANIMOUS = 0.95, 0.995  # share of the votes that an unknown sample needs, if in front
+IN_FRONT = 1.1  # times the nearness of the farthest surface around: more is in front
+NOWHERE = 1e30  # nearness: larger than any
 LEAST_SIDE = 32  # px: pictures are not reduced to less
 
 
@@ -131,7 +124,9 @@ def refine(
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum)
     findings = findings._replace(is_measured=findings.is_measured or is_measured)
-    small = _origin_of(nearness, findings) if name == "auto" else None
+    may_be = not (is_enlarged or findings.is_sparse)
+    small = small_map(nearness, quantum, is_soft=findings.is_soft) if may_be else None
+    findings = findings._replace(enlargement=1.0 if small is None else small.side)
     chosen = _chosen(findings, is_enlarged, small) if name == "auto" else name
     if chosen == "none":
         return Refined(image, confidence, findings, chosen, quantum)
@@ -147,16 +142,10 @@ def refine(
     return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
 
 
-def _origin_of(nearness: Floats, findings: Findings) -> SmallMap | None:
-    """Return the map that a soft one was enlarged from, if it was and has no gaps."""
-    may_be = findings.is_soft and findings.block == 1 and findings.unknown == 0.0
-    return small_map(nearness) if may_be else None
-
-
 def _chosen(findings: Findings, is_enlarged: bool, small: SmallMap | None) -> str:
     """Return the refinement for a map, which has been enlarged here or was before."""
     if small is not None:
-        return "sharpen"
+        return "snap" if small.is_repeated else "sharpen"
     remedy = findings.remedy
     return "snap" if is_enlarged and remedy not in ("sharpen", "densify") else remedy
 
@@ -165,34 +154,48 @@ def _repaired(
     task: RefinementTask, chosen: str, nearness: Floats, small: SmallMap | None
 ) -> tuple[Floats, Floats]:
     """Apply a refinement but for filling; also return the share of votes, 1 where unchanged."""
-    findings = task.findings
     if chosen == "sharpen":
-        return _sharpened(task, nearness) if small is None else _grown(task, small, nearness)
+        if small is not None and not small.is_repeated:
+            return _grown(task, small, nearness)
+        return _sharpened(task, nearness)
     if chosen == "snap":
-        return unblocked(task, nearness) if findings.block > 1 else hardened(task, nearness)
+        if small is not None and small.is_repeated:
+            return unblocked(task, small, nearness)
+        return hardened(task, nearness)
     if chosen == "shift":
-        nearness = _moved(nearness, findings.shift)
+        nearness = _moved(nearness, task.findings.shift)
     return nearness, (nearness > 0).astype(np.float32)
 
 
 def _grown(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
     """Enlarge a small map to the edges of color; also return the share of votes.
 
-    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken.
+    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken;
+    everywhere, if the small map is soft itself.
     """
     height, width = nearness.shape
+    own = depth_of(small.values) if small.is_depth else small.values
+    if _softness(own, task).remedy == "sharpen":
+        return _sharpened(task, nearness)
     found, agreed = _grown_by_color(task, small, (height, width))
-    soft = enlarged_linearly(small, (height, width))
-    share, sigma, is_depth, overshoot = softness_of(soft, task.noise, task.step)
-    findings = NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
+    soft = enlarged_by(small, (height, width))
+    soft = depth_of(soft) if small.is_depth else soft
+    findings = _softness(soft, task)
     if findings.remedy != "sharpen":
         return found, agreed
     hard, votes = _sharpened(task._replace(findings=findings), soft)
     most = min(WELCOME, ALIKE / small.side)
-    takes = _repeated(_error(hard, small) < most * _error(found, small) - SLIGHT, (height, width))
+    is_better = _error(hard, small) < most * _error(found, small) - SLIGHT
+    takes = small.repeated(is_better, (height, width))
     snap = task._replace(recipe=RECIPES["snap"])
     joined, again = hardened(snap, np.where(takes, hard, found))
     return joined, np.minimum(np.where(takes, votes, agreed), again)
+
+
+def _softness(nearness: Floats, task: RefinementTask) -> Findings:
+    """Measure how soft a map's edges are."""
+    share, sigma, is_depth, overshoot = softness_of(nearness, task.noise, task.step)
+    return NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
 
 
 def _grown_by_color(
@@ -200,26 +203,17 @@ def _grown_by_color(
 ) -> tuple[Floats, Floats]:
     """Enlarge a small map; what covers a mean of two surfaces is told by colors alone."""
     values, is_mean = parted(small.values)
-    sides = values.shape[0] / size[0], values.shape[1] / size[1]
-    start = enlarged(depth_of(values) if small.is_depth else values, size, sides)
-    return grown(task, start, small.side, _repeated(is_mean, size))
+    near = depth_of(values) if small.is_depth else values
+    start = enlarged(near, size, (small.rows, small.columns))
+    return grown(task, start, round(small.side), small.repeated(is_mean, size))
 
 
 def _error(nearness: Floats, small: SmallMap) -> Floats:
     """Return how far means of a map are off the samples of a small one, relatively, smoothed."""
     import cv2
 
-    height, width = small.values.shape
-    mean = reduced(depth_of(nearness) if small.is_depth else nearness, (height, width))
+    mean = small.means(depth_of(nearness) if small.is_depth else nearness)
     return np.asarray(cv2.blur(np.abs(mean / small.values - 1.0), (3, 3)))
-
-
-def _repeated(mask: Mask, size: tuple[int, int]) -> Mask:
-    """Enlarge a mask by repetition."""
-    import cv2
-
-    whole = cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST)
-    return np.asarray(whole > 0)
 
 
 def _moved(nearness: Floats, shift: tuple[int, int]) -> Floats:
@@ -244,8 +238,7 @@ def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
         blurred = depth_of if task.findings.is_depth else np.array
         soft = blurred(reduced_known(blurred(nearness), shape))
         hard, _ = _sharpened(small, soft)
-        size, ratio = nearness.shape, (shape[0] / nearness.shape[0], shape[1] / nearness.shape[1])
-        whole = enlarged(hard, (size[0], size[1]), ratio)
+        whole = enlarged(hard, (nearness.shape[0], nearness.shape[1]))
         whole = _only_at_edges(nearness, whole, hard != soft, scale)
         return hardened(task._replace(recipe=RECIPES["snap"]), whole)
     if task.findings.overshoot > OVERSHOOT:
@@ -261,9 +254,9 @@ def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> F
     import cv2
 
     height, width = given.shape
-    mask = _repeated(changed, (height, width))
+    mask = cv2.resize(changed.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
     side = 2 * reach + 1
-    near = cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    near = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
     return np.where(given > 0, np.where(near, found, given), np.float32(0))
 
 
@@ -291,21 +284,27 @@ def _densified(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
     if scale == 1:
         return dense_at(task.color, nearness, MADE_UP)
     small, agreed = dense_at(reduced(task.color, shape), nearness, MADE_UP)
-    whole = enlarged(small, size, (shape[0] / size[0], shape[1] / size[1]))
-    hard, _ = hardened(task, whole)
-    return hard, np.where(
-        hard > 0, enlarged(agreed, size, (shape[0] / size[0], shape[1] / size[1])), np.float32(0)
-    )
+    hard, _ = hardened(task, enlarged(small, size))
+    return hard, np.where(hard > 0, enlarged(agreed, size), np.float32(0))
 
 
 def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:
-    """Fill unknown nearness from known samples, round by round."""
+    """Fill unknown nearness from known samples, round by round.
+
+    What a sensor misses beside an edge is mostly behind it, so the votes for anything nearer than
+    the farthest surface around must be all but unanimous; wrong samples in front hide right ones.
+    """
+    import cv2
+
+    around = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     for _ in range(MOST_ROUNDS):
         unknown = (nearness <= 0).astype(np.uint8)
         if not unknown.any():
             break
         found, share = counted(task, ballot_of(task, nearness), unknown, nearness)
-        nearness = np.where((unknown > 0) & (share < AGREED), np.float32(0), found)
+        farthest = cv2.erode(np.where(unknown, np.float32(NOWHERE), nearness), around)
+        least = np.where(found > IN_FRONT * farthest, UNANIMOUS, AGREED)
+        nearness = np.where((unknown > 0) & (share < least), np.float32(0), found)
         share = np.where(nearness > 0, MADE_UP * share, 0)
         agreed = np.where(unknown > 0, share, agreed).astype(np.float32)
     return nearness, agreed

@@ -4,6 +4,7 @@ Samples near edges are assigned to surfaces by votes of samples around them, wei
 (`voting`). Samples between two surfaces, and unknown ones, do not vote.
 """
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
+from resample_warp3d.depth.refining.enlargement import SmallMap
 from resample_warp3d.depth.refining.inspecting import Findings, depth_of, edges_of
-from resample_warp3d.depth.refining.resizing import without_blocks
+from resample_warp3d.depth.refining.resizing import enlarged
 
 if TYPE_CHECKING:
     from resample_warp3d.depth.refining.kernels.voting import VotingWindow
@@ -32,6 +34,7 @@ HARMLESS = 0.5  # px, standard deviation of a blur that does not affect thin obj
 BLURRED = 1.1  # times the deviation found, as the ends of soft edges are missed
 LEAST = 0.4  # least share of a sample that a thin object covers
 THIN_WEIGHT = 0.1  # weight of samples of thin objects once their value is restored
+SAMPLED = 1 << 16  # px whose colors tell their deviation
 NOISY = 12.0  # times the noise: larger jumps are edges
 
 
@@ -72,13 +75,12 @@ class Ballot(NamedTuple):
     kind: Kinds  # (H, W) as `ramps.classify` writes them, and `BESIDE` in the band around edges
 
 
-def unblocked(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+def unblocked(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
     """Interpolate a map of blocks, and move its edges to those of color; also return the votes."""
-    block = task.findings.block
-    start = without_blocks(nearness, block)
-    if block // 2 * 4 <= REACH:
-        return hardened(task, start)
-    return grown(task, start, block // 2, None)
+    axes = small.rows, small.columns
+    start = enlarged(small.values, (nearness.shape[0], nearness.shape[1]), axes)
+    off = int(small.side / 2.0)
+    return hardened(task, start) if off * 4 <= REACH else grown(task, start, off, None)
 
 
 def grown(
@@ -102,17 +104,31 @@ def hardened(
 
     `reach`: px from which votes come. `mixed`: further samples between surfaces.
     """
-    ballot = ballot_of(task, nearness, mixed)
+    import cv2
+
+    ballot = ballot_of(task, nearness, mixed, reach)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
     refined, agreed = counted(task, ballot, band, nearness, reach)
     if task.recipe.run > 1 and task.findings.sigma > HARMLESS:
-        ballot = _with_thin_things(task, ballot, refined)
-        refined, agreed = counted(task, ballot, band, nearness)
+        ballot, is_told = _with_thin_things(task, ballot, refined)
+        again = np.where(cv2.dilate(is_told, _square(REACH)) > 0, band, np.uint8(0))
+        found, share = counted(task, ballot, again, nearness)
+        refined, agreed = np.where(again > 0, found, refined), np.where(again > 0, share, agreed)
     return refined, agreed
 
 
-def ballot_of(task: RefinementTask, nearness: Floats, mixed: Mask | None = None) -> Ballot:
-    """Make the voters of a map; samples between surfaces, and mixed ones, have no weight."""
+def _square(reach: int) -> Kinds:
+    """Return the neighbourhood within a distance along both axes, for OpenCV's filters."""
+    return np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+
+
+def ballot_of(
+    task: RefinementTask, nearness: Floats, mixed: Mask | None = None, reach: int = REACH
+) -> Ballot:
+    """Make the voters of a map; samples between surfaces, and mixed ones, have no weight.
+
+    Slopes are measured within `reach` px of edges, and of unknown samples, where they count.
+    """
     import cv2
 
     from resample_warp3d.depth.refining.kernels.ramps import (
@@ -130,13 +146,14 @@ def ballot_of(task: RefinementTask, nearness: Floats, mixed: Mask | None = None)
     classify(nearness, edges_of(nearness, edges), found)
     if mixed is not None:
         found[mixed] = BETWEEN
-    side = 2 * recipe.around + 1
-    band = cv2.dilate((found > 0).astype(np.uint8), np.ones((side, side), np.uint8))
+    band = cv2.dilate((found > 0).astype(np.uint8), _square(recipe.around))
     kind = np.maximum(found, band * np.uint8(BESIDE))
     trust = np.where(kind > 0, np.float32(UNSURE), np.float32(1))
     trust[found == BETWEEN] = 0
     slope = np.empty((*nearness.shape, 4), np.float32)
-    measure_slopes(nearness, kind, Bends(recipe.length, recipe.steepest, recipe.bent), slope)
+    near = cv2.dilate(band, _square(reach + recipe.length))
+    skipped = np.where(near > 0, kind, np.uint8(BETWEEN))
+    measure_slopes(nearness, skipped, Bends(recipe.length, recipe.steepest, recipe.bent), slope)
     return Ballot(nearness, trust, slope, kind)
 
 
@@ -152,8 +169,10 @@ def counted(
     return refined, agreed
 
 
-def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> Ballot:
-    """Restore the nearness of thin objects that blur has reduced, for the votes."""
+def _with_thin_things(
+    task: RefinementTask, ballot: Ballot, refined: Floats
+) -> tuple[Ballot, Kinds]:
+    """Restore the nearness of thin objects that blur has reduced, for the votes, and where."""
     from resample_warp3d.depth.refining.kernels.softness import Blur, restore
 
     blurred = depth_of if task.findings.is_depth else np.array
@@ -166,7 +185,7 @@ def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> 
     nearness = np.where(is_told, blurred(whole), ballot.nearness).astype(np.float32)
     trust = np.where(is_told, np.float32(THIN_WEIGHT), ballot.trust)
     trust[(ballot.kind > 0) & ~is_told] = 0
-    return ballot._replace(nearness=nearness, trust=trust)
+    return ballot._replace(nearness=nearness, trust=trust), is_told.astype(np.uint8)
 
 
 @cache
@@ -190,7 +209,7 @@ def window(reach: int = REACH) -> "VotingWindow":
 
 def scaled(color: Floats) -> Floats:
     """Scale colors to units of the difference between similar colors."""
-    deviation = float(
-        np.sqrt(color.reshape(-1, color.shape[2]).var(axis=0, dtype=np.float64).sum() / 3.0)
-    )
+    sparse = max(1, math.isqrt(color.shape[0] * color.shape[1] // SAMPLED))
+    some = color[::sparse, ::sparse].reshape(-1, color.shape[2])
+    deviation = float(np.sqrt(some.var(axis=0, dtype=np.float64).sum() / 3.0))
     return np.asarray(color / np.float32(max(COLOR_DIFFERENCE * deviation, 1e-6)), np.float32)

@@ -41,10 +41,6 @@ FEW = 100  # edges; fewer are not evaluated
 CLOSE = 6  # px on each side of an edge where colors are compared with those at it
 UNSHIFTED = 0.85  # of the largest color change: with more at edges, the map is not shifted
 CONTRAST = 1.5  # least ratio of color change near edges to that farther away
-LARGEST_BLOCK = 16  # samples
-FEWEST_BLOCKS = 8  # least number of blocks with steps between them, and at least half of all
-AT_ONE = 0.98  # share of all steps at the blocks' borders
-FEW_STEPS = 0.01  # of all samples: a map with fewer steps shows flat objects
 MOST_EDGES = 1 << 16
 USUAL = 0.5587  # mean of the lower 80 % of |x|, x normal with deviation 1
 FLAT = 2e-3  # relative nearness: smaller jumps are not edges
@@ -61,12 +57,12 @@ class Findings(NamedTuple):
     sigma: float  # px, standard deviation of the blur of its edges
     is_depth: bool  # depth was blurred, not nearness
     aligned: float  # color change at edges, of the largest beside them; 1: not measurable
-    block: int  # samples per side of constant blocks; 1: none
     unknown: float  # share of its samples without depth
     is_measured: bool  # noisy, quantized or full of gaps: unknown samples were lost, not empty
     overshoot: float = 0.0  # of the jump, by which soft edges exceed both of their sides
     shift: tuple[int, int] = (0, 0)  # px right and down, from the map to the picture
     is_sparse: bool = False  # scattered samples, or lines of them
+    enlargement: float = 1.0  # times, by which a smaller map was enlarged
 
     @property
     def is_soft(self) -> bool:
@@ -78,8 +74,6 @@ class Findings(NamedTuple):
         """Refinement to apply: one of `conditioning.REFINES`, except auto."""
         if self.is_sparse:
             return "densify"
-        if self.block > 1:
-            return "snap"
         if self.is_soft and self.sigma <= (WIDEST if self.overshoot > OVERSHOOT else SOFTEST):
             return "sharpen"
         if self.shift != (0, 0):
@@ -89,7 +83,7 @@ class Findings(NamedTuple):
         return "complete" if self.is_measured and self.unknown > HOLEY else "none"
 
 
-NOTHING = Findings(0.0, 0.0, False, 1.0, 1, 0.0, False)
+NOTHING = Findings(0.0, 0.0, False, 1.0, 0.0, False)
 
 
 def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findings:
@@ -109,9 +103,7 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     unknown = float(np.mean(nearness <= 0))
     is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max() or _is_torn(nearness))
     aligned, shift = _aligned(color, sharp)
-    return Findings(
-        soft, sigma, is_depth, aligned, block_of(nearness), unknown, is_measured, overshoot, shift
-    )
+    return Findings(soft, sigma, is_depth, aligned, unknown, is_measured, overshoot, shift)
 
 
 def is_sparse(nearness: Floats) -> bool:
@@ -242,44 +234,6 @@ def _common(even: Doubles, count: Doubles) -> int:
     is_clear = (peak > CONTRAST * np.median(even, axis=1)) & (even[:, middle] < UNSHIFTED * peak)
     is_common = lag[0] - middle == middle - lag[1] and bool(is_clear.all())
     return int(lag[0] - middle) if is_common and count.min() >= FEW else 0
-
-
-def block_of(nearness: Floats) -> int:
-    """Return the side of the constant blocks of a map, samples; 1 for none.
-
-    Where half of the map is flat along an axis, the other axis tells the side.
-    """
-    rows, columns = _steps(nearness), _steps(nearness.T)
-    sizes = _period(rows), _period(columns)
-    side = max(sizes)
-    if sizes[0] == sizes[1] or (
-        min(sizes) == 1
-        and all(_is_at_borders(each, side, FEWEST_BLOCKS) for each in (rows, columns))
-    ):
-        return side
-    return 1
-
-
-def _steps(nearness: Floats) -> NDArray[np.int64]:
-    """Return the steps between each column and the next, counted; none where they are few."""
-    is_step = np.diff(nearness, axis=1) != 0
-    places = is_step.sum(axis=0)
-    return places if places.sum() >= FEW_STEPS * is_step.size else np.zeros_like(places)
-
-
-def _period(places: NDArray[np.int64]) -> int:
-    """Return the largest period of steps; 1 for none."""
-    for period in range(LARGEST_BLOCK, 1, -1):
-        if _is_at_borders(places, period, max(FEWEST_BLOCKS, places.size // (2 * period))):
-            return period
-    return 1
-
-
-def _is_at_borders(places: NDArray[np.int64], period: int, least: int) -> bool:
-    """Whether steps are at the borders of blocks, `least` of which have some."""
-    at_borders = places[period - 1 :: period]
-    is_often = np.count_nonzero(at_borders) >= least
-    return bool(is_often and at_borders.sum() >= AT_ONE * places.sum())
 
 
 def known(image: DepthImage) -> Floats:

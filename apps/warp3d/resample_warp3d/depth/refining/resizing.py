@@ -3,6 +3,7 @@
 import numpy as np
 
 from resample.types import Floats
+from resample_warp3d.depth.refining.enlargement import Axis
 from resample_warp3d.depth.refining.inspecting import is_sparse, linked, quantum_of
 from resample_warp3d.types import DepthImage
 
@@ -25,28 +26,24 @@ def fitted(image: DepthImage) -> DepthImage:
     nearness = np.where(is_known, image.nearness, np.float32(0))
     if is_sparse(nearness):
         return image._replace(nearness=spread(nearness, shape))
-    nearness = enlarged(nearness, shape, (rows, columns))
-    return image._replace(nearness=nearness)
+    return image._replace(nearness=enlarged(nearness, shape))
 
 
-def without_blocks(nearness: Floats, side: int) -> Floats:
-    """Interpolate a map of constant blocks between the blocks' centers."""
-    small = nearness[side // 2 :: side, side // 2 :: side]
-    return enlarged(small, (nearness.shape[0], nearness.shape[1]), (1.0 / side, 1.0 / side))
-
-
-def enlarged(nearness: Floats, shape: tuple[int, int], scale: tuple[float, float]) -> Floats:
+def enlarged(
+    nearness: Floats, shape: tuple[int, int], axes: tuple[Axis, Axis] | None = None
+) -> Floats:
     """Enlarge a map, surface by surface.
 
-    `nearness`: (h, w); 0 where unknown. `scale`: rows and columns of the map per row and column of
-    the result.
+    `nearness`: (h, w); 0 where unknown. `axes`: where its rows and columns lie in the result; by
+    default both show the same frame.
     """
     from resample_warp3d.depth.refining.kernels.voting import enlarge_rows
 
     small = np.ascontiguousarray(nearness, np.float32)
     result = np.empty(shape, np.float32)
-    numbers = np.array([scale[0], 0.5, scale[1], 0.5])
-    enlarge_rows(small, linked(small, quantum_of(small), 0.0), numbers, result)
+    ratio = small.shape[0] / shape[0], small.shape[1] / shape[1]
+    places = axes or [Axis(step, 0.5 * step - 0.5) for step in ratio]
+    enlarge_rows(small, linked(small, quantum_of(small), 0.0), np.array(places).ravel(), result)
     return result
 
 

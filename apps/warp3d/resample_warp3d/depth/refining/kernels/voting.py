@@ -235,14 +235,14 @@ def _step(nearness: Floats, links: Links, row: int, column: int, away: float, do
 
 
 @kernel
-def _enlarge_row(nearness: Floats, links: Links, scale: Doubles, row: int, result: Floats) -> None:
+def _enlarge_row(nearness: Floats, links: Links, axes: Doubles, row: int, result: Floats) -> None:
     """Enlarge a row; see `enlarge_rows`."""
     height, width = nearness.shape
     # Find the nearest sample of the small map.
-    y = (row + 0.5) * scale[0] - scale[1]
+    y = row * axes[0] + axes[1]
     r = min(max(math.floor(y + 0.5), 0), height - 1)
     for column in range(result.shape[1]):
-        x = (column + 0.5) * scale[2] - scale[3]
+        x = column * axes[2] + axes[3]
         c = min(max(math.floor(x + 0.5), 0), width - 1)
         here = np.float64(nearness[r, c])
         value = 0.0
@@ -255,13 +255,13 @@ def _enlarge_row(nearness: Floats, links: Links, scale: Doubles, row: int, resul
 
 @parallel_kernel
 def enlarge_rows(
-    counter: Counter, nearness: Floats, links: Links, scale: Doubles, result: Floats
+    counter: Counter, nearness: Floats, links: Links, axes: Doubles, result: Floats
 ) -> None:
     """Interpolate between linked samples, and extrapolate those without a link.
 
-    `nearness`, `links`: (h, w) of the small map. `scale`: (4,) the small map's rows per row of the
-    result, the center of its first row in its own rows, and the same of columns. `result`: (H, W)
-    filled; 0 where nothing is known.
+    `nearness`, `links`: (h, w) of the small map. `axes`: (4,) the small map's rows per row of the
+    result, the first row's place among them, and the same of columns. `result`: (H, W) filled; 0
+    where nothing is known.
     """
     for row in tasks(counter, result.shape[0]):
-        _enlarge_row(nearness, links, scale, row, result)
+        _enlarge_row(nearness, links, axes, row, result)
