@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
-    from resample.jobs import render, resize, warp
+    from resample.jobs import render, resize, stereo, warp
     from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
     from resample.painting.choices import Footprint, Opacity, Primitive
@@ -43,6 +43,7 @@ _HOMES = {
     "resize": "jobs",
     "sample": "samples.finding",
     "sample_path": "samples.finding",
+    "stereo": "jobs",
     "warp": "jobs",
 }
 
@@ -68,6 +69,7 @@ __all__ = [
     "resize",
     "sample",
     "sample_path",
+    "stereo",
     "warp",
 ]
 

@@ -89,6 +89,19 @@ def resize(image: Any, *choices: Any, **options: Any) -> Any:
     return import_module("resample_texture").resize(image, *choices, **options)
 
 
+def stereo(picture: Any, *choices: Any, **options: Any) -> Any:
+    """Make a stereo picture of a picture and its depth: `resample_warp3d.stereo`.
+
+    Examples
+    --------
+    >>> import numpy as np, resample
+    >>> picture, disparity = np.zeros((24, 32, 3), np.uint8), np.full((24, 32), 2.0)
+    >>> resample.stereo(picture, disparity, layout="sbs", depth_kind="pair").shape
+    (24, 64, 3)
+    """
+    return import_module("resample_warp3d").stereo(picture, *choices, **options)
+
+
 def _kind(scene: Any) -> str:
     """Return the application of a scene; empty if none is."""
     if isinstance(scene, str | PathLike):

@@ -16,6 +16,7 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.panoramic import Equirectangular
+    from resample_warp3d.calls import animate, stereo
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
@@ -47,6 +48,7 @@ _HOMES = {
     "PosedSource": "views.together",
     "Warped": "types",
     "agreed": "views.together",
+    "animate": "calls",
     "background": "sheet.sheets",
     "behind": "sheet.sheets",
     "between": "depth.equation",
@@ -58,6 +60,7 @@ _HOMES = {
     "registered": "registering",
     "render": "warping",
     "render_together": "views.together",
+    "stereo": "calls",
     "view": "viewing",
     "warp": "warping",
     "mapping_between": "wide",
@@ -80,6 +83,7 @@ __all__ = [
     "StereoPanorama",
     "Warped",
     "agreed",
+    "animate",
     "background",
     "behind",
     "between",
@@ -92,6 +96,7 @@ __all__ = [
     "registered",
     "render",
     "render_together",
+    "stereo",
     "view",
     "warp",
     "warp_disparity",
