@@ -149,3 +149,11 @@ def test_means_of_two_surfaces_join_the_more_similar_one():
     found, is_mean = parted(values)
     assert np.argwhere(is_mean)[:, 1].tolist() == [4] * 5
     np.testing.assert_array_equal(found[:, 4], np.float32(NEAR))
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (32, 33), (39, 64), (41, 300)])
+def test_small_maps_are_looked_at_too(shape, rng):
+    row, column = np.mgrid[: shape[0], : shape[1]]
+    for given in (np.ones(shape), 1 + rng.random(shape), 1 + (row // 3 + column // 3) % 7):
+        found = small_map(np.asarray(given, np.float32), 0.0, is_soft=True)
+        assert found is None or found.side == pytest.approx(3, rel=0.02)

@@ -188,7 +188,7 @@ def _periods(profiles: Iterable[Doubles]) -> list[float]:
 
 def _evened(profile: Doubles) -> Doubles:
     """Return a profile relative to its mean around, limited, so that no object outweighs others."""
-    window = np.ones(2 * int(LARGEST) + 1)
+    window = np.ones(min(2 * int(LARGEST) + 1, profile.size))
     mean = np.convolve(profile, window, "same") / np.convolve(np.ones_like(profile), window, "same")
     return np.asarray(np.minimum(profile / np.maximum(mean, 1.0), MOST_EVEN))
 
