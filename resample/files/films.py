@@ -148,23 +148,24 @@ def other_tracks(
     """
     import av
 
-    is_free = film.format.name == "matroska"  # it holds every codec
+    is_free = film.format.name == "matroska"  # it holds nearly every codec
 
     with opened_film(path) as source:
         pictures, made = source.streams.video[0], dict[Any, tuple[Any, Any]]()
         start = float((pictures.start_time or 0) * (pictures.time_base or 0)) + begin
         for stream in (*source.streams.audio, *source.streams.subtitles):
             codec: Any = stream.codec_context
-            if codec is not None and (is_free or codec.name in HELD):
-                made[stream] = film.add_stream_from_template(stream), None
+            name = "" if codec is None else codec.name
+            if name and (name != "mov_text" if is_free else name in HELD):
+                made[stream] = film.add_stream_from_template(stream, opaque=True), None
             elif codec is not None and stream.type == "audio":
                 rate = codec.rate if codec.rate in RATES else 48_000
                 layout = LAYOUTS.get(codec.layout.nb_channels, "stereo")
                 turned = av.AudioResampler("fltp", layout, rate)
                 made[stream] = film.add_stream("aac", rate=rate, layout=layout), turned
             else:
-                name = "an unknown codec" if codec is None else codec.name
-                say(f"{path.name}: {stream.type} of {name} is not copied")
+                known = name or "an unknown codec"
+                say(f"{path.name}: {stream.type} of {known} is not copied")
         if made and begin > 0.0:
             source.seek(round((start + EARLIEST) * av.time_base))
         for packet in source.demux(list(made)) if made else ():

@@ -230,3 +230,7 @@ def test_an_interrupted_film_goes_on_as_if_it_had_not_been(monkeypatch, capsys):
 )
 def test_what_films_cannot_be_is_refused(capsys, words, complaint):
     assert complaint in refused(capsys, *WORDS, *words, "-o", "out.mp4")
+
+
+def test_a_film_that_is_not_there_is_named(capsys):
+    assert "none.mp4" in refused(capsys, "stereo", "none.mp4", *WORDS[2:], "-o", "out.mp4")

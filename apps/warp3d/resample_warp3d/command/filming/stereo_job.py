@@ -76,6 +76,8 @@ class StereoJob:
         footage = footage_of(picture, depth, self.filming.fps, times=times, model=self.model)
         if footage is not None and self.model is not None:
             footage = footage.estimated_beside(output)
+        if footage is None and output.suffix.lower() in FORMATS and not Path(picture).exists():
+            raise FileNotFoundError(2, "No such file", picture)
         around = self.parallax.is_around(self.eye)
         meaning = self._meaning(depth, footage, is_around=around)
         is_pair = meaning.depth_kind == "pair"
