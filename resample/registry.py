@@ -53,6 +53,7 @@ ELSEWHERE = {
     },
     "hybrid-resample-meshes": {"commands": "texture.mesh", "pages": "texture.mesh"},
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
+    "hybrid-resample-particles": {"commands": "points.density", "pages": "points.density"},
 }
 
 REQUIRED = inspect.Parameter.empty  # marks a parameter without a default

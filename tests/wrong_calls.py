@@ -7,6 +7,7 @@ No test runs it. The names are typing errors of the kind that an editor underlin
 import numpy as np
 
 import resample
+import resample_particles
 import resample_points
 import resample_sky
 import resample_texture
@@ -19,7 +20,7 @@ picture = np.zeros((4, 5))
 cube = np.zeros((4, 5, 6))
 camera = resample.Camera.from_fov(60, 4, 5)
 one = np.zeros((1, 3))
-few = resample_points.Particles(one)
+few = resample_particles.Particles(one)
 small = one.astype(np.float32)
 cloud = resample_points.Cloud(small, small, small, small[:, 0])
 
@@ -75,8 +76,8 @@ resample_points.CloudStyle(light="head")  # type: ignore[arg-type]
 resample_points.CloudScene(cloud).render("top", quality="fast")  # type: ignore[arg-type]
 resample_points.GaussianStyle("train")  # type: ignore[arg-type]
 resample_points.GaussianStyle(order="deep")  # type: ignore[arg-type]
-resample_points.column_density(few, "w", size=(4, 5))  # type: ignore[arg-type]
-resample_points.column_density(few, "z", size=(4, 5), kernel="cube")  # type: ignore[arg-type]
+resample_particles.column_density(few, "w", size=(4, 5))  # type: ignore[arg-type]
+resample_particles.column_density(few, "z", size=(4, 5), kernel="cube")  # type: ignore[arg-type]
 
 # Volumes
 resample_volume.render(cube, size="400")  # type: ignore[arg-type]

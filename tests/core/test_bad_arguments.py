@@ -10,6 +10,7 @@ import pytest
 
 import resample
 import resample_gradients as differentiable
+import resample_particles
 import resample_points as points
 import resample_sky
 import resample_texture as texture
@@ -31,7 +32,7 @@ GAUSSIANS = points.Gaussians(
     *(np.ones((1, n), np.float32) for n in (3, 3, 4)),
     np.ones(1, np.float32), np.ones((1, 3), np.float32),
 )  # fmt: skip
-PARTICLES = points.Particles(RNG.random((9, 3)), 1.0, 0.5)
+PARTICLES = resample_particles.Particles(RNG.random((9, 3)), 1.0, 0.5)
 BALL = resample.particles([[0, 0, 5]], (1, 0, 0), 0.9, 1)
 SHAPE, SIZE = (8, 10), (10, 8)
 
@@ -112,7 +113,7 @@ SIZES: dict[str, Callable[[Any], Any]] = {
     "CloudScene": lambda given: points.CloudScene(CLOUD).render(size=given),
     "framed": lambda given: points.framed(CLOUD, size=given),
     "Gaussians": lambda given: points.render_gaussians(GAUSSIANS, EYE, size=given),
-    "column_density": lambda given: points.column_density(PARTICLES, "z", size=given),
+    "column_density": lambda given: resample_particles.column_density(PARTICLES, "z", size=given),
 }
 NUMBERS: dict[str, Callable[[Any], Any]] = {
     "degrees": lambda given: texture.rotate(PICTURE, given),
@@ -135,7 +136,9 @@ NUMBERS: dict[str, Callable[[Any], Any]] = {
     "edl": lambda given: points.CloudStyle(edl=given),
     "trained_focal": lambda given: points.GaussianStyle(trained_focal=given),
     "near": lambda given: points.GaussianStyle(near=given),
-    "slice_at": lambda given: points.column_density(PARTICLES, "z", size=SIZE, slice_at=given),
+    "slice_at": lambda given: resample_particles.column_density(
+        PARTICLES, "z", size=SIZE, slice_at=given
+    ),
     "radius": lambda given: points.prepare_cloud(CLOUD, radius=given),
     "largest": lambda given: points.prepare_cloud(CLOUD, largest=given),
     "distance": lambda given: points.framed(CLOUD, size=SIZE, distance=given),
@@ -251,7 +254,7 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
         "Gaussians of Cloud; give Gaussians, as read_gaussians",
     ),
     "particles": (
-        lambda: points.column_density(CLOUD, "z", size=SIZE),
+        lambda: resample_particles.column_density(CLOUD, "z", size=SIZE),
         "particles of Cloud; give Particles",
     ),
     "cloud style": (
@@ -329,7 +332,7 @@ WARNED: dict[str, tuple[Callable[[], Any], str]] = {
         "none of 9 points can be drawn",
     ),
     "particles beside the slice": (
-        lambda: points.column_density(PARTICLES, "z", size=SIZE, slice_at=50.0),
+        lambda: resample_particles.column_density(PARTICLES, "z", size=SIZE, slice_at=50.0),
         "no particle reaches the slice at 50",
     ),
 }

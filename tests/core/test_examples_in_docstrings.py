@@ -11,6 +11,7 @@ import resample
 import resample_comparisons
 import resample_gradients
 import resample_meshes
+import resample_particles
 import resample_points
 import resample_sky
 import resample_texture
@@ -18,7 +19,7 @@ import resample_volume
 import resample_warp3d
 
 PACKAGES = (
-    *(resample, resample_points, resample_sky),
+    *(resample, resample_particles, resample_points, resample_sky),
     *(resample_texture, resample_volume, resample_warp3d),
 )
 FURTHER = (resample_comparisons, resample_gradients, resample_meshes)  # whose names have homes

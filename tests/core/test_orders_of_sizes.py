@@ -10,6 +10,7 @@ import pytest
 
 import resample
 import resample_gradients as differentiable
+import resample_particles
 import resample_points
 import resample_sky
 import resample_texture
@@ -88,7 +89,7 @@ def test_height_comes_before_width_where_they_are_two_arguments() -> None:
 PICTURE, CUBE = np.ones((4, 5)), np.ones((4, 5, 6), np.uint8)
 EYE = resample.Camera.from_fov(60, 4, 5)
 CLOUD = resample_points.Cloud(*[np.eye(3, dtype=np.float32)] * 3, np.ones(3, np.float32))
-PARTICLES = resample_points.Particles(np.eye(3), 1.0, 1.0)
+PARTICLES = resample_particles.Particles(np.eye(3), 1.0, 1.0)
 GAUSSIANS = resample_points.Gaussians(
     np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), np.eye(1, 4, dtype=np.float32),
     np.ones(1, np.float32), np.ones((1, 3), np.float32),
@@ -137,7 +138,7 @@ SIZES: dict[str, Callable[[tuple[int, int]], Any]] = {
     "CloudScene": lambda size: resample_points.CloudScene(CLOUD).render(size=size),
     "index_cloud": lambda size: resample_points.index_cloud(CLOUD, EYE, size=size),
     "Gaussians": lambda size: resample_points.render_gaussians(GAUSSIANS, EYE, size=size),
-    "column_density": lambda size: resample_points.column_density(PARTICLES, "z", size=size),
+    "column_density": lambda size: resample_particles.column_density(PARTICLES, "z", size=size),
 }
 
 

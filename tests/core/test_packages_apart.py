@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("cells", "comparisons", "figures", "gradients", "meshes", "sky"):
+for name in ("cells", "comparisons", "figures", "gradients", "meshes", "particles", "sky"):
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -44,6 +44,7 @@ MISSING = [
     ("resample-warp3d render sample:room --method mcmillan -o a.png", "warp", "comparisons"),
     ("resample-texture mesh sample:knot -o a.png", "command 'texture.mesh'", "meshes"),
     ("resample-texture view sample:knot", "page 'texture.mesh'", "meshes"),
+    ("resample-points density sample:halo -o a.png", "command 'points.density'", "particles"),
     ("resample-points compare sample:knot-gaussians", "command 'points.compare'", "comparisons"),
 ]
 WORK = [

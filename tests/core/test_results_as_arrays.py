@@ -12,7 +12,7 @@ from PIL import Image
 
 from resample import Scatter, Scattering
 from resample.types import Frame, Statistics
-from resample_points import Particles, column_density
+from resample_particles import Particles, column_density
 from resample_sky import coadd
 from resample_texture import Warped, warp
 from resample_warp3d import Camera

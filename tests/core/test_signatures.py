@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import resample
+import resample_particles
 import resample_points
 import resample_sky
 import resample_texture
@@ -21,6 +22,7 @@ from resample_texture.like import ndimage, scikit
 
 PACKAGES = [
     "resample",
+    "resample_particles",
     "resample_points",
     "resample_sky",
     "resample_texture",
@@ -128,10 +130,10 @@ CHOICES: list[tuple[Callable[..., Any], str, Callable[[Any], Any]]] = [
     (resample_points.GaussianStyle, "order",
      lambda given: resample_points.GaussianStyle(order=given)),
     (resample_points.CloudStyle, "light", lambda given: resample_points.CloudStyle(light=given)),
-    (resample_points.column_density, "kernel", lambda given: resample_points.column_density(
-        resample_points.Particles(PLACE, 1.0, 1.0), "z", size=SHAPE, kernel=given)),
-    (resample_points.column_density, "view", lambda given: resample_points.column_density(
-        resample_points.Particles(PLACE, 1.0, 1.0), given, size=SHAPE)),
+    (resample_particles.column_density, "kernel", lambda given: resample_particles.column_density(
+        resample_particles.Particles(PLACE, 1.0, 1.0), "z", size=SHAPE, kernel=given)),
+    (resample_particles.column_density, "view", lambda given: resample_particles.column_density(
+        resample_particles.Particles(PLACE, 1.0, 1.0), given, size=SHAPE)),
     (resample_volume.Appearance, "gradient",
      lambda given: resample_volume.render(CUBE, resample_volume.Appearance(gradient=given))),
     (resample_volume.Scene.render, "quality",

@@ -15,8 +15,8 @@ from resample.engine.compiled import entries
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample_meshes.files import load_mesh
+from resample_particles.files import read_particles
 from resample_points.files.gaussians.reading import read_gaussians
-from resample_points.files.particles import read_particles
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.maps import read_map
 from resample_texture.geometry.matrices import parse_matrix

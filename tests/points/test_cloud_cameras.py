@@ -10,7 +10,9 @@ from resample.cameras.pixels import directions, pixel_centers, undistorted_place
 from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample_points import Cloud, CloudScene, CloudStyle, prepare_cloud, render_cloud
+from resample_points.geometry.framing import ball_around
 from resample_points.painting.bending import ProjectedCamera
+from resample_points.scenes import camera_of, cameras_of
 
 NONE = np.empty((0, 3))
 POSE = look_at((0.3, -0.2, 0.1), (2.0, 1.0, 0.4))
@@ -170,3 +172,39 @@ def test_what_is_picked_in_a_parallel_view_lies_there():
     assert len(rows) == pytest.approx(0.95 * 48, abs=1)
     half = scene.render(Orbit(20, 10, 0.5, fov=0), size=(64, 48))
     assert half.coverage.sum() == pytest.approx(frame.coverage.sum() / 4, rel=0.02)
+
+
+def test_frames_of_a_film_have_the_fields_of_view_and_zooms_of_their_orbits(rng):
+    """At one distance, from which the first field of view shows the whole cloud."""
+    place, nothing = rng.normal(size=(50, 3)), np.empty((0, 3), np.float32)
+    cloud = Cloud(place, nothing, nothing, np.empty(0, np.float32))
+    fields, zooms = (40.0, 40.0, 25.0, 70.0), (1.0, 2.0, 1.0, 0.7)
+    turn = [
+        Orbit(azimuth=90 * n, elevation=20, fov=fov, zoom=zoom, up="z")
+        for n, (fov, zoom) in enumerate(zip(fields, zooms, strict=True))
+    ]
+    found = cameras_of(cloud, turn, (36, 48))
+    focal = [
+        zoom * 18.0 / np.tan(np.radians(fov) / 2) for fov, zoom in zip(fields, zooms, strict=True)
+    ]
+    np.testing.assert_allclose([camera.fx for camera in found], focal)
+    np.testing.assert_allclose([camera.fy for camera in found], focal)
+    middle = (place.min(axis=0) + place.max(axis=0)) / 2
+    eyes = [-camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3] for camera in found]
+    away = np.linalg.norm(np.array(eyes) - middle, axis=1)
+    np.testing.assert_allclose(away, away[0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("fov", [0.0, 40.0])
+@pytest.mark.parametrize("pan", [(0.1, 0.3), (-0.2, 0.0), (0.0, -0.4)])
+def test_content_is_panned_right_and_up_by_shares_of_the_shorter_side(rng, fov, pan):
+    nothing = np.empty((0, 3), np.float32)
+    cloud = Cloud(rng.normal(size=(50, 3)), nothing, nothing, np.empty(0, np.float32))
+    middle, seen = ball_around(cloud)[0], []
+    for given in ((0.0, 0.0), pan):
+        orbit = Orbit(azimuth=40, elevation=20, fov=fov, zoom=1.5, up="z", pan=given)
+        view = camera_of(cloud, (36, 48), orbit).view()
+        place = view.rotation @ middle + view.translation
+        flat = place[:2] / place[2] if fov else place[:2]
+        seen.append(view.focal * flat + view.principal)
+    np.testing.assert_allclose(seen[1] - seen[0], [36 * pan[0], -36 * pan[1]], atol=1e-9)

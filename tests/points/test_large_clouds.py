@@ -15,8 +15,8 @@ from resample.memory import allowing
 from resample.memory.mapped import array_in_file, is_in_file
 from resample_points import cli
 from resample_points.command.choices import CloudOptions
+from resample_points.command.films import frames_of, scene_in
 from resample_points.command.gaussians import GaussianOptions
-from resample_points.command.kinds import FileOptions, frames_of
 from resample_points.command.rendering import scene_of
 from resample_points.data import parts
 from resample_points.data.cloud import Cloud
@@ -365,8 +365,8 @@ def test_frames_that_are_made_elsewhere_keep_to_their_share_of_memory(scan, monk
     monkeypatch.setattr(parts, "PER_POINT", 10**6)
     with allowing("3GiB"), caplog.at_level("INFO", "resample"):
         share_memory(Sharing(workers=2))
-        options = FileOptions(scene.options, GaussianOptions())
-        elsewhere = frames_of([scan], options, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
+        read = partial(scene_in, [scan], scene.options, GaussianOptions())
+        elsewhere = frames_of(read, cameras, (24, 32), (0.0, 0.0, 0.0), 1)
     assert "and 1.00 GiB may be used: they are in files" in caplog.text
     for n in range(2):
         assert np.array_equal(elsewhere(n), film.frame(n))

@@ -20,16 +20,13 @@ if TYPE_CHECKING:
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians, cropped_gaussians
     from resample_points.data.joining import joined_gaussians, placed_gaussians
-    from resample_points.data.particles import Particles
     from resample_points.data.selecting import join_clouds, select_points
     from resample_points.files.gaussians.reading import read_gaussians
     from resample_points.files.gaussians.writing import write_gaussians
-    from resample_points.files.particles import read_particles
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
     from resample_points.painting.bending import ProjectedCamera
-    from resample_points.painting.density import DensityMap, column_density
     from resample_points.painting.gaussians import (
         GaussianStyle,
         gaussian_camera,
@@ -42,10 +39,7 @@ if TYPE_CHECKING:
     from resample_points.viewing import view
 
 _HOMES = {
-    "DensityMap": "painting.density",
-    "Particles": "data.particles",
-    "column_density": "painting.density",
-    "read_particles": "files.particles",
+    **dict.fromkeys(("DensityMap", "Particles", "column_density", "read_particles"), "particles"),
     "Camera": "resample.cameras.models",
     "Cloud": "data.cloud",
     "CloudScene": "scenes",
@@ -81,14 +75,11 @@ __all__ = [
     "Cloud",
     "CloudScene",
     "CloudStyle",
-    "DensityMap",
     "GaussianStyle",
     "Gaussians",
-    "Particles",
     "ProjectedCamera",
     "Raster",
     "animate",
-    "column_density",
     "cropped_gaussians",
     "framed",
     "gaussian_camera",
@@ -102,7 +93,6 @@ __all__ = [
     "rasterized",
     "read_cloud",
     "read_gaussians",
-    "read_particles",
     "render",
     "render_cloud",
     "render_gaussians",

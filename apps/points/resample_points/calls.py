@@ -25,8 +25,7 @@ from resample_points.data.joining import DOWN
 from resample_points.data.selecting import select_points
 from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
 from resample_points.files.gaussians.writing import write_gaussians
-from resample_points.files.particles import is_snapshot
-from resample_points.files.readers import read_cloud
+from resample_points.files.readers import SNAPSHOTS, read_cloud
 from resample_points.geometry.framing import FIELD
 from resample_points.geometry.spacing import LARGEST, Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, ProjectedCamera
@@ -168,10 +167,12 @@ def _chosen(options: Mapping[str, Any], look: type["Choices"]) -> list[Any]:
 def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any) -> None:
     """Film points or 3D Gaussians as `resample-points animate` does: a camera goes around them.
 
+    Snapshots of particles are filmed as `resample-points density` does.
+
     Parameters
     ----------
     scene
-        A file, also of particles; or positions (N, 3), a `Cloud` or `Gaussians`, which are written
+        A file; or positions (N, 3), a `Cloud` or `Gaussians`, which are written
         to a temporary file.
     output
         Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
@@ -210,7 +211,9 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
                 np.savez(file, **arrays)
             else:
                 raise TypeError(f"a film of {shortly(scene)}; give {SCENES}")
-        run("points", "animate", Path(file), *map(Path, more), output=Path(output), **options)
+        is_snapshot = Path(file).suffix.lower() in SNAPSHOTS
+        command = "density" if is_snapshot else "animate"
+        run("points", command, Path(file), *map(Path, more), output=Path(output), **options)
 
 
 def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
@@ -234,8 +237,6 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
         from pathlib import Path
 
         path = Path(scene)
-        if is_snapshot(path):
-            raise ValueError(f"{path.name} holds particles, of which column_density makes maps")
         return read_gaussians(path) if is_gaussians(path) else read_cloud(path)
     place: Any = np.asarray(getattr(scene, "points", scene))  # of Open3D or a trimesh.PointCloud
     if place.dtype.kind not in "iuf" or place.ndim != 2 or place.shape[1] != 3:

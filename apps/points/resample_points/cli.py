@@ -16,7 +16,6 @@ from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
 from resample_points.command.converting import ConvertOptions
-from resample_points.command.density import DensityOptions, ParticleOptions
 from resample_points.command.gaussians import GaussianOptions
 from resample_points.command.maps import MapOptions
 
@@ -38,11 +37,7 @@ app.first = (
 app.register_install_completion_command()
 
 CLOUD, START, AIM = CloudOptions.usual(), CloudStart.usual(), CloudAim.usual()
-GAUSSIANS, DENSITY = GaussianOptions.usual(), DensityOptions.usual()
-PARTICLES = ParticleOptions.usual()
-MapOutput = Annotated[
-    flags.Output, Parameter(help="Written to: .png in colors, or .exr or .npy with the numbers.")
-]
+GAUSSIANS = GaussianOptions.usual()
 MAP, CONVERT = MapOptions.usual(), ConvertOptions.usual()
 FORMAT, SERVING, SHARING = FrameFormat.usual(), Serving.usual(), Sharing.usual()
 
@@ -80,8 +75,8 @@ def render(
     from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
     from resample.watching import told
+    from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
-    from resample_points.command.kinds import FileOptions, SceneKind, kind_of
     from resample_points.command.rendering import check_index, check_memory, scene_of
 
     check_suffix(output)
@@ -89,10 +84,7 @@ def render(
     shape = form.height_and_width()
     aim.check()
     gaussians.check()
-    kind = kind_of(file, FileOptions(look, gaussians))
-    if kind is SceneKind.PARTICLES:
-        raise ValueError(f"{file.name} holds particles, which `resample-points density` maps")
-    if kind is SceneKind.GAUSSIANS:
+    if holds_gaussians(file, look, gaussians):
         check_targets(output)
         check_memory(shape, output)
         session = Session()
@@ -128,12 +120,11 @@ def animate(
     size: flags.Size = flags.USUAL_SIZE,
     look: Annotated[CloudOptions, flags.Flat] = CLOUD,
     gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
-    particles: Annotated[ParticleOptions, flags.Flat] = PARTICLES,
     background: flags.FilmBackground = "black",
     resume: flags.Resume = False,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
 ) -> None:
-    """Move a camera around a point cloud, 3D Gaussians or the particles of a simulation.
+    """Move a camera around a point cloud or 3D Gaussians; `density` films particles.
 
     For example:
 
@@ -144,9 +135,7 @@ def animate(
     Parameters
     ----------
     file
-        A point cloud (.ply, .las, .pcd, .npz ...), 3D Gaussians (.ply, .splat, .spz, .sog), or
-        particles: .hdf5 of a snapshot, and other points with --type, --quantity,
-        --smoothing-kernel or --log.
+        A point cloud (.ply, .las, .pcd, .npz ...), or 3D Gaussians (.ply, .splat, .spz, .sog).
     more
         Further files, such as scans of a drive: each is a frame, framed and colored as the first.
     path
@@ -155,35 +144,36 @@ def animate(
     frames
         Number of frames. [default: 96; for a path as many as its times require]
     """
-    from resample.command.films import write_shared
-    from resample.command.session import Session
-    from resample.command.workers import at_work, check_sharing, share_memory
+    from resample.command.workers import check_sharing
     from resample.console import linear_color
     from resample.files.animations import check_film
-    from resample_points.command.kinds import FileOptions, check_film_options, frames_of, scene_in
-    from resample_points.command.rendering import PATHS, check_memory, path_of, paths_over
-    from resample_points.scenes import cameras_of
+    from resample_points.command.films import holds_gaussians, scene_in, write_animation
+    from resample_points.command.rendering import check_memory
 
-    shape, chosen = height_and_width(size), FileOptions(look, gaussians, particles)
+    shape = height_and_width(size)
     check_film(output, fps)
     check_sharing(sharing)
     start.start()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     check_memory(shape, output, sharing.workers or 0)
-    files = file, *more
-    for each in files:
-        check_film_options(each, chosen, output, shape[0])
-    path, frames = paths_over(files, path, frames)
-    viewpoints = path_of(path, frames, fps, start.start())
-    share_memory(sharing)
-    scene = scene_in(Session(), files, chosen)
-    if path in PATHS:
-        viewpoints = path_of(path, frames, fps, scene.upright(start).start())
-    cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
-    film = scene.film(cameras, shape, behind)
-    again = partial(frames_of, files, chosen, cameras, shape, behind)
-    with at_work(sharing, look.threads) as crew:
-        write_shared(output, film, again, crew, fps=fps, resume=resume)
+    gaussians.check()
+    for each in (files := (file, *more)):
+        if not holds_gaussians(each, look, gaussians):
+            look.check(output, shape[0])
+    write_animation(
+        output,
+        files,
+        partial(scene_in, files, look, gaussians),
+        path=path,
+        frames=frames,
+        fps=fps,
+        start=start,
+        shape=shape,
+        background=behind,
+        threads=look.threads,
+        resume=resume,
+        sharing=sharing,
+    )
 
 
 @app.command
@@ -217,44 +207,6 @@ def info(
     facts = facts_in(file)
     lines = (f"{name:18}{json.dumps(value)}\n" for name, value in facts.items())
     sys.stdout.write(json.dumps(facts, indent=2) + "\n" if as_json else "".join(lines))
-
-
-@app.command
-def density(
-    file: Path,
-    /,
-    *,
-    output: MapOutput,
-    look: Annotated[DensityOptions, flags.Flat] = DENSITY,
-    start: Annotated[CloudStart, flags.Flat] = START,
-    form: Annotated[FrameFormat, flags.Flat] = FORMAT,
-) -> None:
-    """Map the particles of a simulation: column density, means of a quantity, slices.
-
-    For example:
-
-        resample-points density sample:halo -o halo.png
-        resample-points density sample:halo --axis x --color-bar --size 800 -o bar.png
-        resample-points density sample:halo --camera 30,20,2 -o numbers.npy
-
-    Parameters
-    ----------
-    file
-        .hdf5 or .h5 of SWIFT, GADGET, AREPO or Phantom (any of several files), or .csv, .npz and
-        other points with columns mass and h.
-    """
-    from resample.command.session import Session
-    from resample.files.writing import check_targets
-    from resample_points.command.density import write_map
-    from resample_points.command.particles import density_of
-    from resample_points.command.rendering import check_memory
-
-    shape = form.height_and_width()
-    look.check(output, shape[0], start)
-    check_targets(output)
-    check_memory(shape, output)
-    found = density_of(Session(), file, look, start, shape)
-    write_map(output, found, look, form)
 
 
 @app.command(name="map")
@@ -353,6 +305,11 @@ def view(
 
 
 with_settings(app)
+add_command(
+    app,
+    "points.density",
+    "Map the particles of a simulation: column density, means of a quantity, slices; film them.",
+)
 add_command(
     app,
     "points.compare",

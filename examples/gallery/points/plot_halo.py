@@ -10,14 +10,14 @@ The same from the command line, for a snapshot of SWIFT, GADGET, AREPO or Phanto
 .. code-block:: console
 
     $ resample-points density snapshot.hdf5 --type dark --size 480 --color-bar -o halo.png
-    $ resample-points animate snapshot.hdf5 --type dark -o turn.mp4
+    $ resample-points density snapshot.hdf5 --type dark -o turn.mp4
 """
 
 import numpy as np
 
 from resample.files.saving import write_png
-from resample_points import Particles, column_density
-from resample_points.painting.mapping import map_picture
+from resample_particles import Particles, column_density
+from resample_particles.mapping import map_picture
 
 # A halo with subhalos: as many particles within each radius as in the profile of Hernquist.
 rng = np.random.default_rng(7)

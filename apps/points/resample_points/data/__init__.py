@@ -1,1 +1,1 @@
-"""Point clouds in memory or in files, their columns and colors; 3D Gaussians, particles."""
+"""Point clouds in memory or in files, their columns and colors; 3D Gaussians."""

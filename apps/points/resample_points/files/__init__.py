@@ -1,1 +1,1 @@
-"""Read point clouds: PLY, PCD, LAS, E57, KITTI, text columns, NumPy arrays; particles in HDF5."""
+"""Read point clouds: PLY, PCD, LAS, E57, KITTI, text columns, NumPy arrays."""

@@ -14,6 +14,7 @@ from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, some_of
 from resample_points.data.fields import linear
 
+SNAPSHOTS = (".hdf5", ".h5", ".he5")  # of particles, which another package maps
 LASER = (".las", ".laz")  # of which parts are read, where they are large
 PARTS = {"position": (3,), "normal": (3,), "color": (3,), "radius": ()}  # shapes per point
 
@@ -71,6 +72,9 @@ def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | Non
     source = Path(path)
     check_file(path)
     known = suffixes()
+    if source.suffix.lower() in SNAPSHOTS:
+        mapped = f"{source.name} holds particles, which `resample-points density` maps and films"
+        raise ValueError(registry.missing("commands", "points.density") or mapped)
     if source.suffix.lower() not in known:
         raise ValueError(f"{path}: clouds are read from {', '.join(known)}")
     if level and source.suffix.lower() not in LASER:

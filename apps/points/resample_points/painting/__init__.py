@@ -1,1 +1,1 @@
-"""Paint clouds, in memory or from files in parts; 3D Gaussians; maps of particles."""
+"""Paint clouds, in memory or from files in parts; 3D Gaussians."""

@@ -1,4 +1,4 @@
-"""Point clouds, 3D Gaussians and particles for `resample-points view`."""
+"""Point clouds and 3D Gaussians for `resample-points view`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,9 +11,8 @@ if TYPE_CHECKING:
     from resample.view.files import FileView
     from resample.view.widgets import Viewer
     from resample_points.viewing.clouds import cloud_view, picture
-    from resample_points.viewing.particles import map_of
 
-__all__ = ["cloud_view", "map_of", "picture", "suits", "view", "view_of"]
+__all__ = ["cloud_view", "picture", "suits", "view", "view_of"]
 HOMES = {"cloud_view": "clouds", "picture": "clouds", "map_of": "particles"}
 __getattr__ = attributes(__name__, HOMES)
 
@@ -21,12 +20,13 @@ __getattr__ = attributes(__name__, HOMES)
 def view_of(path: Path, begin: "Sequence[Choices]" = ()) -> "FileView":
     """Return what pages show of a file: a cloud, 3D Gaussians, or a snapshot's particles."""
     from resample_points.files.gaussians.reading import is_gaussians
-    from resample_points.files.particles import is_snapshot
+    from resample_points.files.readers import SNAPSHOTS
 
-    if is_snapshot(path):
-        from resample_points.viewing.particles import particle_view
+    if path.suffix.lower() in SNAPSHOTS:
+        from resample import registry
 
-        return particle_view(path, begin)
+        particles: FileView = registry.load("pages", "points.density")(path, begin)
+        return particles
     if is_gaussians(path):
         from resample_points.viewing.gaussians import gaussian_view
 
@@ -70,11 +70,10 @@ def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
 def suits(names: Sequence[str]) -> bool:
     """Whether the names are one file of a cloud, of 3D Gaussians or of particles."""
     from resample_points.files.gaussians.reading import is_gaussians
-    from resample_points.files.particles import is_snapshot
-    from resample_points.files.readers import is_cloud
+    from resample_points.files.readers import SNAPSHOTS, is_cloud
 
     if len(names) != 1 or not Path(names[0]).exists():
         return False
     path = Path(names[0])
     is_file = path.is_file()
-    return is_gaussians(path) or (is_file and (is_cloud(path) or is_snapshot(path)))
+    return is_gaussians(path) or (is_file and (is_cloud(path) or path.suffix.lower() in SNAPSHOTS))

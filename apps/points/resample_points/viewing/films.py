@@ -12,7 +12,7 @@ from resample.view.files import path_file
 from resample.view.views import Settings, Size
 from resample.watching import Progress
 from resample_points.command.choices import CloudStart
-from resample_points.command.kinds import Filmed
+from resample_points.command.films import Filmed
 from resample_points.command.rendering import path_of
 from resample_points.geometry.framing import FIELD
 from resample_points.scenes import cameras_of

@@ -46,8 +46,8 @@ def compare(
     from resample.files.writing import check_targets, rows_as_json
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_comparisons.points.compare import compare_methods, methods_named
+    from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
-    from resample_points.command.kinds import FileOptions, SceneKind, kind_of
 
     names, shape = methods_named(methods), height_and_width(size)
     if output is not None:
@@ -55,7 +55,7 @@ def compare(
         check_targets(output)
     aim.check()
     gaussians.check()
-    if kind_of(file, FileOptions(look, gaussians)) is not SceneKind.GAUSSIANS:
+    if not holds_gaussians(file, look, gaussians):
         raise ValueError(f"{file.name} holds no 3D Gaussians, whose ways are compared here")
     session = Session()
     scene = gaussians_of(session, file, look, gaussians)

@@ -8,17 +8,22 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import resample_particles
+import resample_points
 from resample.cameras.viewpoints import Orbit
 from resample.view.exports import exports_of
 from resample.watching import Cancel
-from resample_points import Cloud, cli, column_density, read_particles
+from resample_particles import column_density, read_particles
+from resample_particles.particles import Particles
+from resample_particles.pictures import FEW
+from resample_particles.viewing import map_of
+from resample_points import Cloud, animate, cli
 from resample_points.command.choices import CloudStart
-from resample_points.command.particles import FEW
-from resample_points.data.particles import Particles
-from resample_points.geometry.framing import ball_around
-from resample_points.scenes import camera_of, cameras_of
-from resample_points.viewing import map_of, suits, view_of
+from resample_points.scenes import cameras_of
+from resample_points.viewing import suits, view_of
+from resample_points.viewing.particles import map_of as old_map_of
 from tests import commands, snapshots
+from tests.elsewhere import assert_same_film, pickle_for_workers
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
 SMALL = ("--size", "48x36")
@@ -38,7 +43,7 @@ def pictures(name):
 @pytest.mark.sweep
 def test_frames_of_a_film_are_the_maps_of_its_cameras():
     span = ("--range", "1,100", "--colormap", "gray")
-    assert ended("animate", "a.hdf5", "--frames", "4", *SMALL, *span, "-o", "film") == 0
+    assert ended("density", "a.hdf5", "--frames", "4", *SMALL, *span, "-o", "film") == 0
     frames, gas = pictures("film"), read_particles("a.hdf5")
     nothing = np.empty((0, 3), np.float32)
     cloud = Cloud(gas.position, nothing, nothing, np.empty(0, np.float32))
@@ -49,46 +54,10 @@ def test_frames_of_a_film_are_the_maps_of_its_cameras():
         assert abs(frame[..., 0] / 255 - share).max() < 2.1 / 255
 
 
-def test_frames_of_a_film_have_the_fields_of_view_and_zooms_of_their_orbits(rng):
-    """At one distance, from which the first field of view shows the whole cloud."""
-    place, nothing = rng.normal(size=(50, 3)), np.empty((0, 3), np.float32)
-    cloud = Cloud(place, nothing, nothing, np.empty(0, np.float32))
-    fields, zooms = (40.0, 40.0, 25.0, 70.0), (1.0, 2.0, 1.0, 0.7)
-    turn = [
-        Orbit(azimuth=90 * n, elevation=20, fov=fov, zoom=zoom, up="z")
-        for n, (fov, zoom) in enumerate(zip(fields, zooms, strict=True))
-    ]
-    found = cameras_of(cloud, turn, (36, 48))
-    focal = [
-        zoom * 18.0 / np.tan(np.radians(fov) / 2) for fov, zoom in zip(fields, zooms, strict=True)
-    ]
-    np.testing.assert_allclose([camera.fx for camera in found], focal)
-    np.testing.assert_allclose([camera.fy for camera in found], focal)
-    middle = (place.min(axis=0) + place.max(axis=0)) / 2
-    eyes = [-camera.world_to_camera[:3, :3].T @ camera.world_to_camera[:3, 3] for camera in found]
-    away = np.linalg.norm(np.array(eyes) - middle, axis=1)
-    np.testing.assert_allclose(away, away[0], rtol=1e-6)
-
-
-@pytest.mark.parametrize("fov", [0.0, 40.0])
-@pytest.mark.parametrize("pan", [(0.1, 0.3), (-0.2, 0.0), (0.0, -0.4)])
-def test_content_is_panned_right_and_up_by_shares_of_the_shorter_side(rng, fov, pan):
-    nothing = np.empty((0, 3), np.float32)
-    cloud = Cloud(rng.normal(size=(50, 3)), nothing, nothing, np.empty(0, np.float32))
-    middle, seen = ball_around(cloud)[0], []
-    for given in ((0.0, 0.0), pan):
-        orbit = Orbit(azimuth=40, elevation=20, fov=fov, zoom=1.5, up="z", pan=given)
-        view = camera_of(cloud, (36, 48), orbit).view()
-        place = view.rotation @ middle + view.translation
-        flat = place[:2] / place[2] if fov else place[:2]
-        seen.append(view.focal * flat + view.principal)
-    np.testing.assert_allclose(seen[1] - seen[0], [36 * pan[0], -36 * pan[1]], atol=1e-9)
-
-
 @pytest.mark.sweep
 def test_colors_of_a_film_keep_their_range():
     assert (
-        ended("animate", "a.hdf5", "--frames", "8", "--size", "80x64", "--color-bar", "-o", "film")
+        ended("density", "a.hdf5", "--frames", "8", "--size", "80x64", "--color-bar", "-o", "film")
         == 0
     )
     bars = {frame[:, 90:].tobytes() for frame in pictures("film")}
@@ -98,35 +67,71 @@ def test_colors_of_a_film_keep_their_range():
 @pytest.mark.sweep
 def test_quantities_and_types_are_filmed(capsys):
     words = ("--quantity", "temperature", "--frames", "2", *SMALL)
-    assert ended("animate", "a.hdf5", *words, "-o", "hot") == 0
-    assert ended("animate", "a.hdf5", "--type", "dark", "--frames", "2", *SMALL, "-o", "dark") == 0
+    assert ended("density", "a.hdf5", *words, "-o", "hot") == 0
+    assert ended("density", "a.hdf5", "--type", "dark", "--frames", "2", *SMALL, "-o", "dark") == 0
     assert pictures("hot")[0].tobytes() != pictures("dark")[0].tobytes()
-    message = refused(capsys, "animate", "a.hdf5", "--type", "stars", *SMALL, "-o", "none")
+    message = refused(capsys, "density", "a.hdf5", "--type", "stars", *SMALL, "-o", "none")
     assert "no particles of type stars" in message
     assert not Path("none").exists()
 
 
-def test_columns_are_filmed_as_particles_where_an_option_of_theirs_is_given():
+def test_columns_are_filmed_as_points_or_as_particles():
     rng = np.random.default_rng(1)
     table = np.column_stack([rng.normal(size=(40, 3)), rng.uniform(1, 2, 40), np.full(40, 0.3)])
     np.savetxt("a.csv", table, delimiter=",", header="x,y,z,mass,h", comments="")
-    for name, words in {"cloud": (), "gas": ("--log",)}.items():
-        assert ended("animate", "a.csv", *words, "--frames", "2", *SMALL, "-o", name) == 0
+    for name, command in {"cloud": "animate", "gas": "density"}.items():
+        assert ended(command, "a.csv", "--frames", "2", *SMALL, "-o", name) == 0
     assert pictures("cloud")[0].tobytes() != pictures("gas")[0].tobytes()
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("animate", "a.hdf5", "--point-size", "2", "-o", "a"), "option of clouds of points"),
-        (("animate", "a.hdf5", "--least-opacity", "0.5", "-o", "a"), "option of 3D Gaussians"),
-        (("animate", "a.hdf5", "--crop", "90:99,:,:", "-o", "a"), "no particle is in the box"),
-        (("animate", "a.hdf5", "--colormap", "no", "-o", "a"), "colormap 'no'"),
+        (("animate", "a.hdf5", "-o", "a"), "holds particles, which `resample-points density`"),
+        (("info", "a.hdf5"), "holds particles, which `resample-points density`"),
+        (("density", "a.hdf5", "--crop", "90:99,:,:", "-o", "a"), "no particle is in the box"),
+        (("density", "a.hdf5", "--colormap", "no", "-o", "a"), "colormap 'no'"),
+        (("density", "a.hdf5", "--axis", "x", "-o", "a"), "--axis is for one map"),
+        (("density", "a.hdf5", "--bits", "16", "-o", "a.gif"), "films have 8 bits"),
+        (("density", "a.hdf5", "--slice", "50%", "-o", "a.gif"), "a slice at"),
+        (("density", "a.hdf5", "--frames", "2", "-o", "a.png"), "a.png is one map; give a film"),
+        (("density", "a.hdf5", "a.hdf5", "-o", "a.npy"), "leave out further files"),
         (("render", "a.hdf5", "-o", "a.png"), "holds particles, which `resample-points density`"),
     ],
 )
 def test_what_does_not_go_with_particles_is_refused(words, message, capsys):
     assert message in refused(capsys, *words)
+
+
+@pytest.mark.sweep
+def test_files_that_are_a_frame_each_have_the_colors_of_the_first():
+    words = ("--size", "48x64", "--path", "still", "--color-bar")
+    snapshots.swift("b.hdf5", a=0.25)
+    assert ended("density", "a.hdf5", "b.hdf5", *words, "-o", "both") == 0
+    assert ended("density", "a.hdf5", "--frames", "1", *words, "-o", "one") == 0
+    first, second = pictures("both")
+    np.testing.assert_array_equal(first, pictures("one")[0])
+    np.testing.assert_array_equal(first[:, 48:], second[:, 48:])  # one bar
+    assert (first[:, :48] != second[:, :48]).any()
+
+
+def test_python_films_snapshots_as_the_command_does():
+    animate("a.hdf5", "python", frames=2, size="48x36", kind="dark")
+    assert ended("density", "a.hdf5", "--type", "dark", "--frames", "2", *SMALL, "-o", "said") == 0
+    for one, other in zip(pictures("python"), pictures("said"), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.sweep
+def test_workers_make_the_same_films(monkeypatch):
+    pickle_for_workers(monkeypatch)
+    assert_same_film(cli.app, ["density", "a.hdf5", "--frames", "3", *SMALL])
+
+
+def test_names_of_the_application_are_those_of_this_package():
+    for name in ("DensityMap", "Particles", "column_density", "read_particles"):
+        assert getattr(resample_points, name) is getattr(resample_particles, name)
+    assert old_map_of is map_of
 
 
 def test_pages_show_particles_as_the_command_does():
@@ -194,8 +199,8 @@ def test_a_page_s_film_is_that_of_the_command():
 
 
 def test_previews_keep_the_mass():
-    from resample_points.command.density import DensityOptions
-    from resample_points.command.particles import ParticlePictures
+    from resample_particles.choices import DensityOptions
+    from resample_particles.pictures import ParticlePictures
 
     place = np.random.default_rng(1).normal(size=(2 * FEW + 5, 3))
     whole = ParticlePictures(Particles(place, 1.0, 0.1), DensityOptions())

@@ -7,11 +7,11 @@ from scipy import integrate
 from resample import look_at
 from resample.cameras.models import Camera, Orthographic
 from resample.engine import jit
-from resample_points import Particles, column_density
-from resample_points.data.smoothing import KERNELS, found_smoothing
-from resample_points.painting import density as module
-from resample_points.painting.density import DensityMap
-from resample_points.painting.mapping import map_picture
+from resample_particles import Particles, column_density
+from resample_particles import density as module
+from resample_particles.density import DensityMap
+from resample_particles.mapping import map_picture
+from resample_particles.smoothing import KERNELS, found_smoothing
 
 NAMES = sorted(KERNELS)
 SHAPES = {  # kernels of support radius 1, as they are published

@@ -7,9 +7,9 @@ import numpy as np
 
 from resample.colors import Background, mapped
 from resample.types import Doubles, Floats
+from resample_particles.density import DensityMap
 from resample_points.data.coloring import LEVELS, span_of
 from resample_points.data.parts import span_in
-from resample_points.painting.density import DensityMap
 
 DECADES = 5.0  # powers of ten that a logarithmic scale shows below the greatest value, at most
 LONGEST = 18  # characters of a bar's title
@@ -107,7 +107,7 @@ def raised(units: str) -> str:
 
     Examples
     --------
-    >>> from resample_points.painting.mapping import raised
+    >>> from resample_particles.mapping import raised
     >>> raised("10^10 Msun/kpc²")
     '10¹⁰ Msun/kpc²'
     """

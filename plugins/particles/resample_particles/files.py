@@ -1,4 +1,4 @@
-"""Read particles of snapshots: HDF5 of SWIFT, GADGET and AREPO kind, and of Phantom.
+"""Read particles: columns of points, and HDF5 of SWIFT, GADGET and AREPO kind, and of Phantom.
 
 Lengths and masses are physical: factors of a and h are multiplied in. A snapshot may have several
 files, `snap.0.hdf5` and so on, of which any may be given.
@@ -26,8 +26,9 @@ from resample.reading.hdf5 import (
 )
 from resample.reading.limits import check_file, check_items, neighbour
 from resample.types import Doubles
-from resample_points.data.particles import Particles, is_named
-from resample_points.data.smoothing import KERNELS
+from resample_particles.particles import Particles, is_named, particles_of
+from resample_particles.smoothing import KERNELS
+from resample_points.files.readers import SNAPSHOTS, read_cloud, suffixes
 
 TYPES = {"gas": 0, "dark": 1, "stars": 4}
 MOST_TYPE = 6
@@ -128,6 +129,56 @@ def mass_unit(size: float | None) -> str:
     if abs(power - round(power, 0)) < 1e-3:
         return "Msun" if round(power) == 0 else f"10^{round(power)} Msun"
     return f"({size:.5g} g)"
+
+
+def read_particles(
+    path: str | Path, kind: str | int = "gas", *, quantities: Sequence[str] | None = None
+) -> Particles:
+    r"""Read particles of a simulation.
+
+    Parameters
+    ----------
+    path
+        `.hdf5`, `.h5`: a snapshot of SWIFT, GADGET, AREPO or Phantom (extra `hdf5`), of which one
+        file may stand for all; lengths and masses become physical, by the factors of a and h.
+        Or points with columns, as `read_cloud` takes them: `.csv`, `.npz` and others, with columns
+        mass and h or smoothing.
+    kind
+        Type of the particles of a snapshot: `gas`, `dark`, `stars`, or 0 to 6.
+    quantities
+        Names of quantities to keep. Default: all.
+
+    Raises
+    ------
+    ValueError
+        The format is unknown, there are no such particles, or a number of them is not finite.
+    OSError
+        The file is missing or damaged.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from resample_particles import read_particles
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "gas.csv"
+    ...     _ = path.write_text("x,y,z,mass,h,temperature\n0,0,1,2,0.1,300\n1,0,0,2,0.2,400\n")
+    ...     gas = read_particles(path)
+    >>> gas.mass.tolist(), gas.smoothing.tolist(), list(gas.quantities)
+    ([2.0, 2.0], [0.1, 0.2], ['temperature'])
+    """
+    source = Path(path)
+    check_file(path)
+    try:
+        if source.suffix.lower() in SNAPSHOTS:
+            with np.errstate(all="ignore"):  # numbers that become infinite are refused
+                return read_snapshot(source, kind, quantities)
+        if source.suffix.lower() not in (known := suffixes()):
+            raise ValueError(f"particles are read from {', '.join((*SNAPSHOTS[:2], *known))}")
+        return particles_of(read_cloud(source))
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if source.name in text else f"{source.name}: {text}") from None
 
 
 def type_of(kind: str | int) -> int:

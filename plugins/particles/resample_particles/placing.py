@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from resample.cameras.models import Camera, Orthographic
 from resample.reading.limits import check_free
 from resample.types import Doubles
-from resample_points.data.particles import Particles
-from resample_points.data.smoothing import SmoothingKernel, wrapped
-from resample_points.painting.profiles import plane_share
+from resample_particles.particles import Particles
+from resample_particles.smoothing import SmoothingKernel, plane_share, wrapped
 
 AXES = {"x": (1, 2, 0), "y": (0, 2, 1), "z": (0, 1, 2)}  # to the right, up, and along
 SMALLEST = 1e-6  # px, reach of a point

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
+from resample_particles.smoothing import found_smoothing
 from resample_points.data.cloud import FARTHEST, Cloud
-from resample_points.data.smoothing import found_smoothing
 
 MASSES = ("mass", "masses", "m")  # names of columns
 LENGTHS = ("smoothing", "h", "hsml", "smoothing_length")
@@ -45,7 +45,7 @@ class Particles:
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_points import Particles, column_density
+    >>> from resample_particles import Particles, column_density
     >>> place = np.random.default_rng(1).uniform(size=(500, 3))
     >>> column = column_density(Particles(place, 2.0, box=1.0), "z", size=(40, 40))
     >>> round(float(column.value.mean()), 2)  # 1000 on an area of 1

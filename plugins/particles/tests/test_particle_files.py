@@ -8,9 +8,10 @@ import pytest
 from PIL import Image
 
 from resample.files.images import read_channels
-from resample_points import cli, column_density, read_particles
-from resample_points.data.smoothing import KERNELS
-from resample_points.files.snapshots import KNOWN_LENGTHS, SUN, length_unit, mass_unit
+from resample_particles import column_density, read_particles
+from resample_particles.files import KNOWN_LENGTHS, SUN, length_unit, mass_unit
+from resample_particles.smoothing import KERNELS
+from resample_points import cli
 from tests import commands, snapshots
 from tests.snapshots import COUNT, HEAT, PLACE
 

@@ -1,31 +1,27 @@
-"""Particles before cameras, for the command line: maps, films, and what pages show."""
+"""Particles ready to be mapped: maps and films for the command line, and what pages show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
+from resample_particles.choices import DensityOptions, number_of
 from resample_points.command.choices import Aimed
-from resample_points.command.density import (
-    DensityOptions,
-    number_of,
-    particles_in,
-    region_of_crop,
-)
+from resample_points.command.films import Sweep
 
 if TYPE_CHECKING:
     from resample.command.session import Session
     from resample.files.animations import Shots
     from resample.types import Doubles, Floats
+    from resample_particles.density import DensityMap
+    from resample_particles.mapping import MapPicture
+    from resample_particles.particles import Particles
     from resample_points.command.choices import CloudStart
     from resample_points.data.cloud import Cloud
-    from resample_points.data.particles import Particles
-    from resample_points.painting.density import DensityMap
-    from resample_points.painting.mapping import MapPicture
     from resample_points.scenes import Shape
 
 FEW = 100_000  # most particles of previews
@@ -85,7 +81,7 @@ class ParticlePictures:
     def measure(self, camera: Any, shape: "Shape") -> "DensityMap":
         """Return the map that a camera sees."""
         from resample.engine import jit
-        from resample_points.painting.density import column_density
+        from resample_particles.density import column_density
 
         options = self.options
         with jit.threads(options.threads):
@@ -100,7 +96,7 @@ class ParticlePictures:
 
     def picture(self, camera: Any, shape: "Shape") -> "MapPicture":
         """Return the map that a camera sees, in colors."""
-        from resample_points.painting.mapping import map_picture
+        from resample_particles.mapping import map_picture
 
         own = self.options
         found = self.measure(camera, shape)
@@ -120,7 +116,7 @@ class ParticlePictures:
 
         It is that of `MEASURED` frames, evenly spaced.
         """
-        from resample_points.painting.mapping import DECADES
+        from resample_particles.mapping import DECADES
 
         few = sorted({n * len(cameras) // MEASURED for n in range(MEASURED)})
         found = [self.picture(cameras[n], shape) for n in few]
@@ -152,6 +148,35 @@ class ParticlePictures:
         return Shots(len(cameras), frame, job)
 
 
+def particles_in(session: "Session", file: Path, options: DensityOptions) -> "Particles":
+    """Read the particles of a command, and find their smoothing lengths where there are none."""
+    from resample.engine import jit
+    from resample.words import naming
+    from resample_particles.files import read_particles
+
+    wanted = () if options.quantity is None else (options.quantity,)
+    with session.stage("read", bar="reading"):
+        particles = read_particles(file, options.kind, quantities=wanted)
+    with (
+        jit.threads(options.threads),
+        session.stage("prepare", bar="measuring"),
+        naming(file.name),
+    ):
+        return particles.smoothed()
+
+
+def region_of_crop(crop: str | None) -> Any:
+    """Return the corners of --crop (2, 3), infinite where open; None without it."""
+    import numpy as np
+
+    from resample_points.data.selecting import box_of
+
+    region = np.array([[-np.inf] * 3, [np.inf] * 3])
+    for wanted in box_of(crop):
+        region[:, "xyz".index(wanted.column)] = wanted.ranges[0]
+    return None if crop is None else region
+
+
 def pictures_of(session: "Session", file: Path, options: DensityOptions) -> ParticlePictures:
     """Read the particles of a command, those in the box of --crop."""
     particles, region = particles_in(session, file, options), region_of_crop(options.crop)
@@ -164,6 +189,31 @@ def pictures_of(session: "Session", file: Path, options: DensityOptions) -> Part
     return ParticlePictures(particles, options)
 
 
+def scene_in(
+    files: Sequence[Path],
+    options: DensityOptions,
+    session: "Session",
+    threads: int | None = None,
+) -> "ParticlePictures | ParticleSweep":
+    """Read the particles of a file, or of the first of several that are a frame each."""
+    if threads is not None:
+        options = options.model_copy(update={"threads": threads})
+    first = pictures_of(session, files[0], options)
+    if len(files) == 1:
+        return first
+    return ParticleSweep(first, files, partial(scene_in, options=options))
+
+
+class ParticleSweep(Sweep):
+    """Snapshots that are a frame each, framed and colored as the first."""
+
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film; a frame's file is read when it is made."""
+        first = cast(ParticlePictures, self.first).spanned(cameras, shape)
+        read = partial(scene_in, options=first.options)
+        return Sweep(first, self.files, read).film(cameras, shape, background)
+
+
 def density_of(
     session: "Session",
     file: Path,
@@ -174,7 +224,7 @@ def density_of(
     """Read the particles of a command, and make their map."""
     from resample.engine import jit
     from resample.words import naming
-    from resample_points.painting.density import column_density
+    from resample_particles.density import column_density
 
     if start.model_fields_set:
         from resample_points.scenes import camera_of
@@ -202,7 +252,7 @@ def density_of(
 
 def _slice(particles: "Particles", axis: str, given: str | None, region: Any) -> float | None:
     """Return where a slice is along an axis; shares are of what is shown."""
-    from resample_points.painting.placing import region_of
+    from resample_particles.placing import region_of
 
     if given is None:
         return None

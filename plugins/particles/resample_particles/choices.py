@@ -1,29 +1,27 @@
-"""Maps of particles for the command line."""
+"""Options of `resample-points density`, and how its maps are written."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command.flags import Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, FrameFormat, Threads
-from resample_points.command.choices import CloudOptions, CloudStart, Crop
+from resample.files.animations import FILMS
+from resample_points.command.choices import CloudStart, Crop
 
 if TYPE_CHECKING:
-    from resample.command.session import Session
-    from resample_points.data.particles import Particles
-    from resample_points.painting.density import DensityMap
+    from resample_particles.density import DensityMap
 
 NUMBERS = (".npy", ".exr")
 PICTURES = (".png",)
-SHARED = ("crop", "colormap", "span", "color_bar", "threads")  # options that clouds have, too
 
 
-class ParticleOptions(Choices):
-    """What is shown of particles."""
+class DensityOptions(Choices):
+    """What a map of particles shows."""
 
-    heading: ClassVar[str] = "Particles"
+    heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     kind: Annotated[
@@ -49,22 +47,12 @@ class ParticleOptions(Choices):
             description="Logarithmic scale of colors. [default: on for densities, off for means]"
         ),
     ] = None
-
-    def with_clouds(self, look: CloudOptions) -> "DensityOptions":
-        """Return the options of maps, some of which are among those of clouds."""
-        own = self.model_dump(include=self.model_fields_set)
-        shared = look.model_dump(include=look.model_fields_set & set(SHARED))
-        return DensityOptions(**own, **shared)
-
-
-class DensityOptions(ParticleOptions):
-    """What a map of particles shows."""
-
-    heading: ClassVar[str] = "Look"
-
     axis: Annotated[
         Literal["x", "y", "z"] | None,
-        Field(description="Axis along which is projected. [default: z, unless --camera is given]"),
+        Field(
+            description="Axis along which is projected, in one map. [default: z, unless --camera "
+            "is given]"
+        ),
     ] = None
     crop: Crop = None
     slice: Annotated[
@@ -92,10 +80,11 @@ class DensityOptions(ParticleOptions):
     threads: Threads = None
 
     def check(self, output: Path, height: int, start: CloudStart) -> None:
-        """Refuse invalid options before any work is done."""
+        """Refuse invalid options of a map before any work is done."""
         if output.suffix.lower() not in (*PICTURES, *NUMBERS):
             raise ValueError(
-                f"{output}: maps are written as .png in colors, .exr or .npy in numbers"
+                f"{output}: maps are written as .png in colors, .exr or .npy in numbers; films as "
+                f"{', '.join(FILMS)} or a folder"
             )
         self.check_appearance(output, height)
         start.start()
@@ -106,47 +95,28 @@ class DensityOptions(ParticleOptions):
         if self.color_bar and output.suffix.lower() in NUMBERS:
             raise ValueError(f"{output}: numbers have no color bar; write a .png, or leave it out")
 
+    def check_film(self, output: Path, height: int, form: FrameFormat) -> None:
+        """Refuse invalid options of a film before any work is done."""
+        self.check_appearance(output, height)
+        if self.axis is not None:
+            raise ValueError("--axis is for one map; films go around by --camera and --path")
+        if self.slice is not None:
+            number_of(self.slice)
+        if form.bits != 8:
+            raise ValueError(f"{output}: films have 8 bits per channel; leave --bits out")
+
     def check_appearance(self, output: Path, height: int) -> None:
         """Refuse invalid options of pictures and films."""
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
+        from resample_particles.files import type_of
         from resample_points.data.selecting import box_of
-        from resample_points.files.snapshots import type_of
 
         type_of(self.kind)
         box_of(self.crop)
         check_colormap(self.colormap)
         if self.color_bar:
             check_bar(output, height)
-
-
-def particles_in(session: "Session", file: Path, options: DensityOptions) -> "Particles":
-    """Read the particles of a command, and find their smoothing lengths where there are none."""
-    from resample.engine import jit
-    from resample.words import naming
-    from resample_points.files.particles import read_particles
-
-    wanted = () if options.quantity is None else (options.quantity,)
-    with session.stage("read", bar="reading"):
-        particles = read_particles(file, options.kind, quantities=wanted)
-    with (
-        jit.threads(options.threads),
-        session.stage("prepare", bar="measuring"),
-        naming(file.name),
-    ):
-        return particles.smoothed()
-
-
-def region_of_crop(crop: str | None) -> Any:
-    """Return the corners of --crop (2, 3), infinite where open; None without it."""
-    import numpy as np
-
-    from resample_points.data.selecting import box_of
-
-    region = np.array([[-np.inf] * 3, [np.inf] * 3])
-    for wanted in box_of(crop):
-        region[:, "xyz".index(wanted.column)] = wanted.ranges[0]
-    return None if crop is None else region
 
 
 def number_of(text: str) -> float:
@@ -161,8 +131,8 @@ def write_map(path: Path, found: "DensityMap", options: DensityOptions, form: Fr
     from resample.console import say
     from resample.files.saving import write_png
     from resample.measuring.color_bars import with_color_bar
+    from resample_particles.mapping import map_picture
     from resample_points.data.parts import span_in
-    from resample_points.painting.mapping import map_picture
 
     span = span_in(found.value)
     if span is None:

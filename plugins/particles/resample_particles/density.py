@@ -17,16 +17,21 @@ from resample.painting.scenes.plans import shape_of
 from resample.showable import array_of
 from resample.types import Doubles
 from resample.words import number, warn
-from resample_points.data.particles import Particles
-from resample_points.data.smoothing import KernelName, kernel_of
-from resample_points.painting.placing import (
+from resample_particles.particles import Particles
+from resample_particles.placing import (
     PlacedParticles,
     along_axis,
     before_camera,
     on_screen,
     records_of,
 )
-from resample_points.painting.profiles import ColumnTables, column_tables, slice_tables
+from resample_particles.smoothing import (
+    ColumnTables,
+    KernelName,
+    column_tables,
+    kernel_of,
+    slice_tables,
+)
 
 LISTED = 1 << 22  # most members of tiles at a time
 FINE, FINE_SLICE = 8.0, 48.0  # samples along the reach of a kernel, with its Laplacian or without
@@ -39,7 +44,7 @@ class DensityMap:
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_points import Particles, column_density
+    >>> from resample_particles import Particles, column_density
     >>> two = Particles(np.eye(3)[:2], 1.0, 0.3, units={"mass": "Msun", "length": "pc"})
     >>> found = column_density(two, "z", size=(16, 16))
     >>> found.name, found.units, found.value.shape
@@ -120,7 +125,7 @@ def column_density(
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_points import Particles, column_density
+    >>> from resample_particles import Particles, column_density
     >>> one = Particles(np.zeros((1, 3)), 4.0, 0.5)
     >>> column = column_density(one, "z", size=(20, 20), region=[[-1, -1, -1], [1, 1, 1]])
     >>> round(float(column.value.sum()) * 0.1**2, 4)
@@ -177,7 +182,7 @@ def _add(records: Doubles, tables: ColumnTables, fineness: float, sums: Doubles)
 
     Particles are added in the order of their places and masses, whatever their order in memory.
     """
-    from resample_points.painting.kernels.columns import paint_columns
+    from resample_particles.kernels.columns import paint_columns
 
     shape = sums.shape[:2]
     ordered = np.ascontiguousarray(records[_order(records)])
@@ -205,7 +210,7 @@ def tiles_of(
     records: Doubles, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the first tile of each particle and the one after its last, (N, 2) down, across."""
-    from resample_points.painting.kernels.columns import REACH_X, REACH_Y, TILE, X, Y
+    from resample_particles.kernels.columns import REACH_X, REACH_Y, TILE, X, Y
 
     place, reach = records[:, [Y, X]], records[:, [REACH_Y, REACH_X]]
     most = np.array(shape) - 1
@@ -221,7 +226,7 @@ def _listed(
     shape: tuple[int, int],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where the members of each tile begin, and the members, in the particles' order."""
-    from resample_points.painting.kernels.columns import TILE
+    from resample_particles.kernels.columns import TILE
 
     down, across = (-(-side // TILE) for side in shape)
     member = np.repeat(np.arange(len(count)), count)

@@ -1,0 +1,1 @@
+"""Numba kernels of maps of particles; they take only arrays and numbers."""

@@ -1,0 +1,163 @@
+"""Particles of simulations in the viewer's page."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from resample.command.session import Session
+from resample.command.settings import Choices, FrameFormat, chosen, option_of
+from resample.files.saving import screen_levels
+from resample.scene.previews import PER, enlarged, preview_size
+from resample.view.files import FileView, image_of
+from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
+from resample.watching import Cancel, cancellable
+from resample_particles.choices import DensityOptions, write_map
+from resample_particles.files import kinds_in
+from resample_particles.pictures import ParticlePictures, pictures_of
+from resample_points.command.choices import CloudStart
+from resample_points.painting.bending import shrunken
+from resample_points.scenes import camera_of
+from resample_points.viewing.films import AROUND, FilmPainter, film_facts
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+COMMAND = "resample-points density"
+SHOWN = (DensityOptions, CloudStart, FrameFormat)  # options that a page can change
+LEFT_OUT = ("size", "bits", "axis", "steady")
+OF_FILMS = [  # options that pictures and films share
+    *(option_of(DensityOptions, name) for name in DensityOptions.model_fields if name != "axis"),
+    *AROUND,
+]
+READ_WITH = ("kind", "crop", "quantity")  # options that the scene depends on
+
+
+@dataclass
+class ParticlePainter(FilmPainter):
+    """Painter of particles for one page.
+
+    Parameters
+    ----------
+    path
+        File of the particles.
+    """
+
+    path: Path
+    of_films = OF_FILMS
+    _kept: tuple[Any, ParticlePictures] | None = field(init=False, default=None)
+
+    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
+        """Picture of these options, see `resample.view.views.Painter`."""
+        shape = size[::-1]
+        with cancellable(cancel):
+            form, scene, camera = self._placed(settings, size)
+            behind = form.behind() or (0.0, 0.0, 0.0)
+            if quick:
+                few = preview_size(size)[::-1]
+                small = scene.fewer.picture(shrunken(camera, PER), few).rgba
+                rgba = enlarged(small, PER, shape, smooth=True)
+            else:
+                rgba = scene.shown(camera, shape, behind)
+        levels = screen_levels(rgba, background=form.behind())
+        view = {} if scene.options.color_bar else placed_by(camera, size)  # a bar moves the picture
+        return PagePicture(levels, quick, view)
+
+    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+        """Return the value at a pixel, see `resample.view.views.Painter`.
+
+        A column has no depth: its position is where its line meets the plane across the view that
+        a slice shows, or that goes through the middle of the particles.
+        """
+        from resample.scene.picking import pixel_at
+
+        _, scene, camera = self._placed(settings, size)
+        found = scene.measure(camera, size[::-1])
+        value = found.value[pixel_at(size, x, y)]
+        if not value > 0:
+            return {}
+        told = {found.name: f"{value:.5g} {found.units}".strip()}
+        place = None if scene.options.color_bar else scene.place_at(camera, size[::-1], x, y)
+        if place is not None:
+            told["position"] = ", ".join(f"{part:.6g}" for part in place)
+        return told
+
+    def save(self, settings: Settings, size: Size, path: Path) -> None:
+        """Write the picture as the command does; raises as it does."""
+        form, scene, camera = self._placed(settings, size)
+        write_map(path, scene.measure(camera, size[::-1]), scene.options, form)
+
+    def filmed(self, settings: Settings) -> tuple[ParticlePictures, CloudStart, FrameFormat]:
+        options, start, form = checked(settings)
+        return self.scene(options), start, form
+
+    def scene(self, options: DensityOptions) -> ParticlePictures:
+        """Return the particles, cached until the options change that they are read with."""
+        key = tuple(getattr(options, name) for name in READ_WITH)
+        if self._kept is None or self._kept[0] != key:
+            self._kept = key, pictures_of(Session(), self.path, options)
+        if self._kept[1].options != options:
+            self._kept = key, replace(self._kept[1], options=options)
+        return self._kept[1]
+
+    def _placed(self, settings: Settings, size: Size) -> tuple[FrameFormat, ParticlePictures, Any]:
+        """Return the picture's format, the particles and the camera."""
+        options, start, form = checked({**settings, "size": f"{size[0]}x{size[1]}"})
+        scene = self.scene(options)
+        return form, scene, camera_of(scene.framing, size[::-1], start.start())
+
+
+def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
+    """Return what pages show of particles."""
+    first, given = ParticlePainter(path), {"camera": "30,20,1", **settings_of(begin)}
+
+    def described() -> dict[str, Any]:
+        kinds = kinds_in(path)
+        settings = given if "gas" in kinds or not kinds else {"type": kinds[0], **given}
+        scene = first.scene(checked(settings)[0])
+        return {
+            "title": path.name,
+            "subtitle": f"{len(scene.particles):,} particles",
+            "command": COMMAND,
+            "film": {**film_facts(OF_FILMS), "command": COMMAND},
+            "package": "resample_particles",
+            "function": "map_of",
+            "inputs": [str(path)],
+            "settings": settings,
+            "fills": "outside" if is_free(begin) else False,
+            "measures": True,
+            "unit": scene.particles.units.get("length", ""),
+        }
+
+    return FileView(first, described, checked, left_out=LEFT_OUT)
+
+
+def map_of(path: str | Path, settings: Mapping[str, Any]) -> "Image":
+    """Return the picture that `resample-points density` makes with these options.
+
+    Parameters
+    ----------
+    path
+        File of particles.
+    settings
+        Options by name, as in settings files: `{"camera": "40,20,1.5", "quantity": "temperature"}`.
+
+    Returns
+    -------
+    A Pillow image of 8 bits per channel.
+
+    Raises
+    ------
+    ValueError, LookupError, OSError
+        As the command does.
+    """
+    size = checked(settings)[2].height_and_width()[::-1]
+    return image_of(ParticlePainter(Path(path)), settings, size)
+
+
+def checked(settings: Settings) -> tuple[DensityOptions, CloudStart, FrameFormat]:
+    """Return the options, checked."""
+    options, start, form = chosen(settings, SHOWN)
+    start.start()
+    options.check_appearance(Path("picture.png"), form.height_and_width()[0])
+    return options, start, form
