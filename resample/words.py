@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 LONGEST = 2000  # characters of a message
 DIGITS = re.compile(r"[\d.]{60,}")  # of a number
 TOO_MANY_DIGITS = re.compile(r"Exceeds the limit \(\d+ digits\) for integer string conversion.*")
-OURS = {"resample", "contextlib", "functools", "dataclasses"}  # besides applications
-OURS |= {f"resample_{name}" for name in ("points", "texture", "volume", "warp3d")}
+OURS = ("resample", "contextlib", "functools", "dataclasses")  # besides resample_points and so on
 TOO_LARGE = "a whole number has thousands of digits, beyond 64 bits; write it as 1e30"
 
 
@@ -145,7 +144,7 @@ def warn(message: str, kind: type[Warning] = UserWarning) -> None:
 def _is_ours(frame: FrameType) -> bool:
     """Whether code is of our packages, or of Python's modules that call it."""
     name = frame.f_globals.get("__name__", "").partition(".")[0]
-    return name in OURS
+    return name in OURS or name.startswith("resample_")
 
 
 def visible(text: str) -> str:

@@ -94,6 +94,18 @@ def test_a_file_of_cells_names_the_package_that_reads_it(name, tmp_path):
     assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
 
 
+@pytest.mark.some(2)
+@pytest.mark.parametrize(
+    "line", ["render a.hdf5 -o a.png", "animate a.hdf5 -o a", "info a.hdf5", "view a.hdf5"]
+)
+def test_a_snapshot_names_the_package_that_maps_it(line, tmp_path):
+    (tmp_path / "a.hdf5").touch()
+    refused = alone(f"resample-points {line}", tmp_path)
+    assert "pip install hybrid-resample-particles\n" in refused.stderr
+    assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.hdf5"]
+
+
 @pytest.mark.parametrize(("old", "name"), [("differentiable", "LinearWarp"), ("torch", "warp")])
 def test_modules_of_another_package_keep_their_old_names_and_name_it(old, name, monkeypatch):
     module = import_module(f"resample_texture.{old}")

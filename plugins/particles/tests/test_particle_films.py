@@ -20,8 +20,8 @@ from resample_particles.viewing import map_of
 from resample_points import Cloud, animate, cli
 from resample_points.command.choices import CloudStart
 from resample_points.scenes import cameras_of
+from resample_points.viewing import map_of as old_map_of
 from resample_points.viewing import suits, view_of
-from resample_points.viewing.particles import map_of as old_map_of
 from tests import commands, snapshots
 from tests.elsewhere import assert_same_film, pickle_for_workers
 
