@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from resample_points.viewing import view
 
 _HOMES = {
-    **dict.fromkeys(("DensityMap", "Particles", "column_density", "read_particles"), "particles"),
     "Camera": "resample.cameras.models",
     "Cloud": "data.cloud",
     "CloudScene": "scenes",
@@ -101,5 +100,7 @@ __all__ = [
     "write_gaussians",
 ]
 
-__getattr__ = attributes(__name__, _HOMES)
+# To `resample_particles`; until the next release.
+_MOVED = dict.fromkeys(("DensityMap", "Particles", "column_density", "read_particles"), "particles")
+__getattr__ = attributes(__name__, {**_HOMES, **_MOVED})
 __dir__ = listing(_HOMES)
