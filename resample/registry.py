@@ -26,6 +26,7 @@ GROUPS = (
     "clouds",
     "commands",
     "filters",
+    "gaussians",
     "interpolations",
     "methods",
     "orders",

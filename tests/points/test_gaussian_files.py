@@ -2,12 +2,14 @@
 
 import gzip
 import sys
+from importlib.metadata import EntryPoint, EntryPoints
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from conftest import real
+from resample import registry
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.joining import with_up
 from resample_points.files.gaussians import sog
@@ -370,3 +372,14 @@ def test_another_writers_splat_file_of_four_gaussians_is_read(suffix):
     assert np.array_equal(found.position, [[-1, 0, -1], [0, 0, -1], [-1, 0, 0], [0, 0, 0]])
     assert np.array_equal(found.scale, np.full((4, 3), np.float32(0.1)))
     assert np.allclose(found.opacity, 0.9, atol=1 / 255)
+
+
+def test_a_package_can_read_a_further_format(tmp_path, monkeypatch):
+    fake = EntryPoint("two", "package:read_two", "resample.gaussians")
+    monkeypatch.setattr(registry, "entry_points", EntryPoints([fake]).select)
+    monkeypatch.setattr(EntryPoint, "load", lambda _: lambda path: path.stat() and SCENE)
+    path = tmp_path / "a.two"
+    path.write_text("Gaussians")
+    assert is_gaussians(path)
+    np.testing.assert_array_equal(read_gaussians(path).position, SCENE.position)
+    assert not is_gaussians(path.rename(tmp_path / "a.splat"))

@@ -8,15 +8,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from resample import registry
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of
 from resample.words import naming
 from resample_points.data.gaussians import Gaussians, checked_gaussians
 from resample_points.data.training import training_of
 from resample_points.files.gaussians.compressed import is_compressed, read_compressed
-from resample_points.files.gaussians.ksplat import read_ksplat
 from resample_points.files.gaussians.sog import META, is_description, read_sog
-from resample_points.files.gaussians.splat import read_splat
 from resample_points.files.gaussians.spz import GZIP, MAGIC, is_spz, read_spz
 from resample_points.files.gaussians.trained import NEEDED, TrainedFile, read_trained
 from resample_points.files.ply import ply_header
@@ -28,7 +27,6 @@ CAMERAS = ("cameras.json", "transforms.json", "sparse/0", "sparse")
 KNOWN = "PLY and compressed PLY, .splat, .ksplat, SOG (a folder, its meta.json, or .sog) and SPZ"
 LOG = logging.getLogger("resample")
 ZIP = b"PK\3\4"
-BARE = {".splat": read_splat, ".ksplat": read_ksplat}  # whose files begin with no mark
 
 
 def read_gaussians(path: str | Path) -> Gaussians:
@@ -40,7 +38,8 @@ def read_gaussians(path: str | Path) -> Gaussians:
         A PLY file as trainers write them (ASCII or binary), a compressed PLY file of SuperSplat, a
         `.splat` or `.ksplat` file, SOG of version 1 or 2 (a folder, its meta.json, or a `.sog`
         file), or SPZ of version 1 to 4; version 4 needs the extra `zstd`. The content decides,
-        except for `.splat` and `.ksplat`, which begin with no mark.
+        except for `.splat` and `.ksplat`, which begin with no mark, and for what other packages
+        read.
 
     Returns
     -------
@@ -127,7 +126,7 @@ def is_gaussians(path: str | Path) -> bool:
             return is_compressed(header) or header.names() >= NEEDED
         if reader is read_spz:
             return is_spz(source)
-        if reader in BARE.values():
+        if reader not in (read_sog, _read_folder):
             return True
         if reader is read_sog and zipfile.is_zipfile(source):
             with zipfile.ZipFile(source) as packed:
@@ -154,8 +153,9 @@ def _reader(source: Path) -> Callable[[Path], Gaussians]:
         return read_sog
     if source.suffix.lower() == ".json":
         return read_sog
-    if source.suffix.lower() in BARE:
-        return BARE[source.suffix.lower()]
+    if (name := source.suffix.lower()[1:]) in registry.names("gaussians"):
+        unmarked: Callable[[Path], Gaussians] = registry.load("gaussians", name)
+        return unmarked
     raise ValueError(f"holds no 3D Gaussians that can be read; known are {KNOWN}")
 
 
