@@ -377,9 +377,11 @@ def test_another_writers_splat_file_of_four_gaussians_is_read(suffix):
 def test_a_package_can_read_a_further_format(tmp_path, monkeypatch):
     fake = EntryPoint("two", "package:read_two", "resample.gaussians")
     monkeypatch.setattr(registry, "entry_points", EntryPoints([fake]).select)
-    monkeypatch.setattr(EntryPoint, "load", lambda _: lambda path: path.stat() and SCENE)
+    parts = (np.ones((1, n), np.float32) for n in (3, 3, 4))
+    one = Gaussians(*parts, np.ones(1, np.float32), np.zeros((1, 3), np.float32))
+    monkeypatch.setattr(EntryPoint, "load", lambda _: lambda path: path.stat() and one)
     path = tmp_path / "a.two"
     path.write_text("Gaussians")
     assert is_gaussians(path)
-    np.testing.assert_array_equal(read_gaussians(path).position, SCENE.position)
+    np.testing.assert_array_equal(read_gaussians(path).position, one.position)
     assert not is_gaussians(path.rename(tmp_path / "a.splat"))
