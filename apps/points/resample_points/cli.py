@@ -77,10 +77,11 @@ def render(
     from resample.watching import told
     from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
-    from resample_points.command.rendering import check_index, check_memory, scene_of
+    from resample_points.command.rendering import check_memory, scene_of
 
     check_suffix(output)
-    check_index(index)
+    if index is not None and index.suffix.lower() != ".npy":
+        raise ValueError(f"{index}: numbers of points are written as .npy")
     shape = form.height_and_width()
     aim.check()
     gaussians.check()

@@ -23,7 +23,6 @@ from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
     from resample.cameras.calibrations.lens_files import Calibration
-    from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
     from resample_points.data.cloud import Cloud
     from resample_points.data.selecting import Wanted
@@ -187,7 +186,7 @@ class CloudStart(Choices):
 
     def start(self) -> "Viewpoint":
         """Return the viewpoint; raises if it is invalid."""
-        return start_of(self.camera, self.up, self.fov)
+        return viewpoint(self.camera, self.fov, self.up)
 
 
 Aimed = TypeVar("Aimed", bound=CloudStart)
@@ -258,13 +257,6 @@ def panorama_of(name: str | None) -> Any:
     if name == "equirectangular":
         return Equirectangular()
     return ProjectedCamera(name)
-
-
-def start_of(camera: str, up: "UpAxis", fov: float | None = None) -> "Viewpoint":
-    """Read a cloud's viewpoint; angles get the default field of view of clouds."""
-    from resample_points.geometry.framing import FIELD
-
-    return viewpoint(camera, FIELD if fov is None else fov, up)
 
 
 def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":

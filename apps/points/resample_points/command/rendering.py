@@ -118,12 +118,6 @@ class ColoredScene(NamedTuple):
             save_array(file, found)
 
 
-def check_index(path: Path | None) -> None:
-    """Refuse a name for the points' numbers that is not of NumPy."""
-    if path is not None and path.suffix.lower() != ".npy":
-        raise ValueError(f"{path}: numbers of points are written as .npy")
-
-
 def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene:
     """Read, color and prepare the cloud of a file."""
     import numpy as np

@@ -59,11 +59,6 @@ def _stacked(fields: Fields, names: Sequence[tuple[str, ...]]) -> Any:
     return None
 
 
-def color_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of red, green and blue among those of columns; empty if there are none."""
-    return next((group for group in COLORS if all(name in names for name in group)), ())
-
-
 def white_of(kind: np.dtype[Any], most: float) -> float:
     """Return the level of white, from the type of levels and the greatest of them.
 

@@ -61,10 +61,12 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
     )
     if np.array_equal(turn, np.eye(3)):
         return moved
-    return _with_turned_harmonics(moved, turn)._replace(
-        rotation=_product(_quaternion(turn), np.asarray(gaussians.rotation, np.float64)),
-        up=None,
-    )
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(turn).as_quat()
+    product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    rotation = (np.asarray(gaussians.rotation, np.float64) @ product.T).astype(np.float32)
+    return _with_turned_harmonics(moved, turn)._replace(rotation=rotation, up=None)
 
 
 def with_up(gaussians: Gaussians, up: str) -> Gaussians:
@@ -105,21 +107,6 @@ def _similarity(pose: ArrayLike) -> tuple[Doubles, float, Doubles]:
     left, _, right = np.linalg.svd(linear)  # the closest rotation
     turn = linear / size if np.array_equal(linear, size * np.eye(3)) else left @ right
     return turn, size, matrix[:3, 3]
-
-
-def _quaternion(turn: Doubles) -> Doubles:
-    """Return the quaternion w, x, y, z of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(turn).as_quat(), 1)
-
-
-def _product(first: Doubles, second: Doubles) -> Floats:
-    """Multiply a quaternion (4,) and others (N, 4)."""
-    w, x, y, z = first
-    matrix = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-    product: Floats = (second @ matrix.T).astype(np.float32)
-    return product
 
 
 def _with_turned_harmonics(gaussians: Gaussians, turn: Doubles) -> Gaussians:

@@ -142,18 +142,16 @@ def quantile_of(values: NDArray[Any], share: float) -> float:
     n, rest = int(place), place - int(place)
 
     def counted(prefix: int, digit: int) -> NDArray[np.int64]:
-        parts = (counts_by_digit(_sorted_bits(part), prefix, digit) for part in _finite(values))
-        return sum(parts, np.zeros(1 << DIGIT, np.int64))
+        counts = np.zeros(1 << DIGIT, np.int64)
+        for part in _finite(values):
+            bits = (part + 0.0).view(np.uint64)  # -0 is 0
+            ordered = np.where(bits & SIGN, ~bits, bits | SIGN)  # as values are
+            counts += counts_by_digit(ordered, prefix, digit)
+        return counts
 
     bits = np.array(ranked([n, min(n + 1, count - 1)], counted, 4), np.uint64)
     low, high = map(float, np.where(bits & SIGN, bits ^ SIGN, ~bits).view(np.float64))
     return low + (high - low) * rest if rest < 0.5 else high - (high - low) * (1.0 - rest)
-
-
-def _sorted_bits(values: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """Return numbers (N,) that are ordered as values are."""
-    bits = (values + 0.0).view(np.uint64)  # -0 is 0
-    return np.where(bits & SIGN, ~bits, bits | SIGN)
 
 
 def _finite(values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:

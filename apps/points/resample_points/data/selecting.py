@@ -72,7 +72,10 @@ def select_points(cloud: Cloud, only: Sequence[str] = (), crop: str | None = Non
         for rows in rows_of(values):
             kept[rows] &= wanted.holds(np.asarray(values[rows]))
         if not kept.any():
-            raise ValueError(f"no point is left by {wanted.text}: {_told(values, wanted.column)}")
+            ends = "{} goes from {:g} to {:g}".format
+            span = span_in(values)
+            told = "nothing is known" if span is None else ends(wanted.column, *span)
+            raise ValueError(f"no point is left by {wanted.text}: {told}")
     if not is_in_file(cloud.position):
         return some_of(cloud, kept)
     chosen = CloudBuilder(storage_for(int(np.count_nonzero(kept)), "the selection"))
@@ -169,11 +172,6 @@ def _values(cloud: Cloud, name: str) -> NDArray[Any]:
     if name not in AXES:
         raise ValueError(f"there is no column {name!r}; known: {', '.join(columns_of(cloud))}")
     return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])
-
-
-def _told(values: NDArray[Any], name: str) -> str:
-    span = span_in(values)
-    return "nothing is known" if span is None else f"{name} goes from {span[0]:g} to {span[1]:g}"
 
 
 def _rows(cloud: Cloud, rows: slice) -> Cloud:

@@ -58,7 +58,11 @@ def _of_wkt(text: str) -> CoordinateSystem:
     """Read a system's name and the codes of its horizontal and vertical parts."""
     name, code = NAME.match(text), CODE.search(text)
     told = f"{name[1] if name else text:.80}" + (f" (EPSG:{code[1]})" if code else "")
-    found = {key: _code_of(text, begin.start()) for key, begin in _begins(text).items()}
+    found = {
+        key: _code_of(text, begin.start())
+        for key, part in PARTS.items()
+        if (begin := part.search(text))
+    }
     is_projected = PROJECTED in found
     code_of_place = found.get(PROJECTED if is_projected else GEOGRAPHIC)
     if code_of_place is None:
@@ -69,12 +73,6 @@ def _of_wkt(text: str) -> CoordinateSystem:
         kept[VERTICAL] = found[VERTICAL] or 0
     tags = {KEYS: _keys([[key, 0, 1, value] for key, value in kept.items()])}
     return CoordinateSystem(told, not is_projected, tags)
-
-
-def _begins(text: str) -> dict[int, re.Match[str]]:
-    """Return where the parts of a WKT begin, by their key."""
-    found = {key: part.search(text) for key, part in PARTS.items()}
-    return {key: match for key, match in found.items() if match is not None}
 
 
 def _code_of(text: str, begin: int) -> int | None:

@@ -80,9 +80,8 @@ def read_las(path: Path, level: int = 0, columns: Sequence[str] | None = None) -
             _check_head(file, length)
             header = laspy.LasHeader.read_from(file)
         laser = _Laser(path, file, header, length)
-        entries = _entries(laser) if level or _is_copc(laser) else None
-        if level and entries is None:
-            raise ValueError("has no levels, as only COPC files do; leave out the level")
+        is_copc = any(type(part).__name__ == "CopcInfoVlr" for part in header.vlrs)
+        entries = _entries(laser) if level or is_copc else None
         if not level:
             _check_length(laser)
         return _gathered(laspy, laser, entries, level, columns)
@@ -110,7 +109,8 @@ def _gathered(
         records, count = _bare_in_parts(laspy, laser), laser.header.point_count
     else:
         chunks = _chunks(laser) if entries is None else _coarse(entries, level)
-        count = _checked_points(laser, chunks)
+        count = int(chunks["points"].sum(dtype=np.int64))
+        check_ratio(laser.path.name, laser.length, count * laser.header.point_format.size)
         records = _chunks_in_parts(laspy, laser, chunks)
     gathering, read = CloudBuilder(storage_for(count, laser.path.name, _hint(entries, level))), 0
     for record in records:
@@ -159,10 +159,6 @@ def _check_head(file: BinaryIO, length: int) -> None:
         raise ValueError("it does not begin with LASF")
     if not size <= points <= length or parts * PART > points - size:
         raise ValueError("its header does not fit into it")
-
-
-def _is_copc(laser: _Laser) -> bool:
-    return any(type(part).__name__ == "CopcInfoVlr" for part in laser.header.vlrs)
 
 
 def _entries(laser: _Laser) -> NDArray[Any]:
@@ -258,13 +254,6 @@ def _chunks(laser: _Laser) -> NDArray[Any]:
         if size.min() < 0 or size.sum() > table - start or before[-1] + points[-1] < count:
             raise ValueError("its chunks do not hold its points")
     return chunks
-
-
-def _checked_points(laser: _Laser, chunks: NDArray[Any]) -> int:
-    """Return the number of points of chunks, refusing more than their bytes can hold."""
-    count = int(chunks["points"].sum(dtype=np.int64))
-    check_ratio(laser.path.name, laser.length, count * laser.header.point_format.size)
-    return count
 
 
 def _chunks_in_parts(laspy: Any, laser: _Laser, chunks: NDArray[Any]) -> Iterator[Any]:

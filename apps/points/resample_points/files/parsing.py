@@ -13,7 +13,7 @@ from resample.reading.limits import check_size
 from resample.types import Doubles
 from resample.watching import report
 from resample_points.data.cloud import Cloud
-from resample_points.data.fields import Fields, cloud_of, color_names, most_of, white_of
+from resample_points.data.fields import COLORS, Fields, cloud_of, most_of, white_of
 from resample_points.data.parts import STEP, CloudBuilder, storage_for
 
 LONGEST_HEADER = 1000  # lines
@@ -66,7 +66,7 @@ def _records(file: BinaryIO, count: int, kind: np.dtype[Any]) -> Iterator[NDArra
 
 def _white_in(file: BinaryIO, count: int, kind: np.dtype[Any]) -> float | None:
     """Return the level of white in all records, which are then to be read anew; None: known."""
-    names = color_names(kind.names or ())
+    names = next((group for group in COLORS if set(group) <= set(kind.names or ())), ())
     if not names or all(kind[name] == np.uint8 for name in names) or not count:
         return None
     begin, most = file.tell(), 0.0

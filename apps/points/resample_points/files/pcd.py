@@ -46,7 +46,9 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
             [PCD_TYPES[word.upper()] for word in header["TYPE"]],
         )
         points = int(header["POINTS"][0]) if "POINTS" in header else _area(header)
-        described = zip(_unique_names(names), types, sizes, counts, strict=True)
+        # Padding is often called _ several times.
+        own = [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
+        described = zip(own, types, sizes, counts, strict=True)
         return points, np.dtype(
             [
                 (name, f"<{letter}{size}", (count,) if count > 1 else ())
@@ -55,11 +57,6 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
         )
     except (KeyError, IndexError, ValueError, TypeError):
         raise ValueError("has no PCD header with FIELDS, SIZE, TYPE and POINTS that fit") from None
-
-
-def _unique_names(names: list[str]) -> list[str]:
-    """Make field names unique; padding is often called _ several times."""
-    return [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
 
 
 def _area(header: dict[str, list[str]]) -> int:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample import registry
 from resample.memory.mapped import is_in_file
@@ -125,10 +124,9 @@ def read_arrays(path: Path) -> Cloud:
         parts["color"] = linear(parts["color"])
     kind = np.float32 if position.dtype == np.float32 else np.float64
     single = {name: part.astype(np.float32) for name, part in parts.items()}
-    columns = {name: part for name, part in known.items() if _is_column(part, count)}
+    columns = {
+        name: part
+        for name, part in known.items()
+        if part.shape == (count,) and part.dtype.kind in "iufb"
+    }
     return Cloud(position.astype(kind), **single, columns=columns)
-
-
-def _is_column(part: NDArray[Any], count: int) -> bool:
-    """Whether an array holds a number for each point."""
-    return part.shape == (count,) and part.dtype.kind in "iufb"

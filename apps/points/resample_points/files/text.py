@@ -40,8 +40,11 @@ def read_columns(path: Path) -> Cloud:
         raise ValueError("is not a text file") from None
     comma = "." if _has_decimal_commas(text) else " "
     stripped = text.translate(str.maketrans(",;", f"{comma} ", '"'))
-    names, is_comment, lines = _titled(stripped.splitlines())
-    table = table_of(_without_counts(path, lines))
+    lines = stripped.splitlines()
+    first = next((n for n, line in enumerate(lines) if line.strip()), 0)
+    names = _names(lines[first]) if lines else []
+    is_comment = bool(names) and _is_comment(lines[first])
+    table = table_of(_without_counts(path, lines[first + bool(names) :]))
     if names and not is_comment and len(names) != table.shape[1]:
         raise ValueError(f"names {len(names)} columns and has {table.shape[1]}")
     if len(names) != table.shape[1] or not set(names).issuperset("xyz"):
@@ -62,13 +65,6 @@ def _has_decimal_commas(text: str) -> bool:
             words = line.split(";") if ";" in line else line.split()
             return len(words) > 2 and all(NUMBER.fullmatch(word.strip()) for word in words)
     return False
-
-
-def _titled(lines: list[str]) -> tuple[list[str], bool, list[str]]:
-    """Return the names of columns in the first line, whether it is a comment, and other lines."""
-    first = next((n for n, line in enumerate(lines) if line.strip()), 0)
-    names = _names(lines[first]) if lines else []
-    return names, bool(names) and _is_comment(lines[first]), lines[first + bool(names) :]
 
 
 def _names(line: str) -> list[str]:

@@ -66,7 +66,9 @@ def widened(
     is_known
         Normals are given.
     """
-    if len(whole.position) < FEWEST or not _has_lines(whole):
+    count = len(whole.position)
+    sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
+    if count < FEWEST or shape_of(whole, sample).is_line.mean() < LINED:
         return
     curve = curve_through(whole.position)
     along: Floats = zeros_beside(whole.position, whole.position.shape, np.float32)
@@ -80,13 +82,6 @@ def widened(
     for halvings in _levels(whole, curve, is_open):
         if not _widened_at(whole, measure, is_known, (curve, halvings), (along, is_open)):
             return
-
-
-def _has_lines(whole: MeasuredDiscs) -> bool:
-    """Whether many of a sample of points lie along lines."""
-    count = len(whole.position)
-    sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
-    return bool(shape_of(whole, sample).is_line.mean() >= LINED)
 
 
 def _levels(whole: MeasuredDiscs, curve: MortonCurve, is_open: Flags) -> range:

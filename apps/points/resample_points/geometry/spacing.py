@@ -187,9 +187,9 @@ def _first_of_each_place(position: Floats) -> tuple[NDArray[np.bool_], int]:
     for rows in rows_of(position):
         first = max(1, rows.start)
         is_first[rows.start] = True
-        is_first[first : rows.stop] = _differ(
-            position[first : rows.stop], position[first - 1 : rows.stop - 1]
-        )
+        here, before = position[first : rows.stop], position[first - 1 : rows.stop - 1]
+        x, y, z = (here[:, axis] != before[:, axis] for axis in range(3))
+        is_first[first : rows.stop] = x | y | z
         count += int(np.count_nonzero(is_first[rows]))
     return is_first, count
 
@@ -282,13 +282,6 @@ def _sizes(axes: Floats) -> Floats:
             square += part[:, :, c] * part[:, :, c]
         size[rows] = np.sqrt(np.maximum(square[:, 0], square[:, 1]))
     return size
-
-
-def _differ(position: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Mark points (N,) that differ from others."""
-    x, y, z = (position[:, axis] != other[:, axis] for axis in range(3))
-    differ: NDArray[np.bool_] = x | y | z
-    return differ
 
 
 def _is_crowded(position: Floats) -> bool:

@@ -163,10 +163,6 @@ class GaussianParts(NamedTuple):
         """Some Gaussians with the colors that they have toward the eye."""
         return self.load_rows(slice(part * PART, (part + 1) * PART), view)
 
-    def load_all(self, view: View) -> Ellipsoids:
-        """All of them."""
-        return self.load_rows(slice(None), view)
-
     def load_rows(self, rows: slice, view: View) -> Ellipsoids:
         """Some rows, with colors."""
         position, scale, rotation, opacity = (array[rows] for array in self.gaussians[:4])
@@ -215,7 +211,7 @@ class StoredGaussians:
         made = self._drawable(part)
         kept = kept_by(made, self.crop)
         made = made if kept.all() else some_gaussians(made, kept)
-        return GaussianParts(with_unit_rotations(made)).load_all(view)
+        return GaussianParts(with_unit_rotations(made)).load_rows(slice(None), view)
 
     def _drawable(self, part: int) -> Gaussians:
         """Read the Gaussians of a part that can be drawn."""

@@ -11,7 +11,7 @@ from resample_points.data.parts import rows_of
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, places_at
 from resample_points.painting.rendering import CloudStyle, painted_cloud
-from resample_points.painting.windows import SHOWN, Visibility
+from resample_points.painting.windows import SHOWN
 
 NOTHING = -1  # index of pixels that show nothing
 Numbers = NDArray[np.int64]
@@ -68,18 +68,12 @@ def index_cloud(
         if len(surfels.source) < len(surfels.position):
             raise ValueError("these surfels do not say which points they are; prepare the cloud")
         painted = painted_cloud(surfels, camera, shape, chosen, None)
-    shown, which = np.isfinite(painted.first_depth), _shown(painted.visible)
+    shown, visible = np.isfinite(painted.first_depth), painted.visible
+    parts = [rows.start + np.flatnonzero(visible[rows] & SHOWN) for rows in rows_of(visible)]
+    which = np.concatenate([*parts, np.zeros(0, np.int64)])
     if len(which) and shown.any():
         depth = painted.first_depth[shown].astype(np.float64)
         surface = places_at(camera, shape, pixel_centers(shape)[shown], depth)
         _, nearest = KDTree(surfels.position[which]).query(surface - surfels.origin)
         found[shown] = surfels.source[which[nearest]]
     return found
-
-
-def _shown(visible: Visibility) -> Numbers:
-    """Return the points that are shown."""
-    return np.concatenate(
-        [rows.start + np.flatnonzero(visible[rows] & SHOWN) for rows in rows_of(visible)]
-        or [np.zeros(0, np.int64)]
-    )

@@ -56,7 +56,8 @@ def read_compressed(file: PlyFile) -> Gaussians:
 
 def _checked(file: PlyFile) -> tuple[NDArray[np.void], NDArray[np.void]]:
     """Return the records of chunks and Gaussians, whose types are right."""
-    names = [f"{end}_{name}" for end in ("min", "max") for name in _ranged()]
+    ranged = ("x", "y", "z", "scale_x", "scale_y", "scale_z")
+    names = [f"{end}_{name}" for end in ("min", "max") for name in ranged]
     missing = [name for name in names if name not in file.names("chunk")]
     colors = [f"{end}_{name}" for end in ("min", "max") for name in "rgb"]
     given = [name for name in colors if name in file.names("chunk")]
@@ -68,10 +69,6 @@ def _checked(file: PlyFile) -> tuple[NDArray[np.void], NDArray[np.void]]:
     if wrong:
         raise ValueError(f"has {wrong[0]} of type {vertices.dtype[wrong[0]]}; it must be uint")
     return file.records("chunk"), vertices
-
-
-def _ranged() -> list[str]:
-    return ["x", "y", "z", "scale_x", "scale_y", "scale_z"]
 
 
 def _levels(packed: NDArray[np.uint32], bits: tuple[tuple[int, int], ...]) -> Floats:
