@@ -80,8 +80,16 @@ COUNTED = "Pixel coordinates are 0 at the first pixel's corner, or at its center
 CAMERA, LIGHT, SETTINGS, LIMITS = "Camera", "Light", "Settings", "Limits"
 HEADINGS = (  # in the order of the help
     *("Input", "Source camera", "Several sources", "Further volumes", "Target", "Look"),
-    *("3D Gaussians", "Particles", LIGHT),
-    *(CAMERA, "Stereo", "Projection", "Method", "Picture", "Annotations and objects"),
+    *(
+        "3D Gaussians",
+        LIGHT,
+        CAMERA,
+        "Stereo",
+        "Projection",
+        "Method",
+        "Picture",
+        "Annotations and objects",
+    ),
     *("Further outputs", "Page", "Workers", SETTINGS, LIMITS),
 )
 

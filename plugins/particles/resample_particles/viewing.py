@@ -10,7 +10,7 @@ from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
+from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample.watching import Cancel, cancellable
 from resample_particles.choices import DensityOptions, write_map
 from resample_particles.files import kinds_in
@@ -18,7 +18,7 @@ from resample_particles.pictures import ParticlePictures, pictures_of
 from resample_points.command.choices import CloudStart
 from resample_points.painting.bending import shrunken
 from resample_points.scenes import camera_of
-from resample_points.viewing.films import AROUND, FilmPainter, film_facts
+from resample_points.viewing.films import AROUND, FilmPainter, page_facts
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -115,17 +115,15 @@ def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         kinds = kinds_in(path)
         settings = given if "gas" in kinds or not kinds else {"type": kinds[0], **given}
         scene = first.scene(checked(settings)[0])
+        count = f"{len(scene.particles):,} particles"
+        facts = page_facts(path, count, OF_FILMS, settings, begin)
         return {
-            "title": path.name,
-            "subtitle": f"{len(scene.particles):,} particles",
+            **facts,
             "command": COMMAND,
-            "film": {**film_facts(OF_FILMS), "command": COMMAND},
+            "film": {**facts["film"], "command": COMMAND},
             "package": "resample_particles",
             "function": "map_of",
-            "inputs": [str(path)],
-            "settings": settings,
-            "fills": "outside" if is_free(begin) else False,
-            "measures": True,
+            "fills": "outside" if facts["fills"] else False,
             "unit": scene.particles.units.get("length", ""),
         }
 

@@ -14,17 +14,16 @@ from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of
-from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
+from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, scene_of
 from resample_points.geometry.spacing import Surfels
-from resample_points.viewing.films import AROUND, FilmPainter, film_facts
+from resample_points.viewing.films import AROUND, FilmPainter, page_facts
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-COMMAND = "resample-points render"
 SHOWN = (CloudOptions, CloudAim, FrameFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
 OF_FILMS = [  # options that pictures and films share
@@ -116,17 +115,8 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     settings = {"camera": "30,20,1", "steady": True, **settings_of(begin)}
 
     def described() -> dict[str, Any]:
-        return {
-            "title": path.name,
-            "subtitle": f"{len(first.surfels(settings).position):,} points",
-            "command": COMMAND,
-            "film": film_facts(OF_FILMS),
-            "package": "resample_points",
-            "inputs": [str(path)],
-            "settings": settings,
-            "fills": is_free(begin),
-            "measures": True,
-        }
+        count = len(first.surfels(settings).position)
+        return page_facts(path, f"{count:,} points", OF_FILMS, settings, begin)
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)
 

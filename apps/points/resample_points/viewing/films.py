@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from resample.command.settings import FrameFormat
+from resample.command.settings import Choices, FrameFormat
 from resample.files.animations import write_film
 from resample.view.exports import KEYFRAMES, ORBITING, keyframes_as_toml
 from resample.view.files import path_file
-from resample.view.views import Settings, Size
+from resample.view.views import Settings, Size, is_free
 from resample.watching import Progress
 from resample_points.command.choices import CloudStart
 from resample_points.command.films import Filmed
@@ -22,9 +22,25 @@ RATE = 24.0  # frames per second, of the command
 AROUND = ("steady", "size", "background")  # options that all pictures and films share
 
 
-def film_facts(options: Sequence[str]) -> dict[str, Any]:
-    """Return what a page is told of films, which have these options."""
-    return {"command": FILM, "options": [*options], **ORBITING}
+def page_facts(
+    path: Path, subtitle: str, films: Sequence[str], settings: Settings, begin: Sequence[Choices]
+) -> dict[str, Any]:
+    """Return what a page is told of a file, as `FileView.about`.
+
+    `films`: options that pictures and films share. `settings`: those that the page begins with;
+    `begin`: those that are given.
+    """
+    return {
+        "title": path.name,
+        "subtitle": subtitle,
+        "command": "resample-points render",
+        "film": {"command": FILM, "options": [*films], **ORBITING},
+        "package": "resample_points",
+        "inputs": [str(path)],
+        "settings": settings,
+        "fills": is_free(begin),
+        "measures": True,
+    }
 
 
 class FilmPainter(ABC):

@@ -14,7 +14,7 @@ from resample.files.saving import screen_levels
 from resample.scene.picking import pixel_at, place_at
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView
-from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
+from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample.watching import Cancel, cancellable
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import (
@@ -23,9 +23,8 @@ from resample_points.command.gaussians import (
     GaussianPictures,
     gaussians_of,
 )
-from resample_points.viewing.films import AROUND, FilmPainter, film_facts
+from resample_points.viewing.films import AROUND, FilmPainter, page_facts
 
-COMMAND = "resample-points render"
 SHOWN = (CloudOptions, GaussianOptions, CloudAim, FrameFormat)  # options that a page can change
 OF_CLOUDS = [
     option_of(CloudOptions, name) for name in CloudOptions.model_fields if name not in SHARED
@@ -123,17 +122,8 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     def described() -> dict[str, Any]:
         look, options, *_ = checked(given)
         scene = first.scene(look, options)
-        return {
-            "title": path.name,
-            "subtitle": f"{scene.count:,} Gaussians",
-            "command": COMMAND,
-            "film": film_facts(OF_FILMS),
-            "package": "resample_points",
-            "inputs": [str(path)],
-            "settings": {"camera": "30,20,1", "up": scene.up, "steady": True, **given},
-            "fills": is_free(begin),
-            "measures": True,
-        }
+        settings = {"camera": "30,20,1", "up": scene.up, "steady": True, **given}
+        return page_facts(path, f"{scene.count:,} Gaussians", OF_FILMS, settings, begin)
 
     return FileView(first, described, checked, left_out=LEFT_OUT)
 
