@@ -197,6 +197,8 @@ def _of_too_many(error: UnusedCliTokensError) -> str:
 
 def _command(error: CycloptsError) -> str:
     """Name of the command that was called, as users write it."""
+    if called := getattr(error.target, "called", ""):
+        return str(called)
     package = getattr(error.target, "__module__", "resample").partition(".")[0]
     return " ".join([package.replace("_", "-"), *(error.command_chain or ())])
 

@@ -305,6 +305,7 @@ def keeping_settings(name: str, command: Command) -> Command:
         return result
 
     _sign(run, command, signature)
+    vars(run)["called"] = name  # of the program that has the command, whose package may be another
     return run
 
 

@@ -56,6 +56,12 @@ def test_an_option_that_is_like_none_names_the_help(capsys):
     assert line == "Unknown option: --fps. resample-volume render --help lists all."
 
 
+@pytest.mark.parametrize("command", ["points density", "texture mesh"])
+def test_a_command_of_another_package_is_named_as_users_write_it(command, capsys):
+    line = said(capsys, *command.split(), "sample:knot")
+    assert line.startswith(f"resample-{command} needs --output (-o): ")
+
+
 @pytest.mark.sweep
 def test_every_synonym_leads_to_an_option_of_some_command():
     options = {

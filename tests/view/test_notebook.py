@@ -265,7 +265,8 @@ def test_each_cell_of_the_examples_is_explained_and_shows_something(name: str) -
 
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "name", ["texture", *(pytest.param(n, marks=MORE) for n in ("jobs", "volume", "warp3d", "points"))]
+    "name",
+    ["texture", *(pytest.param(n, marks=MORE) for n in ("jobs", "volume", "warp3d", "points"))],
 )
 def test_notebooks_of_the_examples_run(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
