@@ -32,7 +32,7 @@ STRATA = (
     (r"^resample/(painting|profiles|cameras)/", "painting"),
     (r"^resample/(files|reading)/|^(apps|plugins)/\w+/\w+/(files|exchange|inputs)", "readers"),
     (r"^resample/|/(command|viewing)(/|\.py)|/cli\.py|/__main__\.py", "plumbing"),
-    (r"^apps/points/", "points"),
+    (r"^(apps/points|plugins/particles)/", "points"),
     (r"^apps/texture/|^plugins/", "texture"),
     (r"^apps/volume/", "volume"),
     (r"^apps/warp3d/", "warp3d"),

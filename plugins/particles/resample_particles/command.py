@@ -55,10 +55,10 @@ def density(
         Further files, such as snapshots of later times: each is a frame of a film, framed and
         colored as the first.
     path
-        Camera path of a film: orbit, once around; sway, left and right; still; or a file of
-        keyframes or poses. [default: orbit; still for several files]
+        Camera path: orbit, once around; sway, left and right; still; or a file of keyframes or
+        poses; of films. [default: orbit; still for several files]
     frames
-        Number of frames of a film. [default: 96; for a path as many as its times require]
+        Number of frames; of films. [default: 96; for a path as many as its times require]
     """
     from resample.command.session import Session
     from resample.command.workers import check_sharing

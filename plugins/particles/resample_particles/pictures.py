@@ -12,6 +12,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample_particles.choices import DensityOptions, number_of
 from resample_points.command.choices import Aimed
 from resample_points.command.films import Sweep
+from resample_points.data.selecting import corners_of
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -165,23 +166,12 @@ def particles_in(session: "Session", file: Path, options: DensityOptions) -> "Pa
         return particles.smoothed()
 
 
-def region_of_crop(crop: str | None) -> Any:
-    """Return the corners of --crop (2, 3), infinite where open; None without it."""
-    import numpy as np
-
-    from resample_points.data.selecting import box_of
-
-    region = np.array([[-np.inf] * 3, [np.inf] * 3])
-    for wanted in box_of(crop):
-        region[:, "xyz".index(wanted.column)] = wanted.ranges[0]
-    return None if crop is None else region
-
-
 def pictures_of(session: "Session", file: Path, options: DensityOptions) -> ParticlePictures:
     """Read the particles of a command, those in the box of --crop."""
-    particles, region = particles_in(session, file, options), region_of_crop(options.crop)
-    if region is not None:
-        inside = (particles.position >= region[0]) & (particles.position <= region[1])
+    particles = particles_in(session, file, options)
+    if options.crop is not None:
+        low, high = corners_of(options.crop)
+        inside = (particles.position >= low) & (particles.position <= high)
         kept = inside.all(axis=1)
         if not kept.any():
             raise ValueError("no particle is in the box of --crop")
@@ -232,7 +222,8 @@ def density_of(
         scene = pictures_of(session, file, options)
         with session.stage("paint", bar="painting"), naming(file.name):
             return scene.measure(camera_of(scene.framing, shape, start.start()), shape)
-    particles, region = particles_in(session, file, options), region_of_crop(options.crop)
+    particles = particles_in(session, file, options)
+    region = None if options.crop is None else corners_of(options.crop)
     with (
         jit.threads(options.threads),
         session.stage("paint", bar="painting"),

@@ -299,20 +299,15 @@ def gaussians_of(
     session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
 ) -> GaussianPictures:
     """Read the Gaussians of a command, join and crop them."""
-    import numpy as np
-
     from resample.words import naming
     from resample_points.data.gaussians import Crop, cropped_gaussians
     from resample_points.data.joining import joined_gaussians
-    from resample_points.data.selecting import box_of
+    from resample_points.data.selecting import corners_of
     from resample_points.data.training import training_of
     from resample_points.files.gaussians.reading import read_gaussians, stored_gaussians
     from resample_points.painting.gaussians import StoredGaussians
 
-    box = np.array([[-np.inf] * 3, [np.inf] * 3])
-    for wanted in box_of(clouds.crop):
-        box[:, "xyz".index(wanted.column)] = wanted.ranges[0]
-    crop = Crop(box, options.least_opacity, options.largest)
+    crop = Crop(corners_of(clouds.crop), options.least_opacity, options.largest)
     with session.stage("read", bar="reading"):
         stored = None if clouds.also else stored_gaussians(file)
         if stored is not None and stored.count * BYTES > int(SHARE * free_memory()):

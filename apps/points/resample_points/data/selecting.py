@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import is_in_file
+from resample.types import Doubles
 from resample_points.data.cloud import AXES, Cloud, columns_of, part_of, some_of
 from resample_points.data.parts import CloudBuilder, rows_of, span_in, storage_for, zeros_beside
 
@@ -149,6 +150,14 @@ def box_of(text: str | None) -> list[Wanted]:
         raise ValueError(f"crop {text!r:.60}; give ranges of x, y and z, such as 0:10,:,-2:3")
     given = zip(AXES, spans, strict=True)
     return [Wanted(axis, (span,)) for axis, span in given if span is not None]
+
+
+def corners_of(crop: str | None) -> Doubles:
+    """Read the lowest and highest corner (2, 3) of a box as `box_of` does; infinite where open."""
+    corners = np.array([[-np.inf] * 3, [np.inf] * 3])
+    for wanted in box_of(crop):
+        corners[:, AXES.index(wanted.column)] = wanted.ranges[0]
+    return corners
 
 
 def _range(word: str) -> Range | None:
