@@ -29,7 +29,12 @@ from resample_warp3d.depth.encodings import (
 )
 from resample_warp3d.depth.equation import lens_places, pose_warning
 from resample_warp3d.depth.files import read_depth
-from resample_warp3d.depth.refining.conditioning import Refine, Refined, refine
+from resample_warp3d.depth.refining.conditioning import (
+    Refine,
+    Refined,
+    RefinementChoice,
+    refine,
+)
 from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
@@ -77,11 +82,16 @@ class DepthInput(NamedTuple):
             return "densify"
         return "sharpen" if is_sharpened(known(self.image)) else "snap"
 
-    def refined(self, name: str, noise: float | None = None) -> Refined:
-        """Refine the depth by the option `name`; what another camera did not see is filled."""
+    def refined(
+        self, name: str, noise: float | None = None, like: RefinementChoice | None = None
+    ) -> Refined:
+        """Refine the depth by the option `name`; what another camera did not see is filled.
+
+        `like`: choice of an earlier picture of the shot.
+        """
         return refine(
             self.image, cast(Refine, self.refine(name)), noise=noise, step=self.step,
-            is_measured=self.is_registered,
+            is_measured=self.is_registered, like=like,
         )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
-from resample_warp3d.depth.refining.conditioning import Refined
+from resample_warp3d.depth.refining.conditioning import Refined, RefinementChoice
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import Equation, Hole, Method, Source, Warped
@@ -76,23 +76,24 @@ def prepared(
     session: Session,
     views: Sequence[DepthInput],
     choice: DepthWarping,
-    chosen: Sequence[str] | None = None,
+    chosen: Sequence[RefinementChoice] | None = None,
 ) -> list[Prepared]:
     """Prepare sources for warping.
 
-    `chosen`: refinement of each, such as that of a film's first picture; None: as `choice` says.
+    `chosen`: what was chosen for each in a shot's first picture; None: as `choice` says.
     """
-    names = [choice.refine] * len(views) if chosen is None else chosen
+    likes = [None] * len(views) if chosen is None else chosen
     with session.stage("prepare", bar="preparing"):
-        return [_prepared(view, choice, name) for view, name in zip(views, names, strict=True)]
+        return [_prepared(view, choice, like) for view, like in zip(views, likes, strict=True)]
 
 
-def _prepared(view: DepthInput, choice: DepthWarping, given: str) -> Prepared:
+def _prepared(view: DepthInput, choice: DepthWarping, like: RefinementChoice | None) -> Prepared:
     """Prepare a view; report what `--refine auto` did to its depth."""
     # Differences of labels have no meaning.
-    name = "none" if given == "auto" and choice.unmixed else given
-    refined = view.refined(name, choice.noise)
-    if given == "auto" and refined.chosen != "none":
+    is_auto = choice.refine == "auto"
+    name = "none" if is_auto and choice.unmixed else choice.refine
+    refined = view.refined(name, choice.noise, like)
+    if is_auto and like is None and refined.chosen != "none":
         say(f"depth: {REFINEMENTS[refined.chosen]}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None

@@ -24,6 +24,7 @@ from resample_warp3d.command.parallax import Parallax
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared, shifted
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
+from resample_warp3d.depth.refining.conditioning import RefinementChoice
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.wide import CameraModel, StereoPanorama
 
@@ -177,7 +178,11 @@ class StereoRendering:
         return (height, height) if self.parallax.layout == "vr180" else (height, width)
 
     def render(
-        self, session: Session, taken: Inputs, eyes: Eyes, chosen: Sequence[str] | None = None
+        self,
+        session: Session,
+        taken: Inputs,
+        eyes: Eyes,
+        chosen: Sequence[RefinementChoice] | None = None,
     ) -> StereoPair:
         """Render a picture for both eyes, in the layout.
 

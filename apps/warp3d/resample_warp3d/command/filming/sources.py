@@ -16,6 +16,7 @@ from resample_warp3d.command.inputs import (
     rectified_of,
 )
 from resample_warp3d.command.rendering import Prepared, prepared
+from resample_warp3d.depth.refining.conditioning import RefinementChoice
 from resample_warp3d.depth.steadying import SteadyDepth
 
 ReadInputs = Callable[[int], Inputs]
@@ -56,7 +57,9 @@ class FilmSources:
     read: ReadInputs
     ranges: DepthRanges
     warping: DepthWarping
-    _chosen: dict[int, list[str]] = field(default_factory=dict, init=False)  # by first picture
+    _chosen: dict[int, list[RefinementChoice]] = field(
+        default_factory=dict, init=False
+    )  # by first picture
     _shape: Shape | None = field(default=None, init=False)
     _last: tuple[int, Inputs] | None = field(default=None, init=False)  # picture kept steady
     _steady: list[SteadyDepth] = field(default_factory=list, init=False)  # of each view
@@ -107,7 +110,7 @@ class FilmSources:
             )
         return taken
 
-    def refinements(self, n: int) -> list[str] | None:
+    def refinements(self, n: int) -> list[RefinementChoice] | None:
         """Return the refinement of each view of a picture; None: to be chosen for it."""
         first = self.first_of(n)
         if first == n:
@@ -119,7 +122,7 @@ class FilmSources:
     def note(self, n: int, sources: list[Prepared]) -> None:
         """Record which refinement was chosen for a picture, if it is a shot's first one."""
         if n in self.ranges.starts:
-            self._chosen[n] = [source.refined.chosen for source in sources]
+            self._chosen[n] = [source.refined.choice for source in sources]
 
     def prepared(self, n: int) -> tuple[Inputs, list[Prepared]]:
         """Read a picture; also return its prepared sources."""

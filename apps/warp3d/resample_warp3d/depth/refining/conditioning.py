@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_warp3d.depth.refining.enlargement import SmallMap, enlarged_by, parted, small_map
+from resample_warp3d.depth.refining.enlargement import (
+    Enlargement,
+    SmallMap,
+    enlarged_by,
+    parted,
+    small_map,
+    small_map_like,
+)
 from resample_warp3d.depth.refining.hardening import (
     REACH,
     RECIPES,
@@ -63,6 +70,19 @@ class Refined(NamedTuple):
     findings: Findings  # with `none`, only `unknown` is valid
     chosen: str  # one of `REFINES`, except auto
     step: float  # quantization step of nearness before refinement
+    enlargement: Enlargement | None = None  # of the map before refinement, if one was found
+
+    @property
+    def choice(self) -> "RefinementChoice":
+        """What was chosen, for other pictures of the shot."""
+        return RefinementChoice(self.chosen, self.enlargement)
+
+
+class RefinementChoice(NamedTuple):
+    """What was chosen for a shot's first picture, and holds for all of the shot."""
+
+    name: str  # one of `REFINES`, except auto
+    enlargement: Enlargement | None
 
 
 def refine(
@@ -72,6 +92,7 @@ def refine(
     noise: float | None = None,
     step: float | None = None,
     is_measured: bool = False,
+    like: RefinementChoice | None = None,
 ) -> Refined:
     """Refine a depth image.
 
@@ -91,6 +112,8 @@ def refine(
         As `preparation.prepare` takes them.
     is_measured
         Unknown samples were lost, as in depth of another camera: `auto` fills them.
+    like
+        Choice of an earlier picture of the same shot; instead of looking for defects.
 
     Raises
     ------
@@ -125,9 +148,15 @@ def refine(
     findings = inspect(color, nearness, noise, quantum)
     findings = findings._replace(is_measured=findings.is_measured or is_measured)
     may_be = not (is_enlarged or findings.is_sparse)
-    small = small_map(nearness, quantum, is_soft=findings.is_soft) if may_be else None
+    small = None
+    if like is not None and like.enlargement is not None:
+        small = small_map_like(nearness, quantum, like.enlargement)
+    if may_be and small is None and (like is None or like.enlargement is not None):
+        small = small_map(nearness, quantum, is_soft=findings.is_soft)
     findings = findings._replace(enlargement=1.0 if small is None else small.side)
     chosen = _chosen(findings, is_enlarged, small) if name == "auto" else name
+    if like is not None:
+        chosen = like.name
     if chosen == "none":
         return Refined(image, confidence, findings, chosen, quantum)
     task = RefinementTask(
@@ -139,7 +168,8 @@ def refine(
     nearness, confidence = _repaired(task, chosen, nearness, small)
     if name != "auto" or findings.is_measured:
         nearness, confidence = _filled(task, nearness, confidence)
-    return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
+    how = None if small is None else small.how
+    return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum, how)
 
 
 def _chosen(findings: Findings, is_enlarged: bool, small: SmallMap | None) -> str:

@@ -67,15 +67,34 @@ class Axis(NamedTuple):
         return self.step * np.arange(count, dtype=np.float64) + self.start
 
 
+class Enlargement(NamedTuple):
+    """How a map was enlarged; pictures of a shot share it."""
+
+    rows: Axis  # as fitted
+    columns: Axis
+    is_repeated: bool  # in blocks, not interpolated
+    is_depth: bool = False  # what was interpolated
+    is_cubic: bool = False
+
+
 @dataclass(frozen=True)
 class SmallMap:
     """The map that a map was enlarged from."""
 
     values: Floats  # (h, w) depth or nearness
-    is_depth: bool
     rows: Axis
     columns: Axis
-    is_repeated: bool  # in blocks, not interpolated
+    how: Enlargement
+
+    @property
+    def is_depth(self) -> bool:
+        """Whether the values are depth, not nearness."""
+        return self.how.is_depth
+
+    @property
+    def is_repeated(self) -> bool:
+        """Whether it was enlarged in blocks."""
+        return self.how.is_repeated
 
     @property
     def side(self) -> float:
@@ -118,6 +137,16 @@ def small_map(nearness: Floats, step: float, *, is_soft: bool) -> SmallMap | Non
     return _interpolated(nearness, step) if is_interpolated else found
 
 
+def small_map_like(nearness: Floats, step: float, how: Enlargement) -> SmallMap | None:
+    """Return the map that a map was enlarged from as another was; None if it was not.
+
+    `nearness`, `step`: as of `small_map`.
+    """
+    if how.is_repeated:
+        return _amid_blocks(nearness, how)
+    return _of_samples(nearness, step, how)
+
+
 def _of_blocks(nearness: Floats) -> SmallMap | None:
     """Return the map that was enlarged by repetition; each value is that amid a block.
 
@@ -139,11 +168,15 @@ def _of_blocks(nearness: Floats) -> SmallMap | None:
         rows, columns = axes
         if rows is None or columns is None:
             continue
-        height, width = nearness.shape
-        (rows, row), (columns, column) = _amid(rows, height), _amid(columns, width)
-        amid = np.ascontiguousarray(nearness[row[:, None], column])
-        return SmallMap(amid, False, rows, columns, is_repeated=True)
+        return _amid_blocks(nearness, Enlargement(rows, columns, is_repeated=True))
     return None
+
+
+def _amid_blocks(nearness: Floats, how: Enlargement) -> SmallMap:
+    """Return the values amid blocks."""
+    height, width = nearness.shape
+    (rows, row), (columns, column) = _amid(how.rows, height), _amid(how.columns, width)
+    return SmallMap(np.ascontiguousarray(nearness[row[:, None], column]), rows, columns, how)
 
 
 def _amid(axis: Axis, count: int) -> tuple[Axis, NDArray[np.int64]]:
@@ -242,13 +275,23 @@ def _interpolated(nearness: Floats, step: float) -> SmallMap | None:
             rows = columns and _fitted_axis(values.T, noise, [columns.step], is_cubic=is_cubic)
             if columns is None or rows is None:
                 continue
-            thin, columns = _solved(values, columns, is_cubic=is_cubic)
-            small, rows = _solved(thin.T, rows, is_cubic=is_cubic)
-            found = SmallMap(small.T.astype(np.float32), is_depth, rows, columns, is_repeated=False)
-            off = np.abs(enlarged_by(found, nearness.shape, is_cubic=is_cubic) - values)
-            if np.mean(off > OFF * np.ptp(values) + noise) <= FEW:
-                return _trimmed(found, nearness.shape)
+            how = Enlargement(rows, columns, False, is_depth, is_cubic)
+            if (found := _of_samples(nearness, step, how)) is not None:
+                return found
     return None
+
+
+def _of_samples(nearness: Floats, step: float, how: Enlargement) -> SmallMap | None:
+    """Return the map that a map was interpolated from in this way; None if it was not."""
+    values = depth_of(nearness) if how.is_depth else nearness
+    noise = 0.0 if how.is_depth else step
+    thin, columns = _solved(values, how.columns, is_cubic=how.is_cubic)
+    small, rows = _solved(thin.T, how.rows, is_cubic=how.is_cubic)
+    found = SmallMap(small.T.astype(np.float32), rows, columns, how)
+    off = np.abs(enlarged_by(found, nearness.shape, is_cubic=how.is_cubic) - values)
+    if np.mean(off > OFF * np.ptp(values) + noise) > FEW:
+        return None
+    return _trimmed(found, nearness.shape)
 
 
 def _trimmed(small: SmallMap, shape: tuple[int, ...]) -> SmallMap:
