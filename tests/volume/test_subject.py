@@ -116,7 +116,8 @@ def test_planes_are_carried_to_the_renderer():
     )
     assert full[17:].max() > 0.5
     assert cut[16:].max() == 0
-    assert np.array_equal(cut[:10], full[:10])  # kernels, and what is lit as the cut, are beyond
+    # Kernels, and what is lit as the cut, are beyond; parts are of tables of 256 × 256 steps.
+    np.testing.assert_allclose(cut[:10], full[:10], atol=2e-5)
 
 
 def test_cameras_of_the_users_own_are_in_the_volumes_scene():
