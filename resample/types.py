@@ -43,7 +43,7 @@ class Samples(NamedTuple):
     >>> place = np.stack(np.meshgrid([0, 1], [0, 1], [5, 6]), axis=-1).reshape(-1, 3)
     >>> samples = Samples(place, np.ones((8, 3)), np.full(8, 0.5), np.eye(3))
     >>> Resampler()(samples, Camera.from_fov(60, 24, 32), height=24, width=32)
-    Frame(32 × 24 px, 57.2 % covered, depth from 5)
+    Frame(32 × 24 px, 57.2 % covered, depth from 4.072)
     """
 
     position: Floats  # (N, 3) scene units
@@ -377,7 +377,7 @@ class Frame(Showable, _Frame[Counts]):
     >>> camera = Camera.from_fov(60, 24, 32)
     >>> frame = Resampler()(particles([[0, 0, 5]], (1, 0, 0), 0.9, 1), camera, height=24, width=32)
     >>> frame
-    Frame(32 × 24 px, 6.77 % covered, depth from 5)
+    Frame(32 × 24 px, 6.77 % covered, depth from 4.838)
     >>> frame.rgba.shape, frame.to_uint8("depth").shape
     ((24, 32, 4), (24, 32, 3))
     >>> round(float(frame.first_depth[12, 16]), 1)  # that of the first splat, of its center

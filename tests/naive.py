@@ -4,8 +4,6 @@ Nothing here knows of quadratic forms, tables or tiles. A ray is cast per pixel,
 summed along it, samples are composited one by one.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.integrate import quad
 
@@ -117,85 +115,10 @@ def layered(alpha, value, depth):
     return result
 
 
-def paper_points(samples, camera, profile, radius, *, height, width):
-    """Points under a pixel filter, summed by slabs of one voxel, slabs front to back (H, W, 4).
-
-    `profile` gives weights by distance in px, 0 beyond `radius`. The weights of a point are made
-    to sum to 1 over the pixels.
-    """
-    view = camera.view()
-    thickness = abs(np.linalg.det(samples.lattice)) ** (1 / 3)
-    center = in_camera(camera, samples.position)
-    slab = np.floor(center[:, 2] / thickness)
-    result = np.zeros((height, width, 4))
-    for number in np.unique(slab):
-        total = np.zeros((height, width, 4))
-        for n in np.flatnonzero(slab == number):
-            x, y, z = center[n]
-            path = thickness * np.sqrt(x * x + y * y + z * z) / z
-            area = thickness**2 * view.focal[0] * view.focal[1] / z**2
-            alpha = area * (1 - np.exp(-samples.extinction[n] * path))
-            across = weights(view.focal[0] * x / z + view.principal[0], profile, radius, width)
-            down = weights(view.focal[1] * y / z + view.principal[1], profile, radius, height)
-            weight = alpha * np.outer(down, across)
-            total += weight[..., None] * np.array([*samples.color[n], 1.0])
-        opacity = np.clip(total[..., 3], 0.0, 1.0)
-        straight = total[..., :3] / np.where(opacity > 0, total[..., 3], np.inf)[..., None]
-        layer = np.concatenate([straight * opacity[..., None], opacity[..., None]], axis=-1)
-        result += (1 - result[..., 3:]) * layer
-    return result
-
-
-def weights(center, profile, radius, count):
-    """Weights (count,) of the pixels of a row around `center` px; they sum to 1 if none is cut."""
-    pixel = np.arange(int(np.floor(center - radius)) - 1, int(np.ceil(center + radius)) + 1)
-    distance = np.abs(pixel + 0.5 - center)
-    weight = np.where(distance < radius, profile(np.minimum(distance, radius)), 0.0)
-    weight /= weight.sum()
-    row = np.zeros(count)
-    inside = (pixel >= 0) & (pixel < count)
-    row[pixel[inside]] = weight[inside]
-    return row
-
-
-class Slab(NamedTuple):
-    """What lies between two depths: line integrals (N, H, W), and the depths, each (H, W)."""
-
-    integral: np.ndarray
-    front: np.ndarray
-    back: np.ndarray
-
-
 def reach(camera, lattice, reconstruction):
     """How far before and behind its center a kernel reaches, scene units."""
     turned = camera.view().rotation @ lattice * reconstruction.radius
     return np.linalg.norm(turned[2])
-
-
-def slabs(samples, camera, reconstruction, thickness, *, height, width, between=None):
-    """Slabs parallel to the screen, nearest first, `thickness` voxels thick; one begins at 0."""
-    start, end = (-np.inf, np.inf) if between is None else between
-    if camera.view().perspective or np.isfinite(camera.view().near):
-        start = np.maximum(start, camera.view().near)
-    layer = thickness * abs(np.linalg.det(samples.lattice)) ** (1 / 3)
-    depth = in_camera(camera, samples.position)[:, 2]
-    extent = reach(camera, samples.lattice, reconstruction)
-    first, last = np.floor([(depth.min() - extent) / layer, (depth.max() + extent) / layer])
-    everywhere = np.ones((height, width))
-    for number in np.arange(first, last + 1):
-        front = np.maximum(number * layer, start) * everywhere
-        back = np.minimum((number + 1) * layer, end) * everywhere
-        near = np.abs(depth - (number + 0.5) * layer) < extent + layer
-        integral = np.zeros((len(depth), height, width))
-        integral[near] = all_line_integrals(
-            samples._replace(position=samples.position[near]),
-            camera,
-            reconstruction,
-            height=height,
-            width=width,
-            between=(front, back),
-        ).reshape(-1, height, width)
-        yield Slab(integral, front, back)
 
 
 def put_behind(picture, alpha, color):
@@ -210,16 +133,6 @@ def add_sheet(picture, samples, integral):
     total = depth.sum(axis=0)
     color = np.einsum("nhw,nc->hwc", depth, samples.color.astype(float))
     put_behind(picture, 1 - np.exp(-total), color / np.where(total > 0, total, 1)[..., None])
-
-
-def image_sheets(samples, camera, reconstruction, thickness, *, height, width, between=None):
-    """Picture (H, W, 4) by slabs that cut kernels."""
-    picture = np.zeros((height, width, 4))
-    for slab in slabs(
-        samples, camera, reconstruction, thickness, height=height, width=width, between=between
-    ):
-        add_sheet(picture, samples, slab.integral)
-    return picture
 
 
 def axis_sheets(samples, camera, reconstruction, *, height, width):
@@ -246,26 +159,6 @@ def axis_sheets(samples, camera, reconstruction, *, height, width):
     return picture
 
 
-def ray_integral(samples, camera, reconstruction, steps, *, height, width):
-    """Light (H, W, 4) of the continuous field: extinctions and colors weighted by densities.
-
-    In so many steps from before the first to behind the last kernel, each at its middle.
-    """
-    to_voxels = np.linalg.inv(camera.view().rotation @ samples.lattice)
-    center = in_camera(camera, samples.position)
-    extent = reach(camera, samples.lattice, reconstruction)
-    edge = np.linspace(center[:, 2].min() - extent, center[:, 2].max() + extent, steps + 1)
-    origin, direction = rays(camera, height, width)
-    step = (edge[1] - edge[0]) * np.linalg.norm(direction, axis=-1)
-    mass = kernel_mass(reconstruction)
-    picture = np.zeros((height, width, 4))
-    for depth in 0.5 * (edge[1:] + edge[:-1]):
-        away = (origin + depth * direction - center[:, None, None]) @ to_voxels.T
-        density = reconstruction(np.linalg.norm(away, axis=-1)) / mass
-        add_sheet(picture, samples, density * step)
-    return picture
-
-
 def kept_by(camera, planes, *, height, width):
     """Depths (2, H, W) between which the pixels' rays are inside clipping planes of the scene."""
     view = camera.view()
@@ -281,36 +174,6 @@ def kept_by(camera, planes, *, height, width):
         back = np.where(rise < 0, np.minimum(back, crossing), back)
         back = np.where((rise == 0) & (at_start < 0), -np.inf, back)
     return np.stack([front, back])
-
-
-class FieldSlab(NamedTuple):
-    """Sums of a field between two depths, all (H, W) but the gradient (H, W, 3)."""
-
-    density: np.ndarray  # line integral of the density, scene units
-    mean: np.ndarray  # of the values
-    value: np.ndarray  # the same, lowered where less than half is covered
-    gradient: np.ndarray  # mean
-    middle: np.ndarray  # depth
-
-
-def field_slabs(field, camera, reconstruction, thickness, *, height, width, between=None):
-    """What every slab knows of a field, nearest first; 0 where nothing is."""
-    low = field.classifier.low
-    for integral, front, back in slabs(
-        field, camera, reconstruction, thickness, height=height, width=width, between=between
-    ):
-        density = integral.sum(axis=0)
-        length = (back - front) * np.linalg.norm(rays(camera, height, width)[1], axis=-1)
-        covered = np.maximum(density, 0.5 * np.maximum(length, 1e-12))
-        above = np.einsum("nhw,n->hw", integral, field.value.astype(float) - low)
-        slope = np.einsum("nhw,nc->hwc", integral, field.gradient.astype(float))
-        yield FieldSlab(
-            density,
-            low + above / np.where(density > 0, density, 1),
-            low + above / covered,
-            slope / np.where(density > 0, density, 1)[..., None],
-            0.5 * (front + back),
-        )
 
 
 def box_shares(center, size, count):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from resample.engine.shaped.lists import TileGrid
 
 FINEST = 16  # sub-pixels per side of a pixel, at most
-CLOSEST = 0.1  # share of neighbours that may be closer than a sub-pixel
+CLOSEST, CLOSEST_IN_LATTICES = 0.1, 0.001  # share of neighbours that may be closer than a sub-pixel
 MOST_TILES = 1 << 12  # that are held at a time, of 28 KiB each
 FEWEST, BATCHES = 1 << 14, 16  # samples that are painted at once; else parts of them by depth
 PART = 1 << 16  # samples that are turned into ellipsoids at a time
@@ -327,5 +327,6 @@ def _grid_of(view: View, samples: Samples) -> int:
     apart = apart[apart < np.inf]
     if not apart.size:
         return 1
-    least = max(float(np.quantile(apart, CLOSEST)), 1e-6)
+    share = CLOSEST_IN_LATTICES if samples.scale is None else CLOSEST
+    least = max(float(np.quantile(apart, share)), 1e-6)
     return min(FINEST, max(1, math.ceil(1.0 / least - 0.01)))

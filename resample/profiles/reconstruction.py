@@ -20,7 +20,6 @@ STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the pea
 PARTIAL_STEPS = 256  # in both directions; linear interpolation errs by under 2e-5 of the peak
 PROFILE_ERROR = 5e-6  # of the peak
 PIECES_ERROR = 1e-5  # likewise
-DENSITY_ERROR = 2e-5  # likewise
 WIDEST = 64.0  # voxels, radius of a kernel
 
 

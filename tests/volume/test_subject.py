@@ -116,8 +116,9 @@ def test_planes_are_carried_to_the_renderer():
         for subject in (whole, upper)
     )
     assert full[17:].max() > 0.5
-    assert cut[18:].max() == 0  # kernels of voxels above the plane reach two rows below it
-    assert np.array_equal(cut[:10], full[:10])  # kernels, and what is lit as the cut, are beyond
+    assert cut[16:].max() == 0
+    # Kernels, and what is lit as the cut, are beyond; parts are of tables of 256 × 256 steps.
+    np.testing.assert_allclose(cut[:10], full[:10], atol=2e-5)
 
 
 def test_cameras_of_the_users_own_are_in_the_volumes_scene():

@@ -1,4 +1,4 @@
-"""Lighting of voxels: `engine.slabs.lighting` without anything that prevents SIMD.
+"""Lighting of voxels, without anything that prevents SIMD.
 
 The caller finds the nearest along z; then along y, of the results in each column, and along x, of
 the results in each row. Maurer, Qi and Raghavan 2003, "A linear time algorithm for computing exact
