@@ -149,10 +149,10 @@ def refine(
     findings = findings._replace(is_measured=findings.is_measured or is_measured)
     may_be = not (is_enlarged or findings.is_sparse)
     small = None
-    if like is not None and like.enlargement is not None:
-        small = small_map_like(nearness, quantum, like.enlargement)
-    if may_be and small is None and (like is None or like.enlargement is not None):
+    if may_be and like is None:
         small = small_map(nearness, quantum, is_soft=findings.is_soft)
+    elif like is not None and like.enlargement is not None:
+        small = small_map_like(nearness, quantum, like.enlargement)
     findings = findings._replace(enlargement=1.0 if small is None else small.side)
     chosen = _chosen(findings, is_enlarged, small) if name == "auto" else name
     if like is not None:
