@@ -65,7 +65,9 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
 
     `words`: of the command line. A missing file is told before all else.
     """
-    if isinstance(error, ValueError | CycloptsError) and (missing := _missing_input(words)):
+    is_mistaken = isinstance(error, ValueError | CycloptsError)
+    is_mistaken = is_mistaken and not isinstance(error, UnknownCommandError)
+    if is_mistaken and (missing := _missing_input(words)):
         error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), missing)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)

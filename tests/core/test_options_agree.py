@@ -53,6 +53,7 @@ def test_an_option_means_the_same_in_all_commands(monkeypatch):
 def test_an_old_spelling_is_an_unknown_option(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     application, *others = words
+    (tmp_path / "a.png").touch()
     said = refused(registry.load("apps", application), capsys, *others)
     assert f"Unknown option: {others[-2]}" in said
 

@@ -1,6 +1,7 @@
 """Some points of a cloud, and several clouds: by columns, boxes and files."""
 
 from functools import partial
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -131,5 +132,6 @@ def test_the_command_selects_by_class_and_box():
 
 @pytest.mark.usefixtures("scans")
 def test_a_selection_that_cannot_be_read_is_refused_before_the_file_is(capsys):
-    said = refused(capsys, "render", "none.csv", "--only", "class", "-o", "o.png")
+    Path("some.csv").write_text("not yet read")
+    said = refused(capsys, "render", "some.csv", "--only", "class", "-o", "o.png")
     assert "selects no points" in said
