@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from resample.calling import takes, understood
 from resample.cameras.panoramic import Equirectangular
-from resample.cameras.viewpoints import Orbit, Spelled, viewpoint_of
+from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.colors import from_srgb
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
@@ -103,6 +103,10 @@ def render(
     if np.ndim(camera) == 2:  # type: ignore[arg-type]
         raise TypeError("the camera comes after the scene; colors are given by colors=")
     if not isinstance(camera, Equirectangular | ProjectedCamera):
+        if isinstance(camera, str) and orbit_of(camera) is None:
+            from resample.cameras.files import viewpoint
+
+            camera = viewpoint(camera)
         view = viewpoint_of(camera)
     if isinstance(view, Orbit) and view is not camera:
         view = replace(view, fov=FIELD)

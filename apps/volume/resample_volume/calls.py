@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample.calling import understood
-from resample.cameras.viewpoints import Orbit, Spelled, viewpoint_of
+from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.painting.scenes.plans import shape_of
 from resample.resampler import Resampler
 from resample.types import Frame
@@ -54,7 +54,8 @@ def render(
     camera
         Any camera; a `Spot` with an eye and a target; or a viewpoint around the volume: an `Orbit`,
         (azimuth, elevation) with or without a zoom and a pan, a name such as `front`, `top` or
-        `corner`; None: `Orbit()`, zoomed so that what is visible fills most of the picture.
+        `corner`; or a file of cameras, such as `cameras.json:3`. None: `Orbit()`, zoomed so that
+        what is visible fills most of the picture.
     size
         Width and height, px, or both of a square.
     resampler
@@ -92,7 +93,12 @@ def render(
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
-    shape, view = shape_of(size), viewpoint_of(camera)
+    shape = shape_of(size)
+    if isinstance(camera, str) and orbit_of(camera) is None:
+        from resample.cameras.files import viewpoint
+
+        camera = viewpoint(camera)
+    view = viewpoint_of(camera)
     fit: Fitted = "most" if camera is None else "visible"
     pairs = _pairs(volume, appearance)
     if not options:

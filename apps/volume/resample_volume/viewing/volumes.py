@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from resample.command.settings import chosen
+from resample.command.settings import height_and_width
 from resample.registry import missing, names
 from resample.scene.scenes import LITTLE
 from resample.types import Frame
 from resample.view.exports import ORBITING
 from resample.view.files import FileView
 from resample.view.views import Settings, is_free, settings_of
+from resample_volume.calls import render
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.surveys import survey
 from resample_volume.command.choices import ReadOptions
@@ -21,7 +22,6 @@ from resample_volume.command.inputs import of_first_channel, prepared
 from resample_volume.data.spacings import unit_of_space
 from resample_volume.slicing import slice_planes
 from resample_volume.viewing.painter import VTK, VolumePainter
-from resample_volume.viewing.requests import SHOWN
 from resample_volume.viewing.telling import histogram
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
@@ -119,9 +119,6 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     >>> picture("checker-box:size=16", {"camera": "top", "size": "32x24"})
     Frame(32 × 24 px, 25.5 % covered, depth from 54.9)
     """
-    source_keys = ReadOptions.model_fields
-    of_source = {key: value for key, value in settings.items() if key in source_keys}
-    rest = {key: value for key, value in settings.items() if key not in source_keys}
-    (source,) = chosen(of_source, (ReadOptions,))
-    height, width = chosen(rest, SHOWN)[-1].height_and_width()
-    return VolumePainter(prepared(source, volume)).frame(rest, (width, height))
+    given = {option: value for option, value in settings.items() if option not in ("size", "bits")}
+    height, width = height_and_width(str(settings.get("size", "400")))
+    return render(volume, camera=given.pop("camera", None), size=(width, height), **given)
