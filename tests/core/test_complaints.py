@@ -220,6 +220,8 @@ def test_what_is_to_be_installed_is_so_for_the_python_that_runs(
         ("texture warp none.png -o a.png", "none.png: there is no such file"),
         ("volume render checker-box --camera none.json:3 -o a.png", "none.json: there is no such"),
         ("volume render checker-box --camera 30 20 -o a.png", "joined by commas: 30,20"),
+        ("warp3d render given.npy a.png --fov 60 --move 0.1,0,0 -o b.png", "a.png given.npy"),
+        ("warp3d stereo given.npy a.png -o b.png", "give the picture first, then its depth"),
         ("volume given.npy", "given.npy is a file; give a command before it, such as"),
         ("resample given.npy", "given.npy is a file; give a command before it, such as"),
     ],

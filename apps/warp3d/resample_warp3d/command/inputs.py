@@ -40,6 +40,7 @@ from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 from resample_warp3d.wide import CameraModel, taken_by
 
+NUMBERS = (".npy", ".npz", ".pfm", ".bin")  # suffixes of arrays
 BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors
 BYTES_PER_VALUE = 23  # per channel of a source, for refining, preparing and warping
 
@@ -261,6 +262,7 @@ def read_views(
     reader: DepthReader, color: str, depth: str, further: Sequence[Sequence[str]] = ()
 ) -> Inputs:
     """Read a depth image and further ones of the same scene; warn of doubtful poses."""
+    check_order(color, depth)
     if further:
         reader.eye.check_pinhole("--view")
     if reader.eye.source_projection == "equirectangular":
@@ -277,8 +279,17 @@ def bytes_of_source(form: tuple[int, ...]) -> int:
     return BYTES_PER_VALUE * prod(form)
 
 
+def check_order(color: str, depth: str) -> None:
+    """Refuse a file of numbers as a picture, as of names that were swapped."""
+    if Path(color).suffix.lower() in NUMBERS:
+        raise ValueError(
+            f"{color} holds numbers; give the picture first, then its depth: {depth} {color}"
+        )
+
+
 def read_pair(color: str, disparity: str, scale: float | None) -> Inputs:
     """Read one picture of a rectified pair, with its disparity."""
+    check_order(color, disparity)
     return rectified_of(read_picture(color), read_depth(disparity), (color, disparity), scale)
 
 

@@ -29,7 +29,14 @@ from resample_warp3d.command.filming.footage import (
     footage_of,
 )
 from resample_warp3d.command.filming.targets import FilmTarget
-from resample_warp3d.command.inputs import DepthReader, Inputs, inputs_of, read_pair, read_views
+from resample_warp3d.command.inputs import (
+    DepthReader,
+    Inputs,
+    check_order,
+    inputs_of,
+    read_pair,
+    read_views,
+)
 from resample_warp3d.command.layouts import marks_of
 from resample_warp3d.command.numbered import names_folder
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
@@ -67,6 +74,8 @@ class StereoJob:
                 f"{picture}: depth is missing; give its file, or a network that estimates it, "
                 "--depth-model FILE.onnx"
             )
+        if depth is not None:
+            check_order(picture, depth)
         if depth is not None and self.model is not None:
             raise ValueError("--depth-model is in place of a depth file; give one of them")
         if output.suffix.lower() == ".jps" and self.parallax.layout not in (None, "cross-eyed"):
