@@ -117,8 +117,8 @@ def choice_meant(given: str, choices: Collection[Any]) -> str:
 
 def ours_of(name: str, known: Collection[str]) -> str:
     """Return the option that a name means, of those known; empty if it means none."""
-    if name in known:
-        return name
+    if (own := name.replace("-", "_")) in known:
+        return own
     alike = [every for words, every in ARGUMENTS.items() if name.lower() in words.split()]
     return next((one for every in alike for one in every if one in known), "")
 

@@ -103,7 +103,7 @@ def render(
     if np.ndim(camera) == 2:  # type: ignore[arg-type]
         raise TypeError("the camera comes after the scene; colors are given by colors=")
     if not isinstance(camera, Equirectangular | ProjectedCamera):
-        if isinstance(camera, str) and orbit_of(camera) is None:
+        if isinstance(camera, str) and orbit_of(camera) is None and Path(camera).suffix:
             from resample.cameras.files import viewpoint
 
             camera = viewpoint(camera)

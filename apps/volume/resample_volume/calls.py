@@ -94,7 +94,7 @@ def render(
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
     shape = shape_of(size)
-    if isinstance(camera, str) and orbit_of(camera) is None:
+    if isinstance(camera, str) and orbit_of(camera) is None and Path(camera).suffix:
         from resample.cameras.files import viewpoint
 
         camera = viewpoint(camera)
