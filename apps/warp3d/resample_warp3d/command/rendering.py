@@ -155,11 +155,11 @@ def shifted(
     choice: DepthWarping,
     method: Method,
 ) -> Warped:
-    """Render a picture of a rectified pair by the equation of another eye.
+    """Render a picture of a rectified pair by the equation of another eye; depth is not filled.
 
     `method`: that of the options; one of both eyes prepares their source once.
     """
-    return _rendered(session, source, equation, shape, choice, method)
+    return _rendered(session, source, equation, shape, choice, method, with_depth=False)
 
 
 def _rendered(
@@ -169,6 +169,8 @@ def _rendered(
     shape: Shape,
     choice: DepthWarping,
     method: Method | None = None,
+    *,
+    with_depth: bool = True,
 ) -> Warped:
     from resample_warp3d.warping import render
 
@@ -180,15 +182,23 @@ def _rendered(
             if each is not None
         )
     layer = layers[0] if layers else None
-    return filled(session, viewed, layer, choice)
+    return filled(session, viewed, layer, choice, with_depth=with_depth)
 
 
-def filled(session: Session, viewed: Warped, layer: Warped | None, choice: DepthWarping) -> Warped:
+def filled(
+    session: Session,
+    viewed: Warped,
+    layer: Warped | None,
+    choice: DepthWarping,
+    *,
+    with_depth: bool = True,
+) -> Warped:
     """Fill a picture's holes if requested, first from a layer if there is one."""
     if not choice.fill:
         return viewed
     with session.stage("fill"):
-        return fill(viewed if layer is None else behind(viewed, layer))
+        viewed = viewed if layer is None else behind(viewed, layer)
+        return fill(viewed, with_depth=with_depth)
 
 
 def report(

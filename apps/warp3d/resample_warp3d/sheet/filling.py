@@ -29,8 +29,8 @@ class HoleOutline(NamedTuple):
     hidden: Mask  # (H, W) known, but on the near side of a hole
 
 
-def fill(warped: Warped) -> Warped:
-    """Fill the holes of a picture and its depth.
+def fill(warped: Warped, *, with_depth: bool = True) -> Warped:
+    """Fill the holes of a picture, and its depth if requested.
 
     `warped`: the warped picture. Disoccluded pixels are filled from the far side of their
     surroundings, pixels outside the source or without depth from all sides. Partly covered pixels
@@ -49,16 +49,15 @@ def fill(warped: Warped) -> Warped:
     )
     image = warped.image + (1.0 - part) * inpainted(color, behind)
     image = np.where(rim.unknown[..., None], image, color)
+    image, coverage = image.astype(np.float32), np.ones_like(warped.coverage)
+    if not with_depth:
+        return warped._replace(image=image, coverage=coverage)
     far = inpainted(nearness[..., None], behind)[..., 0]
     is_empty = rim.unknown & (nearness <= 0)
     found = np.where(is_empty, far, nearness)
     depth = np.full_like(warped.depth, np.inf)
     np.divide(1.0, found, out=depth, where=found > 0)
-    return warped._replace(
-        image=image.astype(np.float32),
-        coverage=np.ones_like(warped.coverage),
-        depth=depth,
-    )
+    return warped._replace(image=image, coverage=coverage, depth=depth)
 
 
 def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -> HoleOutline:

@@ -75,7 +75,7 @@ class Refined(NamedTuple):
     @property
     def choice(self) -> "RefinementChoice":
         """What was chosen, for other pictures of the shot."""
-        return RefinementChoice(self.chosen, self.enlargement)
+        return RefinementChoice(self.chosen, self.enlargement, self.findings)
 
 
 class RefinementChoice(NamedTuple):
@@ -83,6 +83,7 @@ class RefinementChoice(NamedTuple):
 
     name: str  # one of `REFINES`, except auto
     enlargement: Enlargement | None
+    findings: Findings
 
 
 def refine(
@@ -145,7 +146,7 @@ def refine(
     if noise is None:
         noise = noise_of(nearness, linked(nearness, quantum, 0.0))
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
-    findings = inspect(color, nearness, noise, quantum)
+    findings = inspect(color, nearness, noise, quantum) if like is None else like.findings
     findings = findings._replace(is_measured=findings.is_measured or is_measured)
     may_be = not (is_enlarged or findings.is_sparse)
     small = None
