@@ -24,6 +24,7 @@ from resample.cameras.trajectories import (
     read_log,
     read_matrices,
     read_open3d,
+    read_trained,
     read_tum,
 )
 from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint, orbit_of
@@ -49,7 +50,7 @@ KINDS: Mapping[str, Read] = {
     "log": read_log,
     "nerf": _from("calibrations.nerf", "read_nerf"),
     "open3d": read_open3d,
-    "trained": _from("calibrations.trained", "read_trained"),
+    "trained": read_trained,
     "colmap": _from("calibrations.colmap", "read_colmap"),
     "toml": _from("tables", "read_toml"),
 }

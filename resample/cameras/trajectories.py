@@ -162,6 +162,34 @@ def is_trained(facts: Any) -> bool:
     return isinstance(first, dict) and {"rotation", "position", "fx"} <= set(first)
 
 
+def read_trained(path: Path) -> list[Entry]:
+    """Read camera-to-world rotations, positions and intrinsics (cameras.json, Kerbl et al. 2023).
+
+    It is written beside trained 3D Gaussians; the principal point is the picture's middle.
+    """
+    facts = facts_of(path)
+    if not is_trained(facts):
+        raise ValueError(f"{path} is no list of cameras with rotation, position and fx")
+    names = [str(each.get("img_name", "")) if isinstance(each, dict) else "" for each in facts]
+    return [
+        entry_of(f"{path}: camera {n}", name, _trained, name, each)
+        for n, (name, each) in enumerate(zip(names, facts, strict=True))
+    ]
+
+
+def _trained(name: str, facts: Facts) -> PosedPicture:
+    """One camera of the list."""
+    turn, place = np.array(facts["rotation"], float), np.array(facts["position"], float)
+    if turn.shape != (3, 3) or place.shape != (3,):
+        raise ValueError(f"a rotation of {turn.shape} and a position of {place.shape}")
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn.T, -turn.T @ place
+    width, height = int(facts["width"]), int(facts["height"])
+    fx, fy = float(facts["fx"]), float(facts.get("fy", facts["fx"]))
+    camera = Camera.from_intrinsics(fx, fy, width / 2, height / 2, pose)
+    return PosedPicture(name, camera.world_to_camera, camera, (height, width))
+
+
 def is_open3d(facts: Any) -> bool:
     """Whether JSON values are a trajectory or a single camera of Open3D."""
     return isinstance(facts, dict) and ("parameters" in facts or "extrinsic" in facts)

@@ -1,5 +1,6 @@
 """Convert arrays, files and images of other libraries to volumes."""
 
+from collections.abc import Callable
 from os import PathLike
 from typing import Any
 
@@ -11,12 +12,11 @@ from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample.words import one_line
 from resample_volume.classification.scales import LINEAR, scaled
-from resample_volume.data.recordings import in_color, is_color
+from resample_volume.data.recordings import check_whole, in_color, is_color
 from resample_volume.data.values import is_streamed
-from resample_volume.exchange import Part, Taker, check_whole
 from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
-from resample_volume.types import Volume
+from resample_volume.types import Part, Volume
 
 TAKEN = (
     "an array (Z, Y, X), nested lists, a path, a Volume, or what xarray, SimpleITK, nibabel, VTK, "
@@ -194,7 +194,7 @@ def _placed(
     return in_color(values, volume) if colored else volume
 
 
-def _taker_of(given: Any) -> Taker | None:
+def _taker_of(given: Any) -> Callable[[Any, Part, str], Volume] | None:
     """Return the converter of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
 
     None for objects of no known library.
@@ -202,14 +202,14 @@ def _taker_of(given: Any) -> Taker | None:
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
-        from resample_volume.exchange.grids import of_dataset
+        from resample_volume.exchange import of_dataset
 
         return of_dataset
     is_labeled = hasattr(given, "dims") and hasattr(given, "coords")
     is_grid = hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions")
     if not (is_labeled or is_grid or homes & {"SimpleITK", "nibabel"}):
         return None
-    from resample_volume.exchange.grids import of_grid, of_labeled, of_nibabel, of_simple_itk
+    from resample_volume.exchange import of_grid, of_labeled, of_nibabel, of_simple_itk
 
     if "SimpleITK" in homes:
         return of_simple_itk

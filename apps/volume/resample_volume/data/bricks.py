@@ -159,10 +159,5 @@ class Bricks(BrickArray):
             found.update(part.tolist())
         return found
 
-    def evidence(self) -> tuple[NDArray[Any], ...]:
-        """Return arrays that change with the values, in this process or another."""
-        known = self.statistics
-        return known.least, known.greatest, known.some, known.border
-
     def _helped(self) -> PassContext | None:
         return None if self.helpers is None else self.helpers()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.types import Floats
 from resample_volume.data.parts import slabs
-from resample_volume.types import Recording, Volume
+from resample_volume.types import Part, Recording, Volume
 
 COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
 UNTOLD = (("#ffffff", None), ("", None))  # colors and windows of a single channel
@@ -31,6 +31,12 @@ def how(what: str, count: int) -> str:
     """
     last = count - 1
     return f"choose one by {what}, 0 to {last} (--{what} 0; in Python open_volume(..., {what}=0))"
+
+
+def check_whole(part: Part, what: str) -> None:
+    """Reject a part of an object without parts."""
+    if part:
+        raise ValueError(f"{what} is one volume, without a part {part!r:.60}; leave part out")
 
 
 def alone(recording: Recording) -> Volume:

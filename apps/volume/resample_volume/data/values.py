@@ -83,9 +83,6 @@ class VolumeValues(Protocol):
     def state(self) -> tuple[Any, ...] | None:
         """What identifies them in their file; None if nothing does."""
 
-    def evidence(self) -> tuple[NDArray[Any], ...]:
-        """Arrays that change with them, in this process or another."""
-
 
 @dataclass(frozen=True, eq=False)
 class ArrayValues:
@@ -158,9 +155,6 @@ class ArrayValues:
     def state(self) -> None:
         return None
 
-    def evidence(self) -> tuple[NDArray[Any], ...]:
-        return (self.array,)
-
 
 def streamed(stored: object) -> Bricks | None:
     """Return values that stay in their file; None if these do not."""
@@ -174,7 +168,7 @@ def values_of(stored: Stored) -> VolumeValues:
 
 
 def bricks_of(volume: Volume) -> Bricks:
-    """Return the bricks of a volume, or what has their interface, such as `CombinedBricks`."""
+    """Return the bricks of a volume."""
     stored: Any = volume.values
     if isinstance(stored, np.ndarray):
         raise TypeError(f"{volume.name} is in memory, not in bricks")

@@ -239,7 +239,7 @@ class Dicom:
             files = dicom.dicom_slices(path, self.series)
             return dicom.dicom_volume(files, path.resolve().name)
         name = stem(existing_file(path), self.suffixes)
-        return dicom.dicom_file(path, name)
+        return dicom.dicom_volume([path], name)
 
 
 @dataclass(frozen=True)

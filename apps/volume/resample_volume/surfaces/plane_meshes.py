@@ -13,8 +13,7 @@ from resample_volume.data.memory import require_memory
 from resample_volume.surfaces.image_planes import ImagePlane, outline
 from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import check_iso
-from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.gathered import Gathered, check_iso
 from resample_volume.voxels.shading import PAD
 from resample_volume.voxels.visible import finite_range, lattice_of
 
@@ -75,7 +74,8 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         middle = corner.mean(axis=0)
         after = np.roll(corner, -1, axis=0)
         patches = [np.array([middle, middle, *pair]) for pair in zip(corner, after, strict=True)]
-    per = _per_voxel(patches)
+    area = sum(math.prod(_lengths(patch)) for patch in patches)
+    per = min(FINEST, math.sqrt(MOST / max(area, 1e-9)))  # vertices per voxel
     deepest = max(_steps(patch, per)[0] for patch in patches)
     places, faces, start = [], [], 0
     for patch in patches:
@@ -84,12 +84,6 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         faces.append(face + start)
         start += len(place)
     return np.concatenate(places), np.concatenate(faces)
-
-
-def _per_voxel(patches: list[Doubles]) -> float:
-    """Return the vertices per voxel, within the limit of all together."""
-    area = sum(math.prod(_lengths(patch)) for patch in patches)
-    return min(FINEST, math.sqrt(MOST / max(area, 1e-9)))
 
 
 def _lengths(patch: Doubles) -> tuple[float, float]:

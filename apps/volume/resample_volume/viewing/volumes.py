@@ -15,17 +15,18 @@ from resample.view.exports import ORBITING
 from resample.view.files import FileView
 from resample.view.views import Settings, is_free, settings_of
 from resample_volume.classification import PRESETS, TISSUES
+from resample_volume.classification.scales import scale_named
 from resample_volume.classification.surveys import survey
 from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import of_first_channel, prepared
 from resample_volume.data.spacings import unit_of_space
 from resample_volume.slicing import slice_planes
-from resample_volume.viewing.painter import VTK, VolumePainter
-from resample_volume.viewing.requests import SHOWN
-from resample_volume.viewing.telling import histogram
+from resample_volume.types import Volume
+from resample_volume.viewing.painter import SHOWN, VTK, VolumePainter
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
 
+BINS = 256  # of a histogram
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
 NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
 LEFT_OUT = (
@@ -90,6 +91,17 @@ def volume_view(
         return VolumePainter(volume._replace(values=values))
 
     return FileView(first, described, first.check, KINDS, LEFT_OUT, little)
+
+
+def histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
+    """Return the histogram of values in the robust range."""
+    low, high = span
+    values = np.asarray(volume.values)
+    count, _ = np.histogram(values[np.isfinite(values)], BINS, (low, max(high, low + 1e-30)))
+    by = scale_named(volume.scale)
+    scale = {} if by is None else {"scale": "log" if by.linear is None else "symlog"}
+    linear = {} if by is None or by.linear is None else {"linear": by.linear}
+    return {"low": low, "high": high, "counts": count.tolist(), **scale, **linear}
 
 
 def _absence() -> str:
