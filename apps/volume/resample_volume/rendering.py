@@ -25,7 +25,6 @@ from resample.types import (
 from resample.watching import Progress
 from resample.words import warn
 from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
@@ -64,8 +63,6 @@ from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer
 from resample_volume.voxels.visible import (
     Voxels,
     classify,
-    finite_range,
-    unit_of,
 )
 
 if TYPE_CHECKING:
@@ -102,13 +99,6 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     first, look = moved[0]
     cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
     return Placement(moved, whole, middle, np.concatenate(cuts))
-
-
-def resampled_appearance(volume: Volume, look: Appearance) -> Appearance:
-    """Return the look that a volume keeps when it is resampled."""
-    transfer = transfer_of(volume, look)
-    unit = unit_of(transfer, volume)
-    return replace(look, transfer=Windowed(transfer, finite_range(volume.values), unit))
 
 
 def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:

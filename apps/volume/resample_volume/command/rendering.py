@@ -215,7 +215,8 @@ def to_paint(
             turned = (viewpoint.azimuth, viewpoint.elevation, viewpoint.zoom, *viewpoint.pan)
             say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
     camera = subject.camera(viewpoint, *size)
-    seen, painter = lit(session, subject, camera), subject.painter(resampler)
+    with session.stage("shade", bar="shading"):
+        seen, painter = subject.samples_for(camera), subject.painter(resampler)
 
     def paint(eye: AnyCamera) -> Frame:
         cuts = subject.cuts(eye)
@@ -228,12 +229,6 @@ def to_paint(
         return subject.developed(frame)
 
     return PreparedPicture(subject, camera, paint)
-
-
-def lit(session: Session, subject: Subject, camera: AnyCamera) -> Shaded:
-    """Return the shaded samples, or the fields, for a camera."""
-    with session.stage("shade", bar="shading"):
-        return subject.samples_for(camera)
 
 
 def painted(
@@ -286,27 +281,22 @@ def check_memory(
     volumes = [volume for volume, _ in media]
     if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):
         return
-    parts = {"libraries": libraries(), "values": sum(_bytes_of(volume) for volume in volumes)}
+    parts = {"libraries": libraries(), "values": 0}
+    for volume in volumes:
+        kind = volume.values.dtype
+        looked_at = SCANNED if kind.kind in "bui" else SCANNED_FLOATS
+        parts["values"] += (kind.itemsize + looked_at) * prod(volume.values.shape)
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
     what = volumes[0].name or "the volume"
     if subject is not None:
         parts[f"{subject.visible} visible voxels"] = VISIBLE * subject.visible
         if isinstance(subject.voxels, Gathered | list):
             fields = fields_of(subject.voxels)
-            each = [_bytes_per_visible(field, fit) * field.visible for field in fields]
-            parts[f"{subject.visible} visible voxels"] = sum(each)
+            # Fields need visible voxels only to place a camera and for slopes.
+            needed = [one for one in fields if fit == "visible" or len(one.table.table) > 1]
+            count = VISIBLE_OF_FIELD * sum(one.visible for one in needed)
+            parts[f"{subject.visible} visible voxels"] = count
             thin = [field.spline.coefficient.nbytes for field in fields if field.thin.parts > 1]
             if thin:
                 parts["slices between thick ones"] = sum(thin)
     require(what, parts, REMEDY)
-
-
-def _bytes_per_visible(field: Gathered, fit: Fit) -> int:
-    """Bytes per visible voxel, which a field needs only to place a camera and for slopes."""
-    return VISIBLE_OF_FIELD if fit == "visible" or len(field.table.table) > 1 else 0
-
-
-def _bytes_of(volume: Volume) -> int:
-    kind = volume.values.dtype
-    looked_at = SCANNED if kind.kind in "bui" else SCANNED_FLOATS
-    return (kind.itemsize + looked_at) * prod(volume.values.shape)
