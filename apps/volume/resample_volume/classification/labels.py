@@ -165,19 +165,15 @@ def _rule(text: str) -> tuple[int, Rule]:
             case "hidden" if not value:
                 opacity = 0.0
             case "opacity":
-                opacity = _number(value)
+                try:
+                    opacity = float(value)
+                except ValueError:
+                    raise ValueError(f"opacity must be a number (got {value!r})") from None
             case "color":
                 color = displayed_color(value)
             case _:
                 raise ValueError(f"{change.strip()!r} is unknown; {FORM}")
     return label, Rule(color, opacity)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"opacity must be a number (got {text!r})") from None
 
 
 def check_known(labels: Labels) -> None:

@@ -33,7 +33,10 @@ FORM = (
 def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
     """Make a mesh without normals, so that colors are not shaded."""
     place, face = _grid(outline(volume, plane.numbers))
-    face = face[_is_known(field, place[face].mean(axis=1))]
+    if field.known.size:  # triangles in voxels that have values
+        known = field.known.reshape([count + 2 * PAD for count in field.spline.shape])
+        x, y, z = np.floor(place[face].mean(axis=1) + 0.5).astype(np.int64).T + PAD
+        face = face[known[z, y, x] > 0]
     color = plane.palette.colors(values_at(field, place), plane.window or (0.0, 1.0)).astype(
         np.float64
     )
@@ -54,15 +57,6 @@ def values_at(field: Gathered, place: Doubles) -> Doubles:
         at = place[part, ::-1].T + PAD
         map_coordinates(coefficient, at, found[part], order=3, prefilter=False)
     return np.clip(spline.zero + spline.scale * found, spline.floor, spline.ceiling)
-
-
-def _is_known(field: Gathered, place: Doubles) -> NDArray[np.bool_]:
-    """Return whether the voxels that contain points (N, 3) have values."""
-    if not field.known.size:
-        return np.ones(len(place), bool)
-    known = field.known.reshape([count + 2 * PAD for count in field.spline.shape])
-    x, y, z = np.floor(place + 0.5).astype(np.int64).T + PAD
-    return np.asarray(known[z, y, x] > 0)
 
 
 def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:

@@ -57,7 +57,9 @@ def volume_view(
     def described() -> dict[str, Any]:
         settings = {"fit": "volume", "camera": "30,20,1", **settings_of(begin)}
         first.check(settings)
-        known = survey(volume)
+        known, absence = survey(volume), missing("peers", VTK)
+        if not absence and find_spec("vtkmodules") is None:
+            absence = "VTK is not installed: pip install 'hybrid-resample[peers]'"
         size = volume.values.shape[::-1]
         return {
             "title": volume.name,
@@ -69,7 +71,7 @@ def volume_view(
             "fixed": settings_of([source]),
             "settings": settings,
             "fills": is_free(begin),
-            "rivals": {VTK: _absence()},
+            "rivals": {VTK: absence},
             "names": {
                 "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
                 **{option: names(group) for option, group in NAMED.items()},
@@ -102,13 +104,6 @@ def histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
     scale = {} if by is None else {"scale": "log" if by.linear is None else "symlog"}
     linear = {} if by is None or by.linear is None else {"linear": by.linear}
     return {"low": low, "high": high, "counts": count.tolist(), **scale, **linear}
-
-
-def _absence() -> str:
-    """Return why VTK is not available for comparison; empty if it is."""
-    if (absence := missing("peers", VTK)) or find_spec("vtkmodules") is not None:
-        return absence
-    return "VTK is not installed: pip install 'hybrid-resample[peers]'"
 
 
 def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
