@@ -36,21 +36,6 @@ def boxes_of(shape: Step, side: Step) -> list[Box]:
     ]
 
 
-def copy_shared(values: NDArray[Any], box: Box, brick: NDArray[Any], own: Box) -> None:
-    """Copy what a brick and a box have in common to the values of the box."""
-    shared = [
-        (max(one.start, other.start), min(one.stop, other.stop))
-        for one, other in zip(box, own, strict=True)
-    ]
-    if any(start >= stop for start, stop in shared):
-        return
-    to, of = (
-        tuple(slice(a - p.start, b - p.start) for (a, b), p in zip(shared, at, strict=True))
-        for at in (box, own)
-    )
-    values[to] = brick[of]
-
-
 class PinnedCache:
     """Cache that pins the bricks read first, up to a limit in bytes, for all later passes.
 
@@ -155,11 +140,6 @@ class BrickArray:
         )
         return slice(start + first.start, start + first.stop), *others
 
-    @property
-    def limits(self) -> Box:
-        """Least and greatest index along each axis."""
-        return tuple(slice(0, size) for size in self.shape)
-
     def all(self) -> list[Step]:
         """Indices of all bricks, the first axis slowest."""
         return list(product(*map(range, self.count)))
@@ -249,18 +229,6 @@ class BrickArray:
 
         for n, _ in enumerate(in_order(put, self.all())):
             report(n + 1, prod(self.count))
-
-    def part(self, box: Box) -> NDArray[Any]:
-        """Return the values of any box, of the bricks that it touches."""
-        values = np.empty([side.stop - side.start for side in box], self.dtype)
-        if values.size:
-            homes = (
-                range(part.start // side, (part.stop - 1) // side + 1)
-                for part, side in zip(box, self.side, strict=True)
-            )
-            for index in product(*homes):
-                copy_shared(values, box, self.brick(index), self.box(index))
-        return values
 
     def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
         """Return values (N,) at indices along each axis; each brick with any is read once."""

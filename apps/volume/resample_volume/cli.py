@@ -97,6 +97,7 @@ def render(
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
     from resample.command.session import Session, require_picture
+    from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
@@ -104,7 +105,6 @@ def render(
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
         annotated_picture,
-        execution_context,
         picture_of,
         report,
         to_paint,
@@ -119,16 +119,17 @@ def render(
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with execution_context(picture.threads, sharing) as context:
+    with worker_pools(sharing, picture.threads) as start_workers:
         check_targets(output, stats)
         with session.stage("read"):
-            shown = media(
-                source, volume, look, added, resampler, start_workers=context.start_workers
-            )
+            shown = media(source, volume, look, added, resampler, start_workers=start_workers)
             shown = with_objects(shown, objects)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, context)
+        scene = to_paint(
+            *(session, shown, resampler, beside.fit(look), viewpoint, size),
+            *(picture.threads, sharing, start_workers),
+        )
         subject, camera, paint = scene
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):

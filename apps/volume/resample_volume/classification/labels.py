@@ -1,15 +1,15 @@
 """Labels of voxels, and rules for their looks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Flags, Floats
-from resample_volume.classification.transfer import Color, DataRange, Transfer
+from resample_volume.classification.transfer import Color
 from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 
@@ -93,45 +93,6 @@ class Labels:
             chosen = label == number
             color[chosen], opacity[chosen] = rule.applied(color[chosen], opacity[chosen])
         return color, opacity
-
-
-@dataclass(frozen=True, eq=False)
-class Ruled:
-    """A transfer function changed by a rule; see `Labels.applied`."""
-
-    transfer: Transfer
-    rule: Rule
-
-    @property
-    def opacity_unit(self) -> float | None:
-        return self.transfer.opacity_unit
-
-    @property
-    def normalized(self) -> bool:
-        return self.transfer.normalized
-
-    @property
-    def needs_gradient(self) -> bool:
-        return self.transfer.needs_gradient
-
-    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
-        opacity = self.transfer.opacities(values, data_range) * self.rule.opacity
-        return np.asarray(np.minimum(opacity, 1), np.float32)
-
-    def classify(
-        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
-    ) -> tuple[Floats, Floats]:
-        color, opacity = self.transfer.classify(values, slopes, data_range, steep)
-        return self.rule.applied(color, opacity)
-
-    def steepest(self, steep: float) -> float:
-        return self.transfer.steepest(steep)
-
-    def thinned(self, share: float) -> "Ruled":
-        return replace(self, transfer=self.transfer.thinned(share))
-
-    def cut(self, low: float) -> "Ruled":
-        return replace(self, transfer=self.transfer.cut(low))
 
 
 def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:

@@ -268,7 +268,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
         return volume
     is_whole = volume.values.dtype.kind in "iu"
     by = known.low if is_whole else np.nan
-    values = values_of(volume.values).without(known.padding, by, volume.name)
+    values: Any = values_of(volume.values).without(known.padding, by, volume.name)
     return volume._replace(values=values)
 
 

@@ -6,10 +6,9 @@ values and picture before the scan, and for everything before shading and painti
 (`Bricks`) and mapped files keep their own account.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,6 +47,8 @@ from resample_volume.voxels.gathered import Gathered
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
     from resample_volume.command.choices import BesidePicture
+
+Paint = Callable[[AnyCamera], Frame]
 
 BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
 SCANNED = 4  # bytes of temporaries per voxel during the scan
@@ -108,18 +109,10 @@ def slab_missed(
     return f"the slab {media[0][1].slab} holds nothing of {names}"
 
 
-class PreparedPicture(NamedTuple):
-    """A prepared scene, its camera and its painter."""
-
-    subject: Subject
-    camera: AnyCamera
-    paint: Callable[[AnyCamera], Frame]
-
-
 def picture_of(
-    scene: PreparedPicture, media: Sequence[VolumeLayer], projection: Projection
+    scene: tuple[Subject, AnyCamera, Paint], media: Sequence[VolumeLayer], projection: Projection
 ) -> Frame:
-    """Paint volumes; warn once if the picture is empty."""
+    """Paint volumes, as `to_paint` prepared them; warn once if the picture is empty."""
     subject, camera, paint = scene
     frame = paint(camera)
     words = slab_missed(media, subject, camera)
@@ -169,26 +162,6 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
     return f"the picture is black: {why}{hint}"
 
 
-class ExecutionContext(NamedTuple):
-    """Threads, processes and memory that paint a picture."""
-
-    threads: int | None
-    sharing: Sharing
-    start_workers: "StartWorkers | None"  # None: none were asked for
-
-
-@contextmanager
-def execution_context(threads: int | None, sharing: Sharing) -> Iterator[ExecutionContext]:
-    """Provide threads, processes and memory for a picture, until the end of the block."""
-    if not sharing.has_workers:
-        yield ExecutionContext(threads, sharing, None)
-        return
-    from resample.command.workers import worker_pools
-
-    with worker_pools(sharing, threads) as start_workers:
-        yield ExecutionContext(threads, sharing, start_workers)
-
-
 def to_paint(
     session: Session,
     media: Sequence[VolumeLayer],
@@ -196,14 +169,16 @@ def to_paint(
     fit: Fitted,
     viewpoint: Viewpoint,
     size: tuple[int, int],
-    context: ExecutionContext,
-) -> PreparedPicture:
-    """Prepare volumes to be painted here, or by workers.
+    threads: int | None,
+    sharing: Sharing,
+    start_workers: "StartWorkers",
+) -> tuple[Subject, AnyCamera, Paint]:
+    """Prepare volumes to be painted here, or by workers; return scene, camera and painter.
 
     The fits `picture` and `most` are `visible` with the camera zoomed and panned to fill the
     picture, or most of it; the camera of the first is printed.
     """
-    if context.sharing.has_workers:
+    if sharing.has_workers:
         from resample_volume.command.bands import SharedScene, check_workers, painted_by
 
         check_workers(media, resampler)
@@ -220,15 +195,15 @@ def to_paint(
 
     def paint(eye: AnyCamera) -> Frame:
         cuts = subject.cuts(eye)
-        crew = None if context.start_workers is None else context.start_workers()
+        crew = start_workers() if sharing.has_workers else None
         if crew is not None:
-            say(f"rows of the picture are shared by {context.sharing.description}")
+            say(f"rows of the picture are shared by {sharing.description}")
             with session.stage("paint", bar="painting"):
                 return painted_by(crew, SharedScene(media, painter, around, eye, size))
-        frame = painted(session, painter, seen, eye, size, context.threads, cuts)
+        frame = painted(session, painter, seen, eye, size, threads, cuts)
         return subject.developed(frame)
 
-    return PreparedPicture(subject, camera, paint)
+    return subject, camera, paint
 
 
 def painted(

@@ -11,7 +11,7 @@ from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_items, check_unpacked
 from resample_volume.data.memory import require_memory
 from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along
-from resample_volume.files.parsing.headers import Check, OneOfAll, accept_any, existing_file, stem
+from resample_volume.files.parsing.headers import Check, OneOfAll
 from resample_volume.types import Recording
 
 CELESTIAL = re.compile("RA|DEC|[GESH]L(ON|AT)|..L[NT]")  # names of axes in degrees
@@ -33,8 +33,7 @@ class Fits(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".fits", ".fit", ".fts", ".fits.gz", ".fits.fz")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name = stem(existing_file(path), self.suffixes)
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         try:
             from astropy.io import fits
         except ImportError as error:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_volume.data.memory import require_memory
@@ -43,7 +42,7 @@ def checker_box(size: int = 100, block: int = 10) -> Volume:
     parity = (np.arange(size) // block % 2).astype(np.uint8)
     odd = parity[:, None, None] ^ parity[:, None] ^ parity
     values = np.where(odd, np.uint8(BRIGHT), np.uint8(DARK))
-    return _cube(values, "checker-box")
+    return Volume(values, name="checker-box")
 
 
 def marschner_lobb(size: int = 41, fm: float = 6.0, alpha: float = 0.25) -> Volume:
@@ -97,7 +96,7 @@ def vessel_tree(size: int = 128, seed: int = 7) -> Volume:
     for capsule in capsules:
         _rasterise(depth, capsule)
     rise = np.clip((depth + 1) / 2, 0, 1)  # the wall is where the depth is 0
-    return _cube((255 * rise * rise * (3 - 2 * rise)).round().astype(np.uint8), "vessel-tree")
+    return Volume((255 * rise * rise * (3 - 2 * rise)).round().astype(np.uint8), name="vessel-tree")
 
 
 GENERATED: dict[str, Callable[..., Volume]] = {
@@ -152,10 +151,6 @@ def _rasterise(depth: Floats, capsule: Capsule) -> None:
 
 def _unit(vector: Doubles) -> Doubles:
     return vector / np.linalg.norm(vector)
-
-
-def _cube(values: NDArray[Any], name: str) -> Volume:
-    return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
 
 
 def _check(name: str, size: int, bytes_per_line: int) -> None:

@@ -133,14 +133,12 @@ def gathered(
         shape = (64, shape[1])
         parts = partial(_visible, volume, transfer, data_range, resampler)
         steep = _steepness_of(volume, parts, gradient, count)
-    each = [transfer]
+    table_of = partial(tabulated, transfer, data_range, steep, unit, shape)
+    tables = [table_of()]
     if labels is not None:
-        from resample_volume.classification.labels import Ruled
-
-        each += [Ruled(transfer, rule) for rule in labels.rules.values()]
-    tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
+        tables += [table_of(rule.applied) for rule in labels.rules.values()]
     table = np.concatenate([one.table for one in tables], axis=1)
-    looks, beside = tables[0]._replace(table=table), len(each)
+    looks, beside = tables[0]._replace(table=table), len(tables)
     if labels is not None:
         known = numbered(known, labels.numbers, volume.values)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
