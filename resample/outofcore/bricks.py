@@ -1,6 +1,6 @@
 """Arrays of any dimension in bricks, read on demand: indices, reads counted, caches."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from math import prod
@@ -152,10 +152,6 @@ class BrickArray:
         """Return values for those in the file; here the same."""
         return stored
 
-    def state(self) -> tuple[Any, ...] | None:
-        """Return what identifies the values, also for later commands; None if nothing does."""
-        return None
-
     def _read(self, index: Step) -> NDArray[Any]:
         """Read the values of a brick, from the cache or the file."""
         values = None if self.pinned is None else self.pinned.found(index)
@@ -229,17 +225,3 @@ class BrickArray:
 
         for n, _ in enumerate(in_order(put, self.all())):
             report(n + 1, prod(self.count))
-
-    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
-        """Return values (N,) at indices along each axis; each brick with any is read once."""
-        homes = [n // side for n, side in zip(index, self.side, strict=True)]
-        home = np.ravel_multi_index(homes, self.count)
-        order = np.argsort(home, kind="stable")
-        bricks, starts = np.unique(home[order], return_index=True)
-        found = np.empty(home.size, self.dtype)
-        for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
-            at = tuple(int(n) for n in np.unravel_index(number, self.count))
-            box = self.box(at)
-            within = tuple(n[own] - part.start for n, part in zip(index, box, strict=True))
-            found[own] = self.brick(at)[within]
-        return found

@@ -14,12 +14,7 @@ from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
-from resample.command.settings import (
-    PictureFormat,
-    Resampling,
-    Serving,
-    Sharing,
-)
+from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
 from resample.command.settings_files import with_settings
 from resample.console import linear_color
 from resample.lazy import installed_version
@@ -355,12 +350,7 @@ def convert(
     """
     from resample.console import progress_bar, say
     from resample_volume.command.inputs import note_assumed, stored
-    from resample_volume.files.stores.writing import (
-        Layered,
-        bricks_of,
-        check_store,
-        write_store,
-    )
+    from resample_volume.files.stores.writing import Layered, bricks_of, check_store, write_store
 
     form = Layered(chunk, shard, compression, levels)
     check_store(output)

@@ -75,7 +75,11 @@ def _colors(values: NDArray[Any]) -> NDArray[Any]:
 def of_labeled(given: Any, part: Any, name: str) -> Volume:
     """Convert an array of xarray's, or a variable of a data set, with its coordinates."""
     if hasattr(given, "data_vars"):
-        given = _variable(given, part)
+        names = [str(each) for each in given.data_vars]
+        if part not in names and (part or len(names) != 1):
+            listed = ", ".join(names) or "there is none"
+            raise ValueError(f"name a variable by part=NAME ({part or 'none'} given): {listed}")
+        given = given[part or names[0]]
     else:
         check_whole(part, "an array of xarray's")
     dims = tuple(map(str, given.dims))
@@ -92,15 +96,6 @@ def of_labeled(given: Any, part: Any, name: str) -> Volume:
     if 0 in values.shape:
         raise ValueError(f"a volume has voxels in it; got {values.shape}")
     return rectilinear(values, x, y, z, str(given.name or name))
-
-
-def _variable(given: Any, part: Any) -> Any:
-    """Return a data set's variable by name, or the only one."""
-    names = [str(each) for each in given.data_vars]
-    if part not in names and (part or len(names) != 1):
-        listed = ", ".join(names) or "there is none"
-        raise ValueError(f"name a variable by part=NAME ({part or 'none'} given): {listed}")
-    return given[part or names[0]]
 
 
 def _planes(given: Any, dim: str, count: int) -> Doubles:
@@ -149,19 +144,15 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
         known = image_header(given, np.uint8, None, name, is_of_cells=is_of_cells)
         return Volume(values, known.spacing, known.origin, known.direction, name)
     if given.IsA("vtkRectilinearGrid"):
-        return _of_planes(given, wanted, name)
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        values, is_of_cells = _values(given, wanted, name)
+        axes = (given.GetXCoordinates(), given.GetYCoordinates(), given.GetZCoordinates())
+        x, y, z = (middles(vtk_to_numpy(axis), of_cells=is_of_cells) for axis in axes)
+        return rectilinear(values, x, y, z, name)
     if absent := missing("readers", "vtu"):
         raise ValueError(f"{name} is a grid of cells; {absent}")
     return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
-
-
-def _of_planes(grid: Any, wanted: ArrayQuery, name: str) -> Volume:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    values, is_of_cells = _values(grid, wanted, name)
-    axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
-    x, y, z = (middles(vtk_to_numpy(axis), of_cells=is_of_cells) for axis in axes)
-    return rectilinear(values, x, y, z, name)
 
 
 def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[NDArray[Any], bool]:

@@ -80,8 +80,11 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
         return _checked(given)
     if isinstance(given, str | PathLike):
         return open_volume(str(given))
-    if isinstance(given, tuple) and len(given) == 2 and _is_part(given[1]):
-        return as_volume(given[0], name, part=given[1])
+    if isinstance(given, tuple) and len(given) == 2:  # a grid and a part, in one word or several
+        grid, words = given
+        several = words if isinstance(words, tuple) else (words,)
+        if several and all(isinstance(word, str) for word in several):
+            return as_volume(grid, name, part=words)
     taker = _taker_of(given)
     if taker is None:
         check_whole(part, "an array")
@@ -90,13 +93,6 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
     placed = _placed(_array(made.values), made.name, *made[1:4])
     kept = {name: getattr(made, name) for name in ("units", "note", "space", "length")}
     return placed._replace(**kept)
-
-
-def _is_part(given: Any) -> bool:
-    """Return whether this names a part, in one word or several."""
-    return isinstance(given, str) or (
-        isinstance(given, tuple) and bool(given) and all(isinstance(word, str) for word in given)
-    )
 
 
 def _checked(given: Volume) -> Volume:

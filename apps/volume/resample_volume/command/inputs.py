@@ -235,9 +235,14 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     if told:
         reader = _with_raw_options(Raw() if reader is None else reader, told)
     if source.level is not None:
-        from resample_volume.files.stores.reader import with_level
+        from resample_volume.files.stores.reader import Zarr
 
-        reader = with_level(reader or find_reader(name), source.level)
+        reader = reader or find_reader(name)
+        if not isinstance(reader, Zarr):
+            raise ValueError(
+                "level chooses a size of an OME-Zarr; this file has one size, leave it out"
+            )
+        reader = replace(reader, level=source.level)
     return (Path(name) if Path(name).exists() else name), reader
 
 

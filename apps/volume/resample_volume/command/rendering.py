@@ -26,11 +26,7 @@ from resample.types import Doubles, Frame
 from resample.watching import told
 from resample_volume.classification.surveys import survey
 from resample_volume.data.values import is_streamed
-from resample_volume.media.appearance import (
-    VolumeLayer,
-    check_several,
-    check_together,
-)
+from resample_volume.media.appearance import VolumeLayer, check_several, check_together
 from resample_volume.rendering import (
     AROUND,
     Fit,

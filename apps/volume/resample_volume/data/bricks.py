@@ -17,10 +17,6 @@ from resample_volume.data.scanning import BrickStats, are_few, finite_outside, s
 class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
-    @property
-    def store(self) -> object:
-        """Path of the values."""
-
     def load(self, bricks: "Bricks") -> BrickStats | None:
         """Return the stored statistics; None if there are none that are valid."""
 
@@ -109,19 +105,6 @@ class Bricks(BrickArray):
         if kept is not None:
             self.__dict__["statistics"] = kept
         return kept is not None
-
-    def state(self) -> tuple[Any, ...] | None:
-        """Return what identifies the values of a store; None if nothing does."""
-        state = None if self.statistics_cache is None else self.statistics_cache.state()
-        if self.statistics_cache is None or state is None:
-            return None
-        form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
-        return (str(self.statistics_cache.store), state, *form)
-
-    @property
-    def is_streamed(self) -> bool:
-        """Whether the values stay in their file."""
-        return True
 
     def range(self) -> tuple[float, float]:
         """Return the least and greatest finite value; infinite where there is none."""

@@ -33,8 +33,6 @@ class ArrayValues:
     """An array in memory, with what `Bricks` tell of their values."""
 
     array: NDArray[Any]
-    is_streamed = False
-    memory = None
     bytes_to_load = 0
 
     @property
@@ -83,9 +81,6 @@ class ArrayValues:
     def unique(self) -> set[int]:
         return {int(value) for part in self.parts() for value in np.unique(part)}
 
-    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
-        return np.asarray(self.array[tuple(index)])
-
     def without(self, padding: Sequence[float], by: Any, name: str, /) -> NDArray[Any]:
         given, is_whole = self.array, self.dtype.kind in "iu"
         values = array_like(given, given.shape, given.dtype, name)
@@ -95,9 +90,6 @@ class ArrayValues:
             if not is_whole:
                 slab[np.isinf(slab)] = np.nan
         return values
-
-    def state(self) -> None:
-        return None
 
 
 def streamed(stored: object) -> Bricks | None:

@@ -91,7 +91,12 @@ def vessel_tree(size: int = 128, seed: int = 7) -> Volume:
     rng = np.random.default_rng(seed)
     bottom = np.array([0.5, 0.5, 0.04])
     capsules = list(_branch(rng, bottom, np.array([0.0, 0.0, 1.0]), 0.03))
-    capsules.append(_bulge(capsules))
+    # The aneurysm: a ball at the side of a vessel, near the first fork.
+    trunk = capsules[4]
+    aside = _unit(np.cross(trunk.end - trunk.start, [0.0, 1.0, 0.0]))
+    center = trunk.end + 1.9 * trunk.narrow * aside
+    ball = 2.1 * trunk.narrow, 1.9 * trunk.narrow
+    capsules.append(Capsule(center, center + 0.01 * aside, *ball))
     depth = np.full((size, size, size), -1, np.float32)
     for capsule in capsules:
         _rasterise(depth, capsule)
@@ -121,14 +126,6 @@ def _branch(rng: np.random.Generator, start: Doubles, heading: Doubles, radius: 
     aside = _unit(np.cross(heading, rng.normal(size=3)))
     for part, side in ((share, 1.2), (1 - share, -0.6)):
         yield from _branch(rng, start, _unit(heading + side * aside), radius * part ** (1 / 3))
-
-
-def _bulge(capsules: list[Capsule]) -> Capsule:
-    """Return the aneurysm: a ball at the side of a vessel, near the first fork."""
-    trunk = capsules[4]
-    aside = _unit(np.cross(trunk.end - trunk.start, [0.0, 1.0, 0.0]))
-    center = trunk.end + 1.9 * trunk.narrow * aside
-    return Capsule(center, center + 0.01 * aside, 2.1 * trunk.narrow, 1.9 * trunk.narrow)
 
 
 def _rasterise(depth: Floats, capsule: Capsule) -> None:

@@ -88,13 +88,7 @@ class VolumeRequests:
         look, resampling, beside, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling, self.volume.scale)
         resampler = self._resamplers.setdefault(resampler, resampler)
-        appearance = self._appearance(look, resampler, beside)
-        return VolumeRequest(look, appearance, resampler, beside, picture)
-
-    def _appearance(
-        self, look: AppearanceChoices, resampler: Resampler, beside: Beside
-    ) -> Appearance:
-        """Return the look of the voxels, cached while only the camera moves."""
+        # The look of the voxels is kept while only the camera moves.
         still = {name: getattr(STILL, name) for name in STEERED}
         key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
         appearance = self._appearances.get(key)
@@ -105,7 +99,7 @@ class VolumeRequests:
             before = list(self._appearances.items())[1 - MOST_COMPARED :]
             # Replaced whole: picks ask meanwhile.
             self._appearances = {**dict(before), key: appearance}
-        return appearance
+        return VolumeRequest(look, appearance, resampler, beside, picture)
 
 
 @dataclass

@@ -29,7 +29,6 @@ GROUPS = ("PerFrameFunctionalGroupsSequence", "SharedFunctionalGroupsSequence")
 ORIENTATION = ("PlaneOrientationSequence", "ImageOrientationPatient")
 POSITION = ("PlanePositionSequence", "ImagePositionPatient")
 PIXELS = ("PixelMeasuresSequence", "PixelSpacing")
-BETWEEN = ("PixelMeasuresSequence", "SpacingBetweenSlices")
 SLOPE = ("PixelValueTransformationSequence", "RescaleSlope")
 INTERCEPT = ("PixelValueTransformationSequence", "RescaleIntercept")
 

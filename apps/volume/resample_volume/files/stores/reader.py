@@ -1,7 +1,7 @@
 """Read OME-Zarr and plain zarr arrays."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -158,15 +158,6 @@ class Zarr:
         length = spacing_of(self.spacing)[1] if self.spacing else layout.unit or UNKNOWN
         known = known._replace(times=times, parts=parts, length=length)
         return known._replace(is_color=layout.is_color)
-
-
-def with_level(reader: Any, level: int) -> Any:
-    """Return the reader of a coarser level."""
-    if not isinstance(reader, Zarr):
-        raise ValueError(
-            "level chooses a size of an OME-Zarr; this file has one size, leave it out"
-        )
-    return replace(reader, level=level)
 
 
 def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
