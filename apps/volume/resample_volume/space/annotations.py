@@ -113,7 +113,10 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
     """Return the picture with annotations; camera and volume share a scene."""
     view, corner = camera.view(), corners(volume)
     size = type_size(*frame.depth.shape)
-    lines = _box(corner, size / 12) if given.box else []
+    lines = []
+    if given.box:  # its edges: corners whose numbers differ in one bit
+        pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
+        lines = [Stroke(corner[pair], GRAY, size / 12) for pair in pairs]
     arms = []
     if given.axes:  # the scene's axes, as long as the box
         start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
@@ -142,12 +145,6 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
             per_unit /= depth
         _put_bar(rgba, per_unit, volume, given)
     return drawn._replace(rgba=rgba)
-
-
-def _box(corner: Doubles, width: float) -> list[Stroke]:
-    """Yield the edges of the box: corners whose numbers differ in one bit."""
-    pairs = [(n, n | bit) for n in range(8) for bit in (1, 2, 4) if not n & bit]
-    return [Stroke(corner[list(pair)], GRAY, width) for pair in pairs]
 
 
 def _name_arm(

@@ -209,24 +209,19 @@ def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
 
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
     """Convert a mesh of trimesh's, with the chosen look."""
+    from resample.colors import from_srgb
+
     opacity = chosen_opacity("mesh", choices)
     color: Any = (GRAY, GRAY, GRAY)
     if "color" in choices:
         color = chosen_color("mesh", choices["color"])
     elif part.visual.kind is not None:
-        color = _colors(part)
+        with np.errstate(invalid="ignore"):  # of NaN texture coordinates
+            visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
+        levels = np.asarray(visual.vertex_colors)[:, :3].astype(np.float32)
+        color = np.asarray(from_srgb(levels / 255), np.float64)
     corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
     return scene_mesh(corner, face, color, opacity)
-
-
-def _colors(part: Any) -> Doubles:
-    """Return linear colors (V, 3) of a mesh's vertices."""
-    from resample.colors import from_srgb
-
-    with np.errstate(invalid="ignore"):  # of NaN texture coordinates
-        visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
-    levels = np.asarray(visual.vertex_colors)[:, :3]
-    return np.asarray(from_srgb(levels.astype(np.float32) / 255), np.float64)
 
 
 def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:

@@ -143,12 +143,10 @@ def gathered(
         known = numbered(known, labels.numbers, volume.values)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
-
-        def higher(part: slice) -> Flags:  # 1 or 2
-            return np.where(volume.values[part] == two[1], np.uint8(2), np.uint8(1))
-
         looks, beside = _of_either(looks, two), 2
-        known = numbered(known, higher, volume.values)
+        known = numbered(
+            known, lambda part: 1 + (volume.values[part] == two[1]).astype(np.uint8), volume.values
+        )
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())

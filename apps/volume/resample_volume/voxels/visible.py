@@ -35,14 +35,6 @@ ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
-class Candidates(NamedTuple):
-    """Voxels that may be visible by their value."""
-
-    place: Indices  # (N,) index into the flat volume, z slowest
-    value: NDArray[Any]  # (N,) data units
-    slope: Floats  # (N, 3) data units per scene unit; or (0, 3)
-
-
 class Voxels(NamedTuple):
     """The N voxels of a volume that are not transparent, in the order z, y, x."""
 
@@ -83,22 +75,21 @@ def classify(
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = visible_with_slopes(volume, whole, data_range, gradient)
-    slope = seen.slope
+    place, value, slope = visible_with_slopes(volume, whole, data_range, gradient)
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    steep, count = steepness(length), seen.value.size
+    steep, count = steepness(length), value.size
     color, opacity = np.empty((count, 3), np.float32), np.empty(count, np.float32)
 
     def look(share: slice) -> None:
         slopes = None if length is None else length[share]
-        color[share], opacity[share] = whole.classify(seen.value[share], slopes, data_range, steep)
+        color[share], opacity[share] = whole.classify(value[share], slopes, data_range, steep)
 
     side_by_side(look, count)
     if volume.colors is not None:
-        color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
+        color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[place])
     if labels is not None:
-        color, opacity = labels.applied(seen.place, color, opacity)
-    place, kept = seen.place, np.flatnonzero(opacity > 0)
+        color, opacity = labels.applied(place, color, opacity)
+    kept = np.flatnonzero(opacity > 0)
     require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
@@ -108,16 +99,16 @@ def classify(
     if whole.needs_gradient or labels is not None:
         thickness = extinction(opacity, unit)
     else:
-        value = seen.value if kept.size == count else seen.value[kept]
-        thickness = np.empty(value.size, np.float32)
+        shown = value if kept.size == count else value[kept]
+        thickness = np.empty(shown.size, np.float32)
 
         def thick(values: NDArray[Any], data_range: DataRange) -> Floats:
             return extinction(whole.classify(values, None, data_range, 0.0)[1], unit)
 
         def find(share: slice) -> None:
-            thickness[share] = evaluated(thick, value[share], data_range)
+            thickness[share] = evaluated(thick, shown[share], data_range)
 
-        side_by_side(find, value.size)
+        side_by_side(find, shown.size)
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
@@ -201,11 +192,12 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
 
 def visible_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
-) -> Candidates:
+) -> tuple[Indices, NDArray[Any], Floats]:
     """Return the voxels with non-zero opacity at some slope, neighbours close to each other.
 
-    Parameters and errors as of `classify`. They are in the order of the painter's bricks, which
-    speeds painters up.
+    Result: indices (N,) into the flat volume, values (N,), and slopes (N, 3) in data units per
+    scene unit, or (0, 3) without a gradient. Parameters and errors as of `classify`. They are in
+    the order of the painter's bricks, which speeds painters up.
     """
     from resample_volume.data.kernels.gradients import brick_order
 
@@ -224,4 +216,4 @@ def visible_with_slopes(
     brick_order(place, volume.values.shape, order)
     place = place[order]
     slope = NO_SLOPE if gradient is None else gradients_at(volume, place, gradient)
-    return Candidates(place, found[order], slope)
+    return place, found[order], slope
