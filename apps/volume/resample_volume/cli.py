@@ -24,7 +24,6 @@ from resample_volume.command.choices import (
     Beside,
     BesideFilm,
     BesidePicture,
-    Projecting,
     ReadOptions,
 )
 
@@ -50,7 +49,7 @@ app.first = "methods path frames camera transfer window size bins chunk time cha
 app.register_install_completion_command()
 
 VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
-SOURCE, PROJECTING, ADDED = ReadOptions.usual(), Projecting.usual(), Added.usual()
+SOURCE, ADDED = ReadOptions.usual(), Added.usual()
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 BESIDE_FILM = BesideFilm.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
@@ -434,12 +433,11 @@ def _bars(facts: dict[str, Any]) -> list[str]:
     lines = ["values from   voxels; logarithmic bars"]
     for n, count in enumerate(counts):
         bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
-        marks = [mark for mark, limits in (("2", two), ("3", three)) if _within(limits, edges, n)]
+        marks = [
+            mark
+            for mark, limits in (("2", two), ("3", three))
+            if any(edges[n] < limit <= edges[n + 1] for limit in limits)
+        ]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
         lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
     return lines
-
-
-def _within(limits: list[float], edges: list[float], n: int) -> bool:
-    """Return whether one of some values lies in a bin."""
-    return any(edges[n] < limit <= edges[n + 1] for limit in limits)
