@@ -24,6 +24,7 @@ from resample.cameras.trajectories import (
     read_log,
     read_matrices,
     read_open3d,
+    read_trained,
     read_tum,
 )
 from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint, orbit_of
@@ -49,7 +50,7 @@ KINDS: Mapping[str, Read] = {
     "log": read_log,
     "nerf": _from("calibrations.nerf", "read_nerf"),
     "open3d": read_open3d,
-    "trained": _from("calibrations.trained", "read_trained"),
+    "trained": read_trained,
     "colmap": _from("calibrations.colmap", "read_colmap"),
     "toml": _from("tables", "read_toml"),
 }
@@ -108,7 +109,7 @@ def read_pose(text: str) -> Doubles:
     """
     entry = _read_entry(text)
     if entry.pose is None:
-        raise ValueError(_complaint(entry))
+        raise ValueError(entry.complaint if isinstance(entry, Refused) else "")
     return entry.pose
 
 
@@ -120,7 +121,7 @@ def read_shot(text: str) -> PosedPicture:
     """
     entry = _read_entry(text)
     if isinstance(entry, Refused):
-        raise ValueError(_complaint(entry))
+        raise ValueError(entry.complaint)
     return entry
 
 
@@ -136,10 +137,6 @@ def _read_entry(text: str) -> Entry:
     return entries[0]
 
 
-def _complaint(entry: Entry) -> str:
-    return entry.complaint if isinstance(entry, Refused) else ""
-
-
 def file_and_frame(text: str) -> tuple[str, str]:
     """Split `file:frame`; the frame is empty if not given."""
     path, frame = (text, "") if Path(text).exists() else text.rpartition(":")[::2]
@@ -149,11 +146,8 @@ def file_and_frame(text: str) -> tuple[str, str]:
 def viewpoint(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Viewpoint:
     """Parse a viewpoint of the command line; parameters as of `orbit_of`."""
     # Angles first, so that no file of such a name is opened.
-    return orbit_of(text, fov, up) or _viewpoint_in(text, fov)
-
-
-def _viewpoint_in(text: str, fov: float) -> Viewpoint:
-    """Read the viewpoint of a file."""
+    if (angles := orbit_of(text, fov, up)) is not None:
+        return angles
     if text.lower().endswith(".toml"):
         from resample.cameras.tables import read_viewpoint
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,9 +15,6 @@ from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.reading.texts import text_of, toml_of
 from resample.types import Doubles
 from resample.words import naming
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 FORMS = {
     Orbit: "angles",
@@ -92,7 +89,10 @@ def read_keyframes(path: Path) -> Keyframes:
     """
     with naming(str(path)):
         content = _File.model_validate(toml_of(text_of(path)))
-        cameras = [_camera(n, keyframe) for n, keyframe in enumerate(content.camera)]
+        cameras = []
+        for n, keyframe in enumerate(content.camera):
+            with naming(f"camera.{n}"):
+                cameras.append(viewpoint_of(keyframe.model_extra or {}))
         time = [keyframe.time for keyframe in content.camera]
         for n in range(1, len(time)):
             if not time[n - 1] < time[n]:
@@ -129,11 +129,6 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
 def left_out_of(path: Path) -> str | None:
     """Message about what `keyframes_of` skips; None if nothing, as for TOML files."""
     return None if path.suffix.lower() == ".toml" else left_out(path)
-
-
-def _camera(n: int, keyframe: _Timed) -> Viewpoint:
-    with naming(f"camera.{n}"):
-        return viewpoint_of(keyframe.model_extra or {})
 
 
 def _check_interpolable(cameras: Sequence[Any]) -> None:
@@ -197,10 +192,13 @@ def _calibrated(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
 
 
 def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
+    from scipy.spatial.transform import Rotation, RotationSpline
+
     cameras = keyframes.camera
     back = np.linalg.inv([camera.world_to_camera for camera in cameras])
     eye = keyframes.curve(back[:, :3, 3], wanted)
-    turned = _turned(keyframes.time, back[:, :3, :3])(wanted).as_matrix()
+    course = RotationSpline(keyframes.time, Rotation.from_matrix(back[:, :3, :3]))
+    turned = course(wanted).as_matrix()  # with a continuous angular velocity
     focal = np.exp(keyframes.curve(np.log([(camera.fx, camera.fy) for camera in cameras]), wanted))
     others = keyframes.curve([(camera.cx, camera.cy, camera.near) for camera in cameras], wanted)
     pose = np.tile(np.eye(4), (wanted.size, 1, 1))
@@ -211,14 +209,6 @@ def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
         (fx, fy), (cx, cy, near) = focal[n].tolist(), others[n].tolist()
         made.append(Camera.from_intrinsics(fx, fy, cx, cy, there[n], near))
     return made
-
-
-def _turned(time: Doubles, rotation: Doubles) -> "Callable[[Doubles], Rotation]":
-    """Rotations (K, 3, 3) as a function of time with continuous angular velocity."""
-    from scipy.spatial.transform import Rotation, RotationSpline
-
-    spline: Callable[[Doubles], Rotation] = RotationSpline(time, Rotation.from_matrix(rotation))
-    return spline
 
 
 _BETWEEN: dict[type, Callable[[Keyframes, Doubles], Sequence[Viewpoint]]] = {

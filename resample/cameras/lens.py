@@ -7,7 +7,7 @@ Points are x and y, (N,) float64.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -87,8 +87,19 @@ def distortion(coefficients: Doubles) -> Distortion:
     k1, k2, p1, p2, k3, k4, k5, k6, *others = np.pad(coefficients, (0, 14 - coefficients.size))
     numerator, denominator = np.array([1, k1, k2, k3]), np.array([1, k4, k5, k6])
     tangential, prism = np.array([p1, p2]), np.array(others[:4])
-    tilt, fold = _tilt(others[4], others[5]), _fold(numerator, denominator)
+    # The radius r n(s) / d(s), s = r², stops increasing where its derivative is 0, or has a pole.
+    n, d, s = Polynomial(numerator), Polynomial(denominator), Polynomial([0, 1])
+    growth = n * d + 2 * s * (n.deriv() * d - n * d.deriv())
+    fold = _least(np.concatenate([growth.roots(), d.roots()]), np.inf)
+    tilt = _tilt(others[4], others[5])
     return Distortion(numerator, denominator, tangential, prism, tilt, fold)
+
+
+def _least(roots: NDArray[Any], most: float) -> float:
+    """Least real root above 0 and below a limit, or that."""
+    root = np.asarray(roots, np.complex128)
+    is_real = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0.0)
+    return float(np.min(root.real[is_real], initial=most))
 
 
 def _start(lens: Distortion, x: Doubles, y: Doubles) -> Points:
@@ -109,15 +120,6 @@ def _radial(lens: Distortion, radius: Doubles) -> Doubles:
     """Distort a radius by the radial part of the lens."""
     s = radius * radius
     return radius * _horner(lens.numerator, s)[0] / _horner(lens.denominator, s)[0]
-
-
-def _fold(numerator: Doubles, denominator: Doubles) -> float:
-    """Squared radius s = r² at which r n(s) / d(s) stops increasing or has a pole."""
-    n, d, s = Polynomial(numerator), Polynomial(denominator), Polynomial([0, 1])
-    growth = n * d + 2 * s * (n.deriv() * d - n * d.deriv())
-    root = np.concatenate([growth.roots(), d.roots()]).astype(np.complex128)
-    is_radius = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0)
-    return float(np.min(root.real[is_radius], initial=np.inf))
 
 
 def _tilt(across: float, along: float) -> Doubles:
@@ -226,10 +228,7 @@ def fisheye(coefficients: Doubles) -> Fisheye:
     """Fisheye lens with coefficients k1, k2, k3, k4."""
     distance = Polynomial(np.ravel([[0.0, k] for k in (1.0, *coefficients)]))
     slope = distance.deriv()
-    root = np.asarray(slope.roots(), np.complex128)
-    is_angle = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0.0)
-    fold = float(np.min(root.real[is_angle], initial=0.5 * math.pi))
-    return Fisheye(distance, slope, fold)
+    return Fisheye(distance, slope, _least(slope.roots(), 0.5 * math.pi))
 
 
 def _ratio(after: Doubles, before: Doubles) -> Doubles:

@@ -53,10 +53,6 @@ class AnyCamera(Protocol):
         """Pose and projection as arrays and numbers for kernels."""
 
 
-def _identity() -> Doubles:
-    return np.eye(4)
-
-
 @dataclass(frozen=True, eq=False)
 class Camera:
     """Perspective camera with any intrinsics, a pose and a lens.
@@ -97,7 +93,7 @@ class Camera:
     """
 
     matrix: Doubles
-    world_to_camera: Doubles = field(default_factory=_identity)
+    world_to_camera: Doubles = field(default_factory=lambda: np.eye(4))
     distortion: Doubles | None = None
     near: float = 0.0
     model: AnyLens = LensModel.PINHOLE
@@ -148,7 +144,7 @@ class Camera:
             number(name, given)
         offset = 0.5 if convention == Convention.OPENCV else 0.0
         matrix = np.array([[fx, skew, cx + offset], [0.0, fy, cy + offset], [0.0, 0.0, 1.0]])
-        pose = _identity() if world_to_camera is None else pose_of(world_to_camera)
+        pose = np.eye(4) if world_to_camera is None else pose_of(world_to_camera)
         bends = None if distortion is None else np.asarray(distortion, np.float64)
         return cls(matrix, pose, bends, near)
 
@@ -251,7 +247,7 @@ class Camera:
                 f"scenes are painted with focal lengths above 0 and without skew, not with fx "
                 f"{self.fx:g}, fy {self.fy:g} and skew {self.matrix[0, 1]:g}"
             )
-        focal, principal = _pair(self.fx, self.fy), _pair(self.cx, self.cy)
+        focal, principal = (self.fx, self.fy), (self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=True)
 
 
@@ -289,7 +285,7 @@ class Orthographic:
     sy: float
     cx: float
     cy: float
-    world_to_camera: Doubles = field(default_factory=_identity)
+    world_to_camera: Doubles = field(default_factory=lambda: np.eye(4))
     near: float = 0.0
 
     def __post_init__(self) -> None:
@@ -305,7 +301,7 @@ class Orthographic:
         return replace(self, world_to_camera=pose_of(world_to_camera))
 
     def view(self) -> View:
-        focal, principal = _pair(self.sx, self.sy), _pair(self.cx, self.cy)
+        focal, principal = (self.sx, self.sy), (self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=False)
 
 
@@ -344,13 +340,14 @@ def _coefficients(given: ArrayLike | None, model: str) -> Doubles | None:
     return coefficients if coefficients.any() else None
 
 
-def _pair(first: float, second: float) -> Doubles:
-    """Two numbers as float64, so that kernels are compiled once."""
-    return np.array([first, second], np.float64)
-
-
 def _view(
-    pose: Doubles, focal: Doubles, principal: Doubles, near: float, *, perspective: bool
+    pose: Doubles,
+    focal: tuple[float, float],
+    principal: tuple[float, float],
+    near: float,
+    *,
+    perspective: bool,
 ) -> View:
-    rotation, shift = pose[:3, :3].copy(), pose[:3, 3].copy()
-    return View(rotation, shift, focal, principal, float(near), perspective)
+    """View of a camera; all numbers are float64, so that kernels are compiled once."""
+    lens = np.array(focal, np.float64), np.array(principal, np.float64)
+    return View(pose[:3, :3].copy(), pose[:3, 3].copy(), *lens, float(near), perspective)

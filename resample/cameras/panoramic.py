@@ -10,10 +10,6 @@ from resample.cameras.poses import pose_of, rigid
 from resample.types import Doubles
 
 
-def _identity() -> Doubles:
-    return np.eye(4)
-
-
 @dataclass(frozen=True, eq=False)
 class Equirectangular:
     """Camera with an equirectangular picture, twice as wide as high: longitude by latitude.
@@ -40,7 +36,7 @@ class Equirectangular:
     1.0
     """
 
-    world_to_camera: Doubles = field(default_factory=_identity)
+    world_to_camera: Doubles = field(default_factory=lambda: np.eye(4))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))

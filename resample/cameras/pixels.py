@@ -3,7 +3,7 @@
 Positions are (..., 2) px, x and y, with the first pixel's center at (0.5, 0.5).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -43,13 +43,13 @@ def undistorted_places(
     `rotation`: (3, 3) from the camera's axes to the pinhole's, OpenCV's R. Default: the identity.
     Result: (..., 2) px, NaN where no light passes the lens or the point is behind the pinhole.
     """
-    move: Move = _stay
+    moves: list[Move] = []
     if camera.distortion is not None:
         tolerance = TOLERANCE / max(abs(camera.fx), abs(camera.fy))
-        move = partial(_lens(camera, camera.distortion).unbend, tolerance=tolerance)
+        moves.append(partial(_lens(camera, camera.distortion).unbend, tolerance=tolerance))
     if rotation is not None:
-        move = _then(move, _turning(rotation))
-    return _moved(move, place, camera, camera if ideal is None else ideal)
+        moves.append(partial(project, rotation))
+    return _moved(moves, place, camera, camera if ideal is None else ideal)
 
 
 def distorted_places(
@@ -62,12 +62,12 @@ def distorted_places(
 
     Result: (..., 2) px, NaN behind the camera and beyond the fold of the lens.
     """
-    move: Move = _stay
-    if camera.distortion is not None:
-        move = _lens(camera, camera.distortion).bend
+    moves: list[Move] = []
     if rotation is not None:
-        move = _then(_turning(rotation.T), move)
-    return _moved(move, place, camera if ideal is None else ideal, camera)
+        moves.append(partial(project, rotation.T))
+    if camera.distortion is not None:
+        moves.append(_lens(camera, camera.distortion).bend)
+    return _moved(moves, place, camera if ideal is None else ideal, camera)
 
 
 def _lens(camera: Camera, distortion: Doubles) -> Distortion | Fisheye:
@@ -75,35 +75,18 @@ def _lens(camera: Camera, distortion: Doubles) -> Distortion | Fisheye:
     return (fisheye if camera.model == LensModel.FISHEYE else distorting)(distortion)
 
 
-def _turning(rotation: Doubles) -> Move:
-    """Rotation (3, 3) of points."""
-
-    def turn(x: Doubles, y: Doubles) -> Points:
-        with np.errstate(over="ignore"):
-            return project(rotation, x, y)
-
-    return turn
-
-
-def _then(first: Move, second: Move) -> Move:
-    """Composition of two mappings."""
-    return lambda x, y: second(*first(x, y))
-
-
-def _stay(x: Doubles, y: Doubles) -> Points:
-    return x, y
-
-
-def _moved(move: Move, place: Doubles, before: Camera, after: Camera) -> Doubles:
-    """Map positions from one camera to another, by a mapping of the plane at distance 1."""
+def _moved(moves: Sequence[Move], place: Doubles, before: Camera, after: Camera) -> Doubles:
+    """Map positions from one camera to another, by mappings of the plane at distance 1."""
     given = np.asarray(place, np.float64).reshape(-1, 2)
     found = np.empty_like(given)
     back, matrix = np.linalg.inv(before.matrix), after.matrix
     for n in range(0, len(given), BLOCK):
         column, row = given[n : n + BLOCK].T
-        x, y = move(
-            back[0, 0] * column + back[0, 1] * row + back[0, 2], back[1, 1] * row + back[1, 2]
-        )
+        x = back[0, 0] * column + back[0, 1] * row + back[0, 2]
+        y = back[1, 1] * row + back[1, 2]
+        with np.errstate(over="ignore"):
+            for move in moves:
+                x, y = move(x, y)
         found[n : n + BLOCK, 0] = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2]
         found[n : n + BLOCK, 1] = matrix[1, 1] * y + matrix[1, 2]
     return found.reshape(np.shape(place))

@@ -60,8 +60,19 @@ def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> 
 
 def read_matrices(path: Path) -> list[Entry]:
     """Read world-to-camera matrices: NPY (..., 3 or 4, 4), or text, one 3 × 4 or many 4 × 4."""
-    is_npy = path.suffix.lower() == ".npy"
-    matrices = _npy_matrices(path) if is_npy else _text_matrices(path)
+    if path.suffix.lower() == ".npy":
+        given = read_npy(path)
+        if given.ndim < 2 or given.dtype.kind not in "uif" or not given.size:
+            raise ValueError(
+                f"{path} holds {given.dtype} of shape {given.shape}, not (3, 4) or (4, 4)"
+            )
+        matrices = given.reshape(-1, *given.shape[-2:]).astype(np.float64)
+    else:
+        lines = lines_of(path)
+        numbers = table_of(path, lines, 4)
+        if len(lines) != 3 and (len(lines) % 4 or not lines):
+            raise ValueError(f"{path} has {len(lines)} rows of 4 numbers; a pose has 3 or 4")
+        matrices = numbers.reshape(-1, 3 if len(lines) == 3 else 4, 4)
     return [
         entry_of(f"{path}: pose {n}", "", lambda given: PosedPicture("", rigid(given)), matrix)
         for n, matrix in enumerate(matrices)
@@ -91,30 +102,15 @@ def read_log(path: Path) -> list[Entry]:
         raise ValueError(
             f"{path} is not a trajectory: each pose has a line of 3 numbers and 4 of 4"
         )
+
+    def posed(rows: Sequence[TextLine]) -> PosedPicture:
+        pose = camera_to_world([[float(word) for word in row.words] for row in rows])
+        return PosedPicture("", pose)
+
     return [
-        entry_of(f"{path}: pose {n}", "", _of_rows, lines[5 * n + 1 : 5 * n + 5])
+        entry_of(f"{path}: pose {n}", "", posed, lines[5 * n + 1 : 5 * n + 5])
         for n in range(len(lines) // 5)
     ]
-
-
-def _npy_matrices(path: Path) -> Doubles:
-    """Matrices (N, rows, columns) of an NPY file."""
-    given = read_npy(path)
-    if given.ndim < 2 or given.dtype.kind not in "uif" or not given.size:
-        raise ValueError(f"{path} holds {given.dtype} of shape {given.shape}, not (3, 4) or (4, 4)")
-    return given.reshape(-1, *given.shape[-2:]).astype(np.float64)
-
-
-# Text.
-
-
-def _text_matrices(path: Path) -> Doubles:
-    """Matrices (N, 3 or 4, 4) of a text file."""
-    lines = lines_of(path)
-    numbers = table_of(path, lines, 4)
-    if len(lines) != 3 and (len(lines) % 4 or not lines):
-        raise ValueError(f"{path} has {len(lines)} rows of 4 numbers; a pose has 3 or 4")
-    return numbers.reshape(-1, 3 if len(lines) == 3 else 4, 4)
 
 
 def lines_of(path: Path) -> list[TextLine]:
@@ -149,17 +145,38 @@ def _of_quaternion(line: TextLine, before: int) -> PosedPicture:
     return PosedPicture(line.words[0] if before else "", pose)
 
 
-def _of_rows(lines: Sequence[TextLine]) -> PosedPicture:
-    """Pose from a camera-to-world matrix."""
-    return PosedPicture(
-        "", camera_to_world([[float(word) for word in line.words] for line in lines])
-    )
-
-
 def is_trained(facts: Any) -> bool:
     """Whether JSON values are a list of cameras of training."""
     first = facts[0] if isinstance(facts, list) and facts else None
     return isinstance(first, dict) and {"rotation", "position", "fx"} <= set(first)
+
+
+def read_trained(path: Path) -> list[Entry]:
+    """Read camera-to-world rotations, positions and intrinsics (cameras.json, Kerbl et al. 2023).
+
+    It is written beside trained 3D Gaussians; the principal point is the picture's middle.
+    """
+    facts = facts_of(path)
+    if not is_trained(facts):
+        raise ValueError(f"{path} is no list of cameras with rotation, position and fx")
+    names = [str(each.get("img_name", "")) if isinstance(each, dict) else "" for each in facts]
+    return [
+        entry_of(f"{path}: camera {n}", name, _trained, name, each)
+        for n, (name, each) in enumerate(zip(names, facts, strict=True))
+    ]
+
+
+def _trained(name: str, facts: Facts) -> PosedPicture:
+    """One camera of the list."""
+    turn, place = np.array(facts["rotation"], float), np.array(facts["position"], float)
+    if turn.shape != (3, 3) or place.shape != (3,):
+        raise ValueError(f"a rotation of {turn.shape} and a position of {place.shape}")
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn.T, -turn.T @ place
+    width, height = int(facts["width"]), int(facts["height"])
+    fx, fy = float(facts["fx"]), float(facts.get("fy", facts["fx"]))
+    camera = Camera.from_intrinsics(fx, fy, width / 2, height / 2, pose)
+    return PosedPicture(name, camera.world_to_camera, camera, (height, width))
 
 
 def is_open3d(facts: Any) -> bool:
@@ -190,16 +207,16 @@ def facts_of(path: Path) -> Any:
 
 def _shot(facts: Facts) -> PosedPicture:
     """Parse one camera."""
-    pose = rigid(_columns(facts, "extrinsic", 4))
+    pose = rigid(columns_of(facts, "extrinsic", 4))
     inner = facts.get("intrinsic")
     if not inner:
         return PosedPicture("", pose)
-    camera = Camera.from_opencv(_columns(inner, "intrinsic_matrix", 3)).moved(pose)
+    camera = Camera.from_opencv(columns_of(inner, "intrinsic_matrix", 3)).moved(pose)
     height, width = int(inner.get("height", 0)), int(inner.get("width", 0))
     return PosedPicture("", pose, camera, (height, width) if min(height, width) > 0 else None)
 
 
-def _columns(facts: Facts, name: str, side: int) -> Any:
+def columns_of(facts: Facts, name: str, side: int) -> Any:
     """Matrix from a flat list in column order, or from a list of rows."""
     given = np.asarray(facts[name], np.float64)
     if given.shape not in ((side * side,), (side, side)):

@@ -124,11 +124,22 @@ def contact_sheet(
     `columns`: pictures per row; None: chosen automatically. `zoom`: side of a pixel's square; None
     enlarges small pictures to `SMALLEST` px or more.
     """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     if not images:
         raise ValueError("a contact sheet needs at least one picture")
     check_sheet(path)
-    layout = _layout([image.shape[:2] for image in images.values()], columns, zoom)
-    figure = _blank(layout)
+    for name, number in (("columns", columns), ("zoom", zoom)):
+        if number is not None and number < 1:
+            raise ValueError(f"{name} is a positive number, not {number}")
+    height, width = (max(image.shape[axis] for image in images.values()) for axis in (0, 1))
+    zoom, count = zoom or max(1, math.ceil(SMALLEST / width)), len(images)
+    columns = min(columns or (count if count <= 4 else math.ceil(math.sqrt(count))), count)
+    rows = math.ceil(count / columns)
+    layout = _SheetLayout(columns, rows, width * zoom, height * zoom, zoom)
+    figure = Figure((layout.width / DPI, layout.height / DPI), dpi=DPI, facecolor="white")
+    FigureCanvasAgg(figure)
     for cell, (title, image) in enumerate(images.items()):
         left, top = layout.corner(cell)
         pixels = np.repeat(np.repeat(as_levels(shown(image)), layout.zoom, 0), layout.zoom, 1)
@@ -169,28 +180,6 @@ def enlarged(detail: Floats, side: int) -> Floats:
     """Enlarge each pixel of a detail to a square; as large as fits into `side`."""
     zoom = max(1, side // max(detail.shape[:2]))
     return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
-
-
-def _layout(
-    shapes: Sequence[tuple[int, ...]], columns: int | None, zoom: int | None
-) -> _SheetLayout:
-    for name, number in (("columns", columns), ("zoom", zoom)):
-        if number is not None and number < 1:
-            raise ValueError(f"{name} is a positive number, not {number}")
-    height, width = (max(sizes) for sizes in zip(*shapes, strict=True))
-    zoom = zoom or max(1, math.ceil(SMALLEST / width))
-    count = len(shapes)
-    columns = min(columns or (count if count <= 4 else math.ceil(math.sqrt(count))), count)
-    return _SheetLayout(columns, math.ceil(count / columns), width * zoom, height * zoom, zoom)
-
-
-def _blank(layout: _SheetLayout) -> "Figure":
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure((layout.width / DPI, layout.height / DPI), dpi=DPI, facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _write_text(

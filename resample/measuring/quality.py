@@ -44,14 +44,7 @@ def measure(image: Picture, reference: Picture) -> dict[str, float]:
 def psnr(a: Picture, b: Picture, peak: float = 1.0, mask: NDArray[np.bool_] | None = None) -> float:
     """Peak signal-to-noise ratio, dB; inf for equal pictures.
 
-    Largest possible value.
-    ----------
-    (H, W) pixels to compare; None: all.
-        Pictures of one shape.
-    peak
-        Largest value that a picture can have.
-    mask
-        (H, W) pixels to look at; None takes all.
+    `peak`: largest value that a picture can have. `mask`: (H, W) pixels to compare; None: all.
     """
     error = rms(a, b, mask)
     return math.inf if error == 0.0 else 20.0 * math.log10(peak / error)
@@ -115,18 +108,11 @@ def _tagged(picture: Picture) -> Any:
     """Three-channel buffer marked as sRGB-encoded; FLIP takes unmarked ones as linear."""
     import OpenImageIO
 
-    rgb = picture[..., :3] if _channels(picture) >= 3 else np.repeat(_gray(picture), 3, axis=2)
+    rgb = picture.reshape(*picture.shape[:2], -1)[..., :3]
+    rgb = rgb if rgb.shape[2] == 3 else np.repeat(rgb[..., :1], 3, axis=2)
     buffer = OpenImageIO.ImageBuf(np.ascontiguousarray(np.clip(rgb, 0.0, 1.0), np.float32))
     buffer.specmod().attribute("oiio:ColorSpace", "srgb_rec709_scene")
     return buffer
-
-
-def _gray(picture: Picture) -> Picture:
-    return picture.reshape(*picture.shape[:2], -1)[..., :1]
-
-
-def _channels(picture: Picture) -> int:
-    return 1 if picture.ndim == 2 else picture.shape[2]
 
 
 def _difference(a: Picture, b: Picture) -> NDArray[np.float64]:

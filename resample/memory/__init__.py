@@ -27,15 +27,10 @@ def return_freed_memory() -> None:
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
-    _tune_glibc("mallopt", M_MMAP_THRESHOLD, GIVEN_BACK)
-
-
-def _tune_glibc(name: str, *numbers: int) -> None:
-    """Call a function of glibc, if the platform uses it."""
     import ctypes
 
     with suppress(AttributeError, OSError, TypeError):
-        getattr(ctypes.CDLL(None), name)(*numbers)
+        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, GIVEN_BACK)
 
 
 def physical_memory() -> int | None:
@@ -142,7 +137,9 @@ def require(what: str, parts: dict[str, int], remedy: str) -> None:
     need = sum(parts.values())
     each = ", ".join(f"{name} {amount(count)}" for name, count in parts.items())
     LOG.debug("%s needs about %s of memory: %s", what, amount(need), each)
-    allowed, free = ALLOWED.get(), _free()
+    allowed, free, installed = ALLOWED.get(), available_memory(), physical_memory()
+    if free is not None:  # or already held by this process
+        free = None if installed is None else min(free + memory_in_use(), installed)
     if allowed is not None and need > allowed:
         raise ValueError(
             f"{what} needs about {amount(need)} of memory, --memory allows {amount(allowed)}; "
@@ -170,14 +167,6 @@ def _limit() -> int | None:
     limits = [(resource.getrlimit(kind)[0], apart) for kind, apart in kinds]
     left = [max(0, most - apart) for most, apart in limits if most != resource.RLIM_INFINITY]
     return min(left, default=None)
-
-
-def _free() -> int | None:
-    """Bytes free or already held by this process; None if the platform does not tell."""
-    free, installed = available_memory(), physical_memory()
-    if free is None or installed is None:
-        return None
-    return min(free + memory_in_use(), installed)
 
 
 def require_memory(count: int, what: str, remedy: str) -> None:

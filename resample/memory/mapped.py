@@ -161,13 +161,9 @@ def _let_go() -> None:
                 return
             most = sum(map(min, zip(*known, strict=True)))
             if mapped_memory() > most:
-                _drop_pages()
-
-
-def _drop_pages() -> None:
-    for file in list(_held):
-        with suppress(ValueError):  # the mapping was closed
-            file.madvise(mmap.MADV_DONTNEED)
+                for file in list(_held):
+                    with suppress(ValueError):  # the mapping was closed
+                        file.madvise(mmap.MADV_DONTNEED)
 
 
 def _after_fork() -> None:

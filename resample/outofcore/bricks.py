@@ -1,6 +1,6 @@
 """Arrays of any dimension in bricks, read on demand: indices, reads counted, caches."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from math import prod
@@ -34,21 +34,6 @@ def boxes_of(shape: Step, side: Step) -> list[Box]:
         tuple(slice(n, min(n + own, size)) for n, own, size in zip(at, side, shape, strict=True))
         for at in starts
     ]
-
-
-def copy_shared(values: NDArray[Any], box: Box, brick: NDArray[Any], own: Box) -> None:
-    """Copy what a brick and a box have in common to the values of the box."""
-    shared = [
-        (max(one.start, other.start), min(one.stop, other.stop))
-        for one, other in zip(box, own, strict=True)
-    ]
-    if any(start >= stop for start, stop in shared):
-        return
-    to, of = (
-        tuple(slice(a - p.start, b - p.start) for (a, b), p in zip(shared, at, strict=True))
-        for at in (box, own)
-    )
-    values[to] = brick[of]
 
 
 class PinnedCache:
@@ -155,11 +140,6 @@ class BrickArray:
         )
         return slice(start + first.start, start + first.stop), *others
 
-    @property
-    def limits(self) -> Box:
-        """Least and greatest index along each axis."""
-        return tuple(slice(0, size) for size in self.shape)
-
     def all(self) -> list[Step]:
         """Indices of all bricks, the first axis slowest."""
         return list(product(*map(range, self.count)))
@@ -171,10 +151,6 @@ class BrickArray:
     def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
         """Return values for those in the file; here the same."""
         return stored
-
-    def state(self) -> tuple[Any, ...] | None:
-        """Return what identifies the values, also for later commands; None if nothing does."""
-        return None
 
     def _read(self, index: Step) -> NDArray[Any]:
         """Read the values of a brick, from the cache or the file."""
@@ -249,29 +225,3 @@ class BrickArray:
 
         for n, _ in enumerate(in_order(put, self.all())):
             report(n + 1, prod(self.count))
-
-    def part(self, box: Box) -> NDArray[Any]:
-        """Return the values of any box, of the bricks that it touches."""
-        values = np.empty([side.stop - side.start for side in box], self.dtype)
-        if values.size:
-            homes = (
-                range(part.start // side, (part.stop - 1) // side + 1)
-                for part, side in zip(box, self.side, strict=True)
-            )
-            for index in product(*homes):
-                copy_shared(values, box, self.brick(index), self.box(index))
-        return values
-
-    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
-        """Return values (N,) at indices along each axis; each brick with any is read once."""
-        homes = [n // side for n, side in zip(index, self.side, strict=True)]
-        home = np.ravel_multi_index(homes, self.count)
-        order = np.argsort(home, kind="stable")
-        bricks, starts = np.unique(home[order], return_index=True)
-        found = np.empty(home.size, self.dtype)
-        for number, own in zip(bricks, np.split(order, starts[1:]), strict=True):
-            at = tuple(int(n) for n in np.unravel_index(number, self.count))
-            box = self.box(at)
-            within = tuple(n[own] - part.start for n, part in zip(index, box, strict=True))
-            found[own] = self.brick(at)[within]
-        return found

@@ -105,7 +105,9 @@ def _traced(
     y, x = np.mgrid[:height, :width].astype(eye.dtype)
     along = (x + at[0] - width / 2) / focal, (y + at[1] - height / 2) / focal
     ray = np.stack([*along, np.ones_like(x)], axis=2)
-    depth, axis = _room(eye, ray)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        walls = np.where(ray > 0, (HIGH - eye) / ray, (LOW - eye) / ray).astype(eye.dtype)
+    depth, axis = walls.min(axis=2), walls.argmin(axis=2)  # and what each wall is across
     normal = -np.sign(ray) * (np.arange(3) == axis[..., None])
     paint = np.empty_like(ray)
     _paint_walls(eye + ray * depth[..., None], axis, paint)
@@ -114,13 +116,6 @@ def _traced(
         ball = np.array(center, eye.dtype), radius, np.array(color, eye.dtype)
         _add_ball(eye, ray, ball, (depth, normal, paint))
     return _lit(eye + ray * depth[..., None], normal, paint), depth
-
-
-def _room(eye: Doubles, ray: Doubles) -> tuple[Doubles, NDArray[np.intp]]:
-    """Distance to the room's walls, and the axis that each is perpendicular to."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ways = np.where(ray > 0, (HIGH - eye) / ray, (LOW - eye) / ray).astype(eye.dtype)
-    return ways.min(axis=2), ways.argmin(axis=2)
 
 
 def _paint_walls(place: Doubles, axis: NDArray[np.intp], paint: Doubles) -> None:

@@ -26,8 +26,6 @@ from resample.files.writing import check_end, load_arrays, refused, store_arrays
 from resample.measuring.compare import contact_sheet, write_screen
 from resample.types import Frame
 from resample_figures.volumes import write_numbers
-from resample_volume.classification.files import save_transfer
-from resample_volume.classification.transfer import TransferFunction
 from resample_volume.files.source import write_volume
 from resample_volume.files.stores.writing import Layered, write_store
 from resample_volume.types import Recording, Volume
@@ -47,7 +45,6 @@ FRAME = Frame(NOISE, NOISE[..., 0], NOISE[..., 1], NOISE[..., 2], None)
 VALUES = RANDOM.integers(0, 1000, (8, 9, 10)).astype(np.int16)
 PLACE = np.ones(3), np.zeros(3), np.eye(3)
 VOLUME = Volume(VALUES, *PLACE, "noise")
-GRAY = TransferFunction(np.array([0.0, 1.0]), np.zeros((2, 3)), np.array([0.0, 1.0]))
 
 
 @contextmanager
@@ -108,7 +105,6 @@ WRITERS = {
     **{f"depth{suffix}": depth for suffix in (".npy", ".exr", ".png")},
     **{f"mesh{suffix}": geometry for suffix in (".ply", ".glb")},
     **{f"a{suffix}": volume for suffix in (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")},
-    "look.toml": partial(save_transfer, transfer=GRAY),
     "rows.csv": lambda path: write_numbers(path.parent, "rows", [{"a": 1}], {}),
 }  # fmt: skip
 

@@ -11,7 +11,7 @@ from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.labels import Rule
 from resample_volume.classification.materials import spread
 from resample_volume.classification.presets import load_transfer
-from resample_volume.command.choices import AppearanceChoices, Projecting, ReadOptions
+from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
 from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification, check_together
@@ -78,10 +78,9 @@ def test_cuts_labels_and_depth_cues_arrive(tmp_path):
 def test_fields_are_gathered_along_rays_unless_an_order_is_chosen():
     post = AppearanceChoices(classify="post")
     assert post.renderer(Resampling()).order == Rays()
-    maximum = Projecting(projection="maximum").resampling()
+    maximum = Resampling(projection="maximum")
     assert AppearanceChoices().renderer(maximum).order == Rays(quality="usual")
     assert post.renderer(maximum).order == Rays()
-    assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Transfer functions over values and gradients: what they give, what files hold, tables."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pytest
 
 from resample.colors import from_srgb
 from resample.types import Floats
-from resample_volume.classification.files import save_transfer
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.transfer import MOST_OPAQUE, from_points, tabulated
@@ -218,18 +216,15 @@ def test_no_regions_are_refused() -> None:
         RegionTransfer(())
 
 
-@pytest.mark.parametrize("suffix", [".toml", ".json"])
-def test_files_give_back_what_was_saved(tmp_path: Path, suffix: str) -> None:
-    transfer = one(SOFT, Region((-INF, 1e20), RED, 1 / 3), opacity_unit=0.1)
-    save_transfer(tmp_path / f"saved{suffix}", transfer)
-    assert load_transfer(tmp_path / f"saved{suffix}") == transfer
-
-
-def test_json_keeps_to_its_own_rules_for_ranges_without_an_end(tmp_path: Path) -> None:
-    save_transfer(tmp_path / "a.json", one(Region((50, INF), RED, 0.5)))
-    text = (tmp_path / "a.json").read_text(encoding="utf-8")
-    saved = json.loads(text, parse_constant=pytest.fail)
-    assert saved["regions"][0]["value"] == [50, None]
+def test_ranges_without_an_end_are_null_in_json_and_inf_in_toml(tmp_path: Path) -> None:
+    region = '"value": [50, null], "color": "#ff0000", "opacity": 0.5'
+    as_json = f'{{"opacity_unit": 0.1, "regions": [{{{region}}}]}}'
+    as_toml = region.replace('"value":', "value =").replace('"color":', "color =")
+    as_toml = as_toml.replace('"opacity":', "opacity =").replace("null", "inf")
+    (tmp_path / "a.json").write_text(as_json, "utf-8")
+    (tmp_path / "a.toml").write_text(f"opacity_unit = 0.1\nregions = [{{{as_toml}}}]", "utf-8")
+    wanted = one(Region((50, INF), (1.0, 0.0, 0.0), 0.5), opacity_unit=0.1)
+    assert load_transfer(tmp_path / "a.json") == load_transfer(tmp_path / "a.toml") == wanted
 
 
 def test_a_region_in_a_file_may_leave_out_gradient_and_softness(tmp_path: Path) -> None:

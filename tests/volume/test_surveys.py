@@ -6,7 +6,7 @@ import pytest
 from resample_volume.classification.surveys import ends, findings, survey, without_padding
 from resample_volume.data.thresholds import Histogram, otsu
 from resample_volume.inputs import as_volume
-from resample_volume.viewing.telling import histogram
+from resample_volume.viewing.volumes import histogram
 
 
 def ball(rng, dtype=np.int16):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample_volume.classification.files import save_transfer
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.transfer import (
     MOST_OPAQUE,
@@ -216,27 +215,6 @@ def test_points_may_be_given_in_words() -> None:
 def test_a_wrong_name_or_parameter_is_explained(name: str, match: str) -> None:
     with pytest.raises(ValueError, match=match):
         load_transfer(name)
-
-
-@pytest.mark.some(5)
-@pytest.mark.parametrize("suffix", [".toml", ".json"])
-@pytest.mark.parametrize("name", [*PRESETS, "viridis:low=0.3"])
-def test_files_give_back_what_was_saved(tmp_path: Path, name: str, suffix: str) -> None:
-    transfer = load_transfer(name)
-    save_transfer(tmp_path / f"saved{suffix}", transfer)
-    assert load_transfer(tmp_path / f"saved{suffix}") == transfer
-
-
-@pytest.mark.parametrize("suffix", [".toml", ".json"])
-def test_files_keep_the_opacity_unit(tmp_path: Path, suffix: str) -> None:
-    transfer = from_points([(1e-20, WHITE, 1e-7), (1e20, BLACK, 1 / 3)], opacity_unit=0.1)
-    save_transfer(tmp_path / f"saved{suffix}", transfer)
-    assert load_transfer(str(tmp_path / f"saved{suffix}")) == transfer
-
-
-def test_saving_under_another_suffix_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"written as \.json or \.toml"):
-        save_transfer(tmp_path / "bone.yaml", RAMP)
 
 
 def test_colors_may_be_codes_names_or_numbers(tmp_path: Path) -> None:

@@ -36,7 +36,6 @@ def test_an_array_and_its_bricks_say_the_same(kind, rng):
     array, inner = values_of(values), values_of(bricks)
     assert isinstance(array, ArrayValues)
     assert inner is bricks
-    assert (array.is_streamed, inner.is_streamed) == (False, True)
     assert (array.shape, array.dtype) == (inner.shape, inner.dtype)
     assert array.range() == inner.range()
     np.testing.assert_array_equal(array.whole(), inner.whole())
@@ -45,8 +44,6 @@ def test_an_array_and_its_bricks_say_the_same(kind, rng):
     np.testing.assert_array_equal(*(np.sort(one.border()) for one in (array, inner)))
     box = slice(1, 4), slice(0, 7), slice(2, 5)
     np.testing.assert_array_equal(array.read(box), inner.read(box))
-    at = [rng.integers(0, size, 40) for size in SHAPE]
-    np.testing.assert_array_equal(array.at(at), inner.at(at))
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind[0] != "f"])

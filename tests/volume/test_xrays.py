@@ -11,6 +11,7 @@ import pytest
 from resample.cameras.files import viewpoint
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb, to_srgb
+from resample.command.settings import Resampling
 from resample.files.images import read_channels, read_image
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
@@ -18,7 +19,7 @@ from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command import rendering
-from resample_volume.command.choices import AppearanceChoices, Projecting
+from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
 from resample_volume.media.series import Series
 from resample_volume.rendering import Subject
@@ -245,7 +246,7 @@ def test_x_rays_are_of_their_projection():
     with pytest.raises(ValueError, match="need the projection xray, not maximum"):
         render(ball(), look, resampler=maximum)
     with pytest.raises(ValueError, match="need the projection xray, not composite"):
-        AppearanceChoices(mu_water=0.03).renderer(Projecting().resampling())
+        AppearanceChoices(mu_water=0.03).renderer(Resampling())
 
 
 def test_what_is_composited_has_no_negative():

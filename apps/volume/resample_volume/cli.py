@@ -14,12 +14,7 @@ from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
 from resample.command.helping import CommandLine
 from resample.command.session import run
-from resample.command.settings import (
-    PictureFormat,
-    Resampling,
-    Serving,
-    Sharing,
-)
+from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
 from resample.command.settings_files import with_settings
 from resample.console import linear_color
 from resample.lazy import installed_version
@@ -29,7 +24,6 @@ from resample_volume.command.choices import (
     Beside,
     BesideFilm,
     BesidePicture,
-    Projecting,
     ReadOptions,
 )
 
@@ -55,7 +49,7 @@ app.first = "methods path frames camera transfer window size bins chunk time cha
 app.register_install_completion_command()
 
 VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
-SOURCE, PROJECTING, ADDED = ReadOptions.usual(), Projecting.usual(), Added.usual()
+SOURCE, ADDED = ReadOptions.usual(), Added.usual()
 BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
 BESIDE_FILM = BesideFilm.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
@@ -97,6 +91,7 @@ def render(
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
     from resample.command.session import Session, require_picture
+    from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
@@ -104,7 +99,6 @@ def render(
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
         annotated_picture,
-        execution_context,
         picture_of,
         report,
         to_paint,
@@ -119,16 +113,17 @@ def render(
     viewpoint = look.viewpoint()
     require_picture(size, BYTES_PER_PIXEL)
     session = Session()
-    with execution_context(picture.threads, sharing) as context:
+    with worker_pools(sharing, picture.threads) as start_workers:
         check_targets(output, stats)
         with session.stage("read"):
-            shown = media(
-                source, volume, look, added, resampler, start_workers=context.start_workers
-            )
+            shown = media(source, volume, look, added, resampler, start_workers=start_workers)
             shown = with_objects(shown, objects)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(session, shown, resampler, beside.fit(look), viewpoint, size, context)
+        scene = to_paint(
+            *(session, shown, resampler, beside.fit(look), viewpoint, size),
+            *(picture.threads, sharing, start_workers),
+        )
         subject, camera, paint = scene
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
@@ -354,12 +349,7 @@ def convert(
     """
     from resample.console import progress_bar, say
     from resample_volume.command.inputs import note_assumed, stored
-    from resample_volume.files.stores.writing import (
-        Layered,
-        bricks_of,
-        check_store,
-        write_store,
-    )
+    from resample_volume.files.stores.writing import Layered, bricks_of, check_store, write_store
 
     form = Layered(chunk, shard, compression, levels)
     check_store(output)
@@ -443,12 +433,11 @@ def _bars(facts: dict[str, Any]) -> list[str]:
     lines = ["values from   voxels; logarithmic bars"]
     for n, count in enumerate(counts):
         bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
-        marks = [mark for mark, limits in (("2", two), ("3", three)) if _within(limits, edges, n)]
+        marks = [
+            mark
+            for mark, limits in (("2", two), ("3", three))
+            if any(edges[n] < limit <= edges[n + 1] for limit in limits)
+        ]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
         lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
     return lines
-
-
-def _within(limits: list[float], edges: list[float], n: int) -> bool:
-    """Return whether one of some values lies in a bin."""
-    return any(edges[n] < limit <= edges[n + 1] for limit in limits)

@@ -1,5 +1,6 @@
 """Convert arrays, files and images of other libraries to volumes."""
 
+from collections.abc import Callable
 from os import PathLike
 from typing import Any
 
@@ -11,12 +12,11 @@ from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
 from resample.words import one_line
 from resample_volume.classification.scales import LINEAR, scaled
-from resample_volume.data.recordings import in_color, is_color
+from resample_volume.data.recordings import check_whole, in_color, is_color
 from resample_volume.data.values import is_streamed
-from resample_volume.exchange import Part, Taker, check_whole
 from resample_volume.files.parsing.headers import KEPT
 from resample_volume.files.source import open_volume
-from resample_volume.types import Volume
+from resample_volume.types import Part, Volume
 
 TAKEN = (
     "an array (Z, Y, X), nested lists, a path, a Volume, or what xarray, SimpleITK, nibabel, VTK, "
@@ -80,8 +80,11 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
         return _checked(given)
     if isinstance(given, str | PathLike):
         return open_volume(str(given))
-    if isinstance(given, tuple) and len(given) == 2 and _is_part(given[1]):
-        return as_volume(given[0], name, part=given[1])
+    if isinstance(given, tuple) and len(given) == 2:  # a grid and a part, in one word or several
+        grid, words = given
+        several = words if isinstance(words, tuple) else (words,)
+        if several and all(isinstance(word, str) for word in several):
+            return as_volume(grid, name, part=words)
     taker = _taker_of(given)
     if taker is None:
         check_whole(part, "an array")
@@ -90,13 +93,6 @@ def _as_it_is(given: Any, name: str, part: Part) -> Volume:
     placed = _placed(_array(made.values), made.name, *made[1:4])
     kept = {name: getattr(made, name) for name in ("units", "note", "space", "length")}
     return placed._replace(**kept)
-
-
-def _is_part(given: Any) -> bool:
-    """Return whether this names a part, in one word or several."""
-    return isinstance(given, str) or (
-        isinstance(given, tuple) and bool(given) and all(isinstance(word, str) for word in given)
-    )
 
 
 def _checked(given: Volume) -> Volume:
@@ -194,7 +190,7 @@ def _placed(
     return in_color(values, volume) if colored else volume
 
 
-def _taker_of(given: Any) -> Taker | None:
+def _taker_of(given: Any) -> Callable[[Any, Part, str], Volume] | None:
     """Return the converter of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
 
     None for objects of no known library.
@@ -202,14 +198,14 @@ def _taker_of(given: Any) -> Taker | None:
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
-        from resample_volume.exchange.grids import of_dataset
+        from resample_volume.exchange import of_dataset
 
         return of_dataset
     is_labeled = hasattr(given, "dims") and hasattr(given, "coords")
     is_grid = hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions")
     if not (is_labeled or is_grid or homes & {"SimpleITK", "nibabel"}):
         return None
-    from resample_volume.exchange.grids import of_grid, of_labeled, of_nibabel, of_simple_itk
+    from resample_volume.exchange import of_grid, of_labeled, of_nibabel, of_simple_itk
 
     if "SimpleITK" in homes:
         return of_simple_itk

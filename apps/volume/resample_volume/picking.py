@@ -20,7 +20,7 @@ from resample_volume.voxels.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
-    from resample_volume.voxels.kernels.picking import PickedField, PickingRays, SplattedVoxels
+    from resample_volume.voxels.kernels.picking import PickingRays, SplattedVoxels
 
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
@@ -57,7 +57,8 @@ def voxels_at(
     level, the surface, a plane of values more opaque than that, or its extreme; -1 where there is
     none. And the transmittance (N,) of all.
     """
-    from resample_volume.voxels.kernels.picking import pick_in_field, pick_voxels
+    from resample.engine.rays.splines import bundled
+    from resample_volume.voxels.kernels.picking import PickedField, pick_in_field, pick_voxels
 
     voxels, projection = subject.voxels, resampler.projection
     if projection not in PICKED_BY_PROJECTION or not isinstance(voxels, Voxels | Gathered):
@@ -77,7 +78,17 @@ def voxels_at(
     else:
         depth, shown = _on_planes(subject, volume, camera.view(), pixels, level)
         rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
-        pick_in_field(_picked_field(voxels, resampler), rays, level, voxel, kept)
+        coefficient: Any = bundled(voxels.spline.coefficient)
+        field = PickedField(
+            voxels.spline._replace(coefficient=coefficient),
+            voxels.known,
+            voxels.each,
+            *voxels.table,
+            np.ascontiguousarray(np.linalg.inv(voxels.lattice).T),
+            PICKED_BY_PROJECTION[projection],
+            float(resampler.iso or 0.0),
+        )
+        pick_in_field(field, rays, level, voxel, kept)
         voxel = voxels_of(voxel, scene.values.shape, thin)
         is_plane = (voxel < 0) & np.isfinite(depth)
         voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
@@ -168,24 +179,4 @@ def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -
         (x_deeper, y_deeper, z_deeper),
         footprint_table(kernel).values,
         float(kernel.radius),
-    )
-
-
-def _picked_field(field: Gathered, resampler: Resampler) -> "PickedField":
-    from resample.engine.rays.splines import bundled
-    from resample_volume.voxels.kernels.picking import PickedField
-
-    looks = field.table
-    coefficient: Any = bundled(field.spline.coefficient)
-    return PickedField(
-        field.spline._replace(coefficient=coefficient),
-        field.known,
-        field.each,
-        looks.table,
-        looks.low,
-        looks.high,
-        looks.steep,
-        np.ascontiguousarray(np.linalg.inv(field.lattice).T),
-        PICKED_BY_PROJECTION[resampler.projection],
-        float(resampler.iso or 0.0),
     )

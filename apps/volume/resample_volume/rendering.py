@@ -13,19 +13,10 @@ from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
-from resample.types import (
-    NO_TRIANGLES,
-    Doubles,
-    Frame,
-    LatticeField,
-    Samples,
-    Triangles,
-    View,
-)
+from resample.types import NO_TRIANGLES, Doubles, Frame, LatticeField, Samples, Triangles, View
 from resample.watching import Progress
 from resample.words import warn
 from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
@@ -45,7 +36,7 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.xrays import AS_IT_IS, MU_WATER, Tone, XRay, exposed, settled, tone_of
+from resample_volume.media.xrays import AS_IT_IS, MU_WATER, Tone, XRay, attenuation, settled
 from resample_volume.types import Placed, Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.framing import (
@@ -61,12 +52,7 @@ from resample_volume.voxels.framing import (
 )
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
-from resample_volume.voxels.visible import (
-    Voxels,
-    classify,
-    finite_range,
-    unit_of,
-)
+from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
     from resample_volume.media.lattices import CommonLattice
@@ -102,13 +88,6 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     first, look = moved[0]
     cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
     return Placement(moved, whole, middle, np.concatenate(cuts))
-
-
-def resampled_appearance(volume: Volume, look: Appearance) -> Appearance:
-    """Return the look that a volume keeps when it is resampled."""
-    transfer = transfer_of(volume, look)
-    unit = unit_of(transfer, volume)
-    return replace(look, transfer=Windowed(transfer, finite_range(volume.values), unit))
 
 
 def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:
@@ -165,11 +144,13 @@ def _measured(
     volume: Volume, appearance: Appearance, projection: Projection
 ) -> tuple[Volume, Appearance, Tone]:
     """Return volume and look of the field that rays measure, and the tone of frames."""
-    xray = appearance.xray
-    if projection is Projection.XRAY:
-        xray = settled(xray or XRay(MU_WATER * mm_of(volume)), volume)
-        volume, appearance = exposed(volume, xray), replace(appearance, transfer=LEVELS)
-    return volume, appearance, tone_of(xray, projection, is_negative=appearance.invert)
+    if projection is not Projection.XRAY:
+        return volume, appearance, Tone(is_negative=appearance.invert)
+    xray = settled(appearance.xray or XRay(MU_WATER * mm_of(volume)), volume)
+    water = attenuation(volume.values, xray.added)
+    tone = Tone(xray.mu_water, xray.window, appearance.invert)
+    look = replace(appearance, transfer=LEVELS)
+    return volume._replace(values=water, units=""), look, tone
 
 
 def _shadowed(

@@ -1,6 +1,5 @@
 """Open a volume once, render it many times: what does not depend on the view is cached."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
@@ -17,18 +16,19 @@ from resample.scene.previews import PER, Shrunk, enlarged_frame
 from resample.scene.scenes import AnyScene, Quality, is_quick
 from resample.types import Frame
 from resample.watching import Cancel, Progress
-from resample_volume.classification.labels import Labels
+from resample_volume.classification.materials import Windowed
 from resample_volume.classification.surveys import survey, without_padding
 from resample_volume.data.values import as_array, values_of
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, resampler_for
+from resample_volume.media.appearance import Appearance, resampler_for, transfer_of
 from resample_volume.media.xrays import XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
-from resample_volume.rendering import Fit, Subject, resampled_appearance, warn_of_nothing
+from resample_volume.rendering import Fit, Subject, warn_of_nothing
 from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes
 from resample_volume.voxels.framing import centered
+from resample_volume.voxels.visible import finite_range, unit_of
 
 KEPT = 4  # looks whose samples are cached
 MERGED = 2  # voxels per side that a preview merges
@@ -238,8 +238,8 @@ class Scene(AnyScene):
             raise ValueError(f"fit {fit!r}; known: {', '.join(get_args(Fit))}")
         appearance = look if isinstance(look, Appearance) else Appearance(look)
         paint = resampler or resampler_for(appearance)
-        if is_preview:
-            paint = self._quickly(paint)
+        if is_preview and paint.subpixels is None:
+            paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
         with memoizing(self._found):
             subject = self._subject(appearance, paint, fit, is_preview=is_preview)
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
@@ -266,24 +266,32 @@ class Scene(AnyScene):
 
     def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
         """Return the volume with fewer voxels, and the look adapted to it."""
-        per = MERGED if self.volume.values.size < LARGE else 2 * MERGED
+        volume, per = self.volume, MERGED if self.volume.values.size < LARGE else 2 * MERGED
         if self._coarse is None:
-            self._coarse = merged(self.volume, per)
+            self._coarse = merged(volume, per)
         if paint.projection is Projection.XRAY:
-            look = replace(look, xray=settled(look.xray or XRay(), self.volume))
-        kept = resampled_appearance(self.volume, replace(look, labels=None))
-        pictures = tuple(settled_plane(plane, self.volume) for plane in look.planes)
-        labels = None if look.labels is None else merged_labels(look.labels, per)
-        cuts = kept_cuts(self.volume, self._coarse, look.crop, look.cuts)
-        slab = None if look.section is None or look.section.normal else look.slab
-        kept = replace(kept, labels=labels, crop=None, clip=cuts, slab=slab, planes=pictures)
-        return self._coarse, kept
-
-    def _quickly(self, paint: Resampler) -> Resampler:
-        """Return the renderer of previews, which is reused."""
-        if paint.subpixels is not None:
-            return paint
-        return self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
+            look = replace(look, xray=settled(look.xray or XRay(), volume))
+        transfer, labels = transfer_of(volume, look), look.labels
+        unit = unit_of(transfer, volume)
+        transfer = Windowed(transfer, finite_range(volume.values), unit)
+        if labels is not None:  # each that of the block's first voxel
+            whole = values_of(labels.values).whole()
+            labels = replace(labels, values=whole[::per, ::per, ::per])
+        # Merged voxels are cut where crop and clip cut the volume.
+        middle = centered(self._coarse)[1]
+        cuts = tuple(
+            ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
+            for *normal, far in planes(volume, look.crop, look.cuts).tolist()
+        )
+        return self._coarse, replace(
+            look,
+            transfer=transfer,
+            labels=labels,
+            crop=None,
+            clip=cuts,
+            slab=None if look.section is None or look.section.normal else look.slab,
+            planes=tuple(settled_plane(plane, volume) for plane in look.planes),
+        )
 
 
 def merged(volume: Volume, per: int) -> Volume:
@@ -295,22 +303,6 @@ def merged(volume: Volume, per: int) -> Volume:
         colors=colors,
         spacing=per * volume.spacing,
         origin=volume.origin + shift,
-    )
-
-
-def merged_labels(labels: Labels, per: int) -> Labels:
-    """Return labels of merged voxels, each that of the block's first voxel."""
-    return replace(labels, values=values_of(labels.values).whole()[::per, ::per, ::per])
-
-
-def kept_cuts(
-    volume: Volume, coarse: Volume, crop: str | None, clip: Sequence[str]
-) -> tuple[str, ...]:
-    """Return clip planes that cut merged voxels where crop and clip cut the volume."""
-    middle = centered(coarse)[1]
-    return tuple(
-        ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
-        for *normal, far in planes(volume, crop, clip).tolist()
     )
 
 

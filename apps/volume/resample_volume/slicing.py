@@ -84,9 +84,13 @@ def slice_levels(
     count = volume.values.shape[2 - plane.across]
     if not 0 <= at < count:
         raise ValueError(f"slice {at} of {count} {plane.name} ones; give 0 to {count - 1}")
-    values = _oriented(volume, plane, at)
+    taken: NDArray[Any] = np.asarray(volume.values.take(at, axis=2 - plane.across), np.float32)
+    if plane.down < plane.right:  # of two axes the later one changes slower
+        taken = taken.T
+    values = np.ascontiguousarray(taken[:: plane.down_sign, :: plane.right_sign])
     is_known = np.isfinite(values)
-    low, high = window or _range(values, is_known)
+    known = values[is_known] if is_known.any() else np.array([0.0, 1.0])
+    low, high = window or (float(known.min()), float(known.max()))
     values = np.where(is_known, values, np.float32(low))
     cells = np.array(values.shape[::-1])  # to the right, downward
     extent = volume.spacing[[plane.right, plane.down]] * cells
@@ -100,19 +104,6 @@ def slice_levels(
         return np.repeat(levels, 3, axis=2)
     opacity = cv2.resize(is_known.astype(np.uint8) * 255, shape, interpolation=cv2.INTER_NEAREST)
     return np.concatenate([np.repeat(levels, 3, axis=2), opacity[..., np.newaxis]], axis=2)
-
-
-def _oriented(volume: Volume, plane: SlicePlane, at: int) -> NDArray[np.float32]:
-    """Return the values of a slice, rows downward and columns to the right."""
-    taken: NDArray[Any] = np.asarray(volume.values.take(at, axis=2 - plane.across), np.float32)
-    if plane.down < plane.right:  # of two axes the later one changes slower
-        taken = taken.T
-    return np.ascontiguousarray(taken[:: plane.down_sign, :: plane.right_sign])
-
-
-def _range(values: NDArray[np.float32], is_known: NDArray[np.bool_]) -> tuple[float, float]:
-    known = values[is_known]
-    return (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
 
 
 def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> LineProfile:

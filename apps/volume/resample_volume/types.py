@@ -14,6 +14,9 @@ ASSUMED = {
 }
 
 
+Part = str | tuple[str, ...]  # name of an array or a field; yt's have two words
+
+
 class Volume(NamedTuple):
     """A scalar field on a regular lattice.
 

@@ -145,7 +145,15 @@ def read_colmap(path: Path) -> list[Entry]:
 
     `path` is the folder, where binary files are preferred, as in COLMAP, or the file.
     """
-    images = _images_of(path)
+    images = path
+    if path.is_dir():
+        held = [path / name for name in ("images.bin", "images.txt") if (path / name).is_file()]
+        if not held:
+            raise ValueError(
+                f"{path} holds no images.bin and no images.txt; give the folder of COLMAP's model,"
+                " such as sparse/0"
+            )
+        images = held[0]
     is_binary = images.suffix.lower() == ".bin"
     cameras = images.with_name("cameras.bin" if is_binary else "cameras.txt")
     known = (_binary_cameras if is_binary else _text_cameras)(cameras) if cameras.is_file() else {}
@@ -159,19 +167,6 @@ def read_colmap(path: Path) -> list[Entry]:
         entry_of(f"{images}: line {n}", _name_of(line), _text_entry, line, cameras, known)
         for n, line in _text_pictures(text_of(images))
     ]
-
-
-def _images_of(path: Path) -> Path:
-    """File of pictures: the given one, or the one in the given folder."""
-    if not path.is_dir():
-        return path
-    for name in ("images.bin", "images.txt"):
-        if (path / name).is_file():
-            return path / name
-    raise ValueError(
-        f"{path} holds no images.bin and no images.txt; give the folder of COLMAP's model, such as"
-        " sparse/0"
-    )
 
 
 def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:

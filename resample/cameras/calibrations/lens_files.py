@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
+from resample.cameras.trajectories import columns_of
 from resample.reading.limits import check_file, check_size
 from resample.reading.texts import check_xml_text, json_of, text_of, toml_of, yaml_of
 from resample.types import Doubles
@@ -113,7 +114,9 @@ def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibr
     facts = _facts(path)
     with naming(str(path)):
         if "intrinsic" in facts or "intrinsic_matrix" in facts:
-            return _of_open3d(facts.get("intrinsic", facts))
+            inner = facts.get("intrinsic", facts)  # Open3D's, with pixel centers at + 0
+            matrix = columns_of(inner, "intrinsic_matrix", 3)
+            return Calibration(Camera.from_opencv(matrix), shape=_shape(inner))
         return _calibration(_of_ros(facts), model, needs_lens=needs_lens)
 
 
@@ -136,15 +139,6 @@ def _calibration(
         None if rotation is None else turned_by(rotation),
         _shape(facts),
     )
-
-
-def _of_open3d(facts: Mapping[str, Any]) -> Calibration:
-    """Pinhole camera of Open3D: column-major matrix, pixel centers at + 0."""
-    given = np.asarray(facts["intrinsic_matrix"], np.float64)
-    if given.shape not in ((9,), (3, 3)):
-        raise ValueError(f"its intrinsic_matrix has {given.size} numbers, not 9")
-    matrix = given.reshape(3, 3).T if given.ndim == 1 else given
-    return Calibration(Camera.from_opencv(matrix), shape=_shape(facts))
 
 
 def _of_ros(facts: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -10,9 +10,8 @@ import numpy as np
 
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_opengl
-from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of
+from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of, facts_of
 from resample.reading.pictures import opened
-from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
 from resample.words import naming
 
@@ -23,9 +22,7 @@ Facts = Mapping[str, Any]
 
 def read_nerf(path: Path) -> list[Entry]:
     """Read camera-to-world poses in OpenGL's axes, and intrinsics (transforms.json of NeRF)."""
-    text = text_of(path)
-    with naming(str(path)):
-        facts = json_of(text)
+    facts = facts_of(path)
     frames = facts.get("frames") if isinstance(facts, dict) else None
     if not isinstance(frames, list):
         raise ValueError(f"{path} has no list of frames as NeRF's transforms.json has")

@@ -100,7 +100,9 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     around = _codes(values_of(volume.values).border(), known)
     is_dense = bool(around.size) and np.mean(around > threshold) >= SURROUNDING
     if is_dense and np.mean(some <= threshold) >= LEAST_WITHIN:
-        return _reversed(ramp(1 - threshold / 256))
+        dense = ramp(1 - threshold / 256)  # reversed, it shows low values
+        color, opacity = dense.color[::-1], dense.opacity[::-1]
+        return TransferFunction(1 - dense.value[::-1], color, opacity, normalized=True)
     limit = low + (high - low) * threshold / 255
     soft = _soft(known, _each(volume), around, limit)
     if soft is not None:
@@ -268,12 +270,6 @@ def _codes(values: NDArray[Any], known: Survey) -> NDArray[np.uint8]:
     return np.round((some - low) * (255 / (high - low))).astype(np.uint8)
 
 
-def _reversed(transfer: TransferFunction) -> TransferFunction:
-    """Reverse a transfer function of fractions, so that it shows low values."""
-    color, opacity = transfer.color[::-1], transfer.opacity[::-1]
-    return TransferFunction(1 - transfer.value[::-1], color, opacity, normalized=True)
-
-
 def levels(
     volume: Volume, known: Survey, projection: Projection, window: tuple[float, float] | None
 ) -> Transfer:
@@ -294,8 +290,9 @@ def range_of_means(volume: Volume, known: Survey) -> tuple[float, float]:
 
     The brightest lines do not count: they run along a wall, unlike most rays.
     """
-    total = [np.zeros(size) for size in _sides(volume.values)]
-    count = [np.zeros(size) for size in _sides(volume.values)]
+    deep, down, across = volume.values.shape
+    sides = ((down, across), (deep, across), (deep, down))
+    total, count = ([np.zeros(size) for size in sides] for _ in range(2))
     for z, part in enumerate(volume.values):
         value = np.asarray(part, np.float64)
         inside = (value >= known.low) & (value <= known.high)
@@ -310,8 +307,3 @@ def range_of_means(volume: Volume, known: Survey) -> tuple[float, float]:
     if low < high:
         return float(low), float(high)
     return known.low, max(known.high, float(np.nextafter(known.low, np.inf)))
-
-
-def _sides(values: NDArray[Any]) -> list[tuple[int, int]]:
-    z, y, x = values.shape
-    return [(y, x), (z, x), (z, y)]

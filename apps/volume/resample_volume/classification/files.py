@@ -1,78 +1,20 @@
-"""Read and write files of transfer functions, JSON or TOML."""
+"""Read files of transfer functions, JSON or TOML."""
 
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from resample.files.writing import replacing
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of, toml_of
 from resample_volume.classification.regions import Region, RegionTransfer
-from resample_volume.classification.transfer import (
-    SUFFIXES,
-    Color,
-    Transfer,
-    TransferFunction,
-    from_points,
-)
+from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
-
-
-def save_transfer(path: str | Path, transfer: TransferFunction | RegionTransfer) -> None:
-    """Write a transfer function for `load_transfer`, by suffix JSON or TOML."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise ValueError(f"{path}: transfer functions are written as {' or '.join(SUFFIXES)}")
-    head: dict[str, object] = {"normalized": transfer.normalized}
-    if transfer.opacity_unit is not None:
-        head["opacity_unit"] = transfer.opacity_unit
-    name, rows = _rows(transfer)
-    text = _toml(head, name, rows) if suffix == ".toml" else _json({**head, name: rows})
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
-
-
-def _rows(transfer: TransferFunction | RegionTransfer) -> tuple[str, list[dict[str, object]]]:
-    """Return the list of a file, and its key."""
-    if isinstance(transfer, RegionTransfer):
-        return "regions", [asdict(region) for region in transfer.regions]
-    columns = (transfer.value.tolist(), transfer.color.tolist(), transfer.opacity.tolist())
-    points = [
-        dict(zip(_Point.model_fields, row, strict=True)) for row in zip(*columns, strict=True)
-    ]
-    return "points", points
-
-
-def _json(document: object) -> str:
-    """Format JSON, which has no infinity: an open end is null."""
-    return json.dumps(_endless(document), allow_nan=False)
-
-
-def _endless(item: object) -> object:
-    if isinstance(item, dict):
-        return {key: _endless(value) for key, value in item.items()}
-    if isinstance(item, list | tuple):
-        return [_endless(value) for value in item]
-    return None if isinstance(item, float) and math.isinf(item) else item
-
-
-def _toml(head: dict[str, object], name: str, rows: list[dict[str, object]]) -> str:
-    """Format TOML, one point or region per line."""
-    lines = [f"{key} = {_word(item)}" for key, item in head.items()]
-    inner = [", ".join(f"{key} = {_word(item)}" for key, item in row.items()) for row in rows]
-    return "\n".join([*lines, f"{name} = [", *(f"    {{ {row} }}," for row in inner), "]"])
-
-
-def _word(item: object) -> str:
-    """Format a TOML value: as JSON, except for infinity."""
-    return json.dumps(item).replace("Infinity", "inf")
 
 
 def _share(number: float) -> float:

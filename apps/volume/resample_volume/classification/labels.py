@@ -1,15 +1,15 @@
 """Labels of voxels, and rules for their looks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.types import Flags, Floats
-from resample_volume.classification.transfer import Color, DataRange, Transfer
+from resample_volume.classification.transfer import Color
 from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 
@@ -95,45 +95,6 @@ class Labels:
         return color, opacity
 
 
-@dataclass(frozen=True, eq=False)
-class Ruled:
-    """A transfer function changed by a rule; see `Labels.applied`."""
-
-    transfer: Transfer
-    rule: Rule
-
-    @property
-    def opacity_unit(self) -> float | None:
-        return self.transfer.opacity_unit
-
-    @property
-    def normalized(self) -> bool:
-        return self.transfer.normalized
-
-    @property
-    def needs_gradient(self) -> bool:
-        return self.transfer.needs_gradient
-
-    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
-        opacity = self.transfer.opacities(values, data_range) * self.rule.opacity
-        return np.asarray(np.minimum(opacity, 1), np.float32)
-
-    def classify(
-        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
-    ) -> tuple[Floats, Floats]:
-        color, opacity = self.transfer.classify(values, slopes, data_range, steep)
-        return self.rule.applied(color, opacity)
-
-    def steepest(self, steep: float) -> float:
-        return self.transfer.steepest(steep)
-
-    def thinned(self, share: float) -> "Ruled":
-        return replace(self, transfer=self.transfer.thinned(share))
-
-    def cut(self, low: float) -> "Ruled":
-        return replace(self, transfer=self.transfer.cut(low))
-
-
 def parse_rules(rules: Sequence[str]) -> dict[int, Rule]:
     """Parse rules such as `1:color=tomato,opacity=0.5` and `2:hidden`, by label."""
     found: dict[int, Rule] = {}
@@ -165,19 +126,15 @@ def _rule(text: str) -> tuple[int, Rule]:
             case "hidden" if not value:
                 opacity = 0.0
             case "opacity":
-                opacity = _number(value)
+                try:
+                    opacity = float(value)
+                except ValueError:
+                    raise ValueError(f"opacity must be a number (got {value!r})") from None
             case "color":
                 color = displayed_color(value)
             case _:
                 raise ValueError(f"{change.strip()!r} is unknown; {FORM}")
     return label, Rule(color, opacity)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"opacity must be a number (got {text!r})") from None
 
 
 def check_known(labels: Labels) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -133,7 +132,9 @@ class Names:
 
     def _part(self, name: str) -> Transfer:
         if is_file(name):
-            return self._placed(_read(name), name)
+            from resample_volume.classification.files import read_transfer
+
+            return self._placed(read_transfer(Path(name)), name)
         base, _, text = name.partition(":")
         found = _adjusted(self._base(base), name, text)
         return found if base == "auto" and not found.normalized else self._placed(found, name)
@@ -156,9 +157,14 @@ class Names:
     def _base(self, name: str) -> Transfer:
         """Return the transfer function before its parameters are applied."""
         if name == "auto" and self.volume is not None and self.known is not None:
-            return self._automatic(self.volume, self.known)
-        if (written := _written(name)) is not None:
-            return written
+            if self.window is not None:
+                return ramp()
+            is_ct = self.known.units.added is not None
+            return (tomographic if is_ct else automatic)(self.volume, self.known)
+        if ends := RANGE.fullmatch(name):
+            return _of_range(name, *ends.groups())
+        if POINTS.fullmatch(name):
+            return _of_points(name)
         added = None if self.known is None else self.known.units.added
         if name in TISSUES and self.window is None:
             if added is not None:
@@ -168,7 +174,15 @@ class Names:
         if name in PRESETS:
             return PRESETS[name]()
         if name in TISSUES:
-            raise ValueError(self._why_no_tissue(name))
+            if self.window is not None or self.volume is None or self.known is None:
+                raise ValueError(
+                    f"{name} is in Hounsfield units, which a window would rescale; leave one out"
+                )
+            raise ValueError(
+                f"{name} is a look for Hounsfield units, but {self.volume.name} holds "
+                f"{self.known.low:g} to {self.known.high:g} and does not look like it; give its "
+                "units, hu or hu+1024, or take auto or a range of values such as 300..900"
+            )
         found = _colormap(name)
         if not DIVERGING.fullmatch(name):
             return found
@@ -177,22 +191,6 @@ class Names:
             limit = max(-self.known.low, self.known.high)
             return spread(found, (-limit, limit))
         return found
-
-    def _automatic(self, volume: Volume, known: Survey) -> Transfer:
-        if self.window is not None:
-            return ramp()
-        if known.units.added is not None:
-            return tomographic(volume, known)
-        return automatic(volume, known)
-
-    def _why_no_tissue(self, name: str) -> str:
-        if self.window is not None or self.volume is None or self.known is None:
-            return f"{name} is in Hounsfield units, which a window would rescale; leave one out"
-        return (
-            f"{name} is a look for Hounsfield units, but {self.volume.name} holds "
-            f"{self.known.low:g} to {self.known.high:g} and does not look like it; give its "
-            "units, hu or hu+1024, or take auto or a range of values such as 300..900"
-        )
 
 
 def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Transfer:
@@ -203,17 +201,13 @@ def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Tra
     """
     is_plain = name == "auto" and window is None
     if is_plain and volume.colors is not None and volume.colors.shape[-1] == 4:
-        return own_opacity(volume.values.dtype)
+        dtype = volume.values.dtype  # values are opacities
+        most = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+        return from_points([(0.0, WHITE, 0.0), (most, WHITE, 1.0)])
     own = GENERATED_VOLUMES.get(volume.name) if is_plain and not volume.scale else None
     if own is not None:
         return load_transfer(own)
     return Names(volume, survey(volume), window).transfer(name)
-
-
-def own_opacity(dtype: "np.dtype[Any]") -> TransferFunction:
-    """Return the transfer function of values that are opacities."""
-    most = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-    return from_points([(0.0, WHITE, 0.0), (most, WHITE, 1.0)])
 
 
 def load_transfer(name: str | Path) -> Transfer:
@@ -264,19 +258,6 @@ def names_file(text: str) -> bool:
 
 def _has_suffix(name: str) -> bool:
     return Path(name).suffix.lower() in SUFFIXES
-
-
-def _read(name: str) -> Transfer:
-    from resample_volume.classification.files import read_transfer
-
-    return read_transfer(Path(name))
-
-
-def _written(name: str) -> TransferFunction | None:
-    """Parse a range of values or points, if the text is one."""
-    if ends := RANGE.fullmatch(name):
-        return _of_range(name, *ends.groups())
-    return _of_points(name) if POINTS.fullmatch(name) else None
 
 
 def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFunction:

@@ -157,7 +157,10 @@ def on_scale(transfer: Transfer, scale: str) -> Transfer:
     if isinstance(transfer, Materials):
         return replace(transfer, parts=tuple(on_scale(part, scale) for part in transfer.parts))
     if isinstance(transfer, TransferFunction):
-        return _function_on(transfer, by)
+        if transfer.value.size == 1:
+            return transfer
+        places = [by.place(float(value), "the look's value") for value in transfer.value]
+        return replace(transfer, value=np.array(places))
     if isinstance(transfer, Faded):
         return Faded(on_scale(transfer.transfer, scale), transfer.ramp)
     if isinstance(transfer, RegionTransfer):
@@ -166,13 +169,6 @@ def on_scale(transfer: Transfer, scale: str) -> Transfer:
             "give normalized ones, or points"
         )
     return transfer
-
-
-def _function_on(transfer: TransferFunction, by: LogScale) -> TransferFunction:
-    if transfer.value.size == 1:
-        return transfer
-    places = [by.place(float(value), "the look's value") for value in transfer.value]
-    return replace(transfer, value=np.array(places))
 
 
 def value_at(place: Any, scale: str) -> Doubles:

@@ -193,7 +193,8 @@ def survey(volume: Volume) -> Survey:
     if not levels.value.size:
         units = units_of(volume, NO_LEVELS)
         return Survey(0.0, 1.0, 0.0, 1.0, (), 0, 0, infinite, units, NO_LEVELS)
-    total, most = int(levels.number.sum()), _most_strays(volume.values.size)
+    total, size = int(levels.number.sum()), volume.values.size
+    most = max(min(8, size // 500), int(STRAY_SHARE * size))  # voxels that may be outliers
     is_byte = volume.values.dtype.itemsize == 1
     rest, padding = _without_padding(
         levels, values_of(volume.values).border(), most, 0 if is_byte else PADDINGS
@@ -267,7 +268,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
         return volume
     is_whole = volume.values.dtype.kind in "iu"
     by = known.low if is_whole else np.nan
-    values = values_of(volume.values).without(known.padding, by, volume.name)
+    values: Any = values_of(volume.values).without(known.padding, by, volume.name)
     return volume._replace(values=values)
 
 
@@ -295,11 +296,6 @@ def _last(value: Doubles, above: Counts, most: int, gap: float, middle: float) -
     reach = value[place] - foot
     far = (np.diff(value)[start:] > gap * reach) & (reach > 0)
     return int(place[far][0]) if far.any() else value.size - 1
-
-
-def _most_strays(size: int) -> int:
-    """Return how many voxels may be outliers."""
-    return max(min(8, size // 500), int(STRAY_SHARE * size))
 
 
 def _without_padding(

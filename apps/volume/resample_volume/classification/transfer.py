@@ -192,12 +192,13 @@ def tabulated(
     steep: float,
     unit: float,
     shape: tuple[int, int] = (64, 4096),
+    changed: Callable[[Floats, Floats], tuple[Floats, Floats]] | None = None,
 ) -> TransferTable:
     """Tabulate looks by value and slope.
 
     `steep`: slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to
     the slope above which looks do not change. `unit`: thickness that opacities refer to, scene
-    units. `shape`: rows and columns (G, K).
+    units. `shape`: rows and columns (G, K). `changed`: changes colors and opacities, as a rule.
     """
     low, high = data_range
     end = transfer.steepest(steep)
@@ -205,6 +206,8 @@ def tabulated(
     value, slope = np.linspace(low, high, shape[1]), np.linspace(0, end, rows, dtype=np.float32)
     values, slopes = np.tile(value, rows), np.repeat(slope, shape[1])
     color, opacity = transfer.classify(values, slopes, data_range, steep)
+    if changed is not None:
+        color, opacity = changed(color, opacity)
     columns = np.column_stack([color, extinction(opacity, unit)])
     return TransferTable(
         np.ascontiguousarray(columns.reshape(rows, shape[1], 4)),

@@ -26,7 +26,7 @@ from resample.files.saving import screen_levels
 from resample.lazy import installed_version
 from resample.measuring.color_bars import with_color_bar
 from resample.resampler import Resampler
-from resample.types import Doubles, Floats, Frame
+from resample.types import Floats
 from resample_volume.media.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
 from resample_volume.space.annotations import Annotations, annotated
@@ -205,6 +205,7 @@ def shots(
         One per frame; see `cameras_of`.
     """
     overlay = paint.drawing
+    numbers = [np.concatenate([np.ravel(part) for part in each.view()]) for each in cameras]
     job = {
         **(about or {}),
         "size": list(paint.size),
@@ -214,14 +215,14 @@ def shots(
         **({"bars": fingerprint(*overlay.bars)} if overlay is not None and overlay.bars else {}),
         **subject.facts(),
         **(facts or {}),
-        "cameras": fingerprint(np.stack([_numbers(camera) for camera in cameras])),
+        "cameras": fingerprint(np.stack(numbers)),
         "version": installed_version(),
     }
     return Shots(len(cameras), lambda n: frame(subject, cameras[n], paint), job)
 
 
 def frame(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
-    """Paint one frame (H, W, 3), sRGB-encoded."""
+    """Paint one frame (H, W, 3), sRGB-encoded, with its annotations and color bars."""
     height, width = paint.size
     painted = subject.painter(paint.resampler)(
         subject.samples_for(camera),
@@ -231,12 +232,7 @@ def frame(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
         threads=paint.threads,
         clip=subject.cuts(camera),
     )
-    return finished(subject.developed(painted), camera, paint)
-
-
-def finished(painted: Frame, camera: AnyCamera, paint: FrameOptions) -> Levels:
-    """Return the frame (H, W, 3), sRGB-encoded, with its annotations and color bars."""
-    overlay = paint.drawing
+    painted, overlay = subject.developed(painted), paint.drawing
     if overlay is not None and overlay.given.is_any:
         painted = annotated(painted, camera, overlay.volume, overlay.given)
     rgba = painted.rgba
@@ -252,11 +248,6 @@ def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> 
     depth = (view.rotation @ subject.sphere.center + view.translation)[2]
     voxel = np.cbrt(abs(np.linalg.det(subject.lattice)))
     return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
-
-
-def _numbers(camera: AnyCamera) -> Doubles:
-    """Return all numbers that identify a camera."""
-    return np.concatenate([np.ravel(part) for part in camera.view()])
 
 
 def around(subjects: Iterable[Subject]) -> Sphere:

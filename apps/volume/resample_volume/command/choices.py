@@ -21,7 +21,7 @@ from resample.command.flags import (
     under,
     viewpoint,
 )
-from resample.command.settings import Choices, Iso, Resampling, Shown
+from resample.command.settings import Choices, Resampling
 from resample.console import Color
 from resample.words import parts_of
 from resample_volume.classification import PRESETS, TISSUES
@@ -588,28 +588,6 @@ class BesidePicture(BesideFilm):
             raise ValueError(
                 "deep pictures hold only slabs; leave out axes, box, cube, scale-bar and color-bar"
             )
-
-
-class Projecting(Choices):
-    """The projection: what a pixel shows."""
-
-    heading: ClassVar[str] = "Projection"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
-
-    projection: Shown = "composite"
-    iso: Iso = None
-
-    def resampling(self) -> Resampling:
-        """Return the options of the renderer, with defaults filled in.
-
-        Raises
-        ------
-        ValueError
-            An X-ray is asked for.
-        """
-        if self.projection == "xray":
-            raise ValueError("compare measures plain sums; take the projection additive")
-        return Resampling(projection=self.projection, iso=self.iso)
 
 
 def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[float]:

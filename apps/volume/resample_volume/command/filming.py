@@ -1,7 +1,7 @@
 """Films described by their options, so that any process can render their frames."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from math import prod
 from typing import Any, NamedTuple
@@ -52,7 +52,7 @@ from resample_volume.command.rendering import say_missed, scene_of
 from resample_volume.data.values import bricks_of, is_streamed
 from resample_volume.media.appearance import Appearance, VolumeLayer
 from resample_volume.media.series import Ready, Series, is_chunked, whole
-from resample_volume.rendering import Fit, Subject
+from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 
 Size = tuple[int, int]  # height and width, px
@@ -68,13 +68,6 @@ class Script(NamedTuple):
     beside: BesideFilm
     resampling: Resampling
     frames: int | None  # that are asked for
-
-
-class ReadScene(NamedTuple):
-    """The volumes of a script, read."""
-
-    shown: list[VolumeLayer]
-    subject: Subject
 
 
 class TimesStatistics(NamedTuple):
@@ -110,13 +103,12 @@ def film_of(
         return _film_of_times(script, times, flight, paint, about, start_workers)
     if recording is not None and is_chunked(recording):
         recording = None  # one of its volumes is read by itself
-    scene = scene_for(script, paint.size, recording, start_workers)
-    paint = replace(paint, drawing=_overlay(script, scene.shown, scene.subject, paint))
-    cameras = cameras_of(scene.subject, flight, paint.size)
-    say_missed(scene.shown, scene.subject, cameras[0])
-    in_bricks = is_streamed(scene.shown[0][0])
-    made = shots(scene.subject, cameras, paint, about)
-    return ReadyFilm(made, cameras, paint, in_bricks, scene.subject.is_of_field)
+    shown, subject = _scene_for(script, paint.size, recording, start_workers)
+    paint = replace(paint, drawing=_overlay(script, shown, subject, paint))
+    cameras = cameras_of(subject, flight, paint.size)
+    say_missed(shown, subject, cameras[0])
+    made = shots(subject, cameras, paint, about)
+    return ReadyFilm(made, cameras, paint, is_streamed(shown[0][0]), subject.is_of_field)
 
 
 def _overlay(
@@ -148,14 +140,15 @@ def _film_of_times(
     with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
     look = appearance_over_time(series, script.appearance, paint.resampler)
-    scenes = _scenes(script, series, look, paint.resampler)
+    layers, subject = _scenes(script, series, look, paint.resampler)
     with progress_bar("scanning all times") as progress:
-        course = Course(len(series), scenes.subject, progress)
+        course = Course(len(series), subject, progress)
     known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
-    paint = replace(paint, drawing=_overlay(script, scenes.at(0), course[0], paint))
+    first = layers(0)
+    paint = replace(paint, drawing=_overlay(script, first, course[0], paint))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
     for camera in (None, cameras[0]):
-        say_missed(scenes.at(0), course[0], camera)
+        say_missed(first, course[0], camera)
     frames = _frames_over(course, cameras, paint)
     made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
@@ -180,35 +173,21 @@ def _read(
     return times, partial(with_memory, allowed=allowed, start_workers=start_workers)
 
 
-@dataclass
-class TimeScenes:
-    """The scene of a script at each time; the last one is cached."""
-
-    series: Series
-    appearance: Appearance  # of all times
-    further: list[VolumeLayer]  # volumes that do not change
-    resampler: Resampler
-    fit: Fit
-    last: tuple[int, list[VolumeLayer]] | None = None
-
-    def at(self, time: int) -> list[VolumeLayer]:
-        """Return the volumes of a time with their looks."""
-        if self.last is None or self.last[0] != time:
-            self.last = None  # two of them need not fit in memory
-            self.last = time, [(self.series[time], self.appearance), *self.further]
-        return self.last[1]
-
-    def subject(self, time: int) -> Subject:
-        """Return the subject of a time."""
-        return Subject.of_several(self.at(time), self.resampler, self.fit)
-
-
-def _scenes(script: Script, series: Series, look: Appearance, resampler: Resampler) -> TimeScenes:
-    """Return the scenes of a script, all under one look."""
+def _scenes(
+    script: Script, series: Series, look: Appearance, resampler: Resampler
+) -> tuple[Callable[[int], list[VolumeLayer]], Callable[[int], Subject]]:
+    """Return functions of a time: the volumes of a script, all under one look, and their scene."""
     objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
     own = objects.beside(labelled(look, series, script.appearance))
     further = beside(others(script.added.also, script.source), script.appearance, resampler)
-    return TimeScenes(series, own, further, resampler, script.appearance.fit)
+
+    def layers(time: int) -> list[VolumeLayer]:
+        return [(series[time], own), *further]
+
+    def subject(time: int) -> Subject:
+        return Subject.of_several(layers(time), resampler, script.appearance.fit)
+
+    return layers, subject
 
 
 def _frames_over(course: Course, cameras: Sequence[AnyCamera], paint: FrameOptions) -> Frames:
@@ -222,29 +201,27 @@ def _frames_over(course: Course, cameras: Sequence[AnyCamera], paint: FrameOptio
     return frame
 
 
-def scene_for(
+def _scene_for(
     script: Script,
     size: Size,
     recording: Recording | None = None,
     start_workers: StartWorkers | None = None,
-) -> ReadScene:
-    """Return the scene of a script for frames (height, width); errors as of `film_of`."""
-    look, resampler = (
-        script.appearance,
-        script.appearance.renderer(script.resampling, script.source.scale),
-    )
+) -> tuple[list[VolumeLayer], Subject]:
+    """Read the volumes of a script, and prepare their scene for frames (height, width)."""
+    look = script.appearance
+    resampler = look.renderer(script.resampling, script.source.scale)
     objects = script.beside.scene_objects(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
     given = media(*words, recording=recording, start_workers=start_workers)
     shown = with_objects(given, objects)
-    return ReadScene(shown, scene_of(Session(), shown, resampler, look.fit, size))
+    return shown, scene_of(Session(), shown, resampler, look.fit, size)
 
 
 def _frames(
     script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions, threads: int
 ) -> Frames:
     """Return the frames of a script."""
-    subject, paint = scene_for(script, paint.size).subject, replace(paint, threads=threads)
+    (_, subject), paint = _scene_for(script, paint.size), replace(paint, threads=threads)
     return lambda n: frame_of(subject, cameras[n], paint)
 
 
@@ -262,8 +239,8 @@ def _frames_of_times(
         raise OSError(f"{script.volume} changed while it was filmed; try again")
     times, ready = _read(script, times, None)
     series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
-    scenes = _scenes(script, series, known.appearance, paint.resampler)
-    course = Course(len(series), scenes.subject, sphere=known.sphere)
+    _, subject = _scenes(script, series, known.appearance, paint.resampler)
+    course = Course(len(series), subject, sphere=known.sphere)
     return _frames_over(course, cameras, paint)
 
 
@@ -276,7 +253,14 @@ def again(
     """
     if crew is None:
         return None
-    own = (_with_share(_decided(script, film), film, crew), film.cameras, film.paint)
+    script, memory = _decided(script, film), script.source.memory
+    whole = available_memory() if memory is None else bytes_of(memory)
+    if memory is None and film.is_in_bricks and whole is not None:
+        whole //= 2
+    if whole is not None and crew.is_local:
+        share = f"{whole / crew.tasks / 1000:.3f}kB"
+        script = script._replace(source=script.source.model_copy(update={"memory": share}))
+    own = (script, film.cameras, film.paint)
     if film.known is None:
         return partial(_frames, *own)
     return partial(_frames_of_times, *own, film.known)
@@ -288,7 +272,8 @@ def _decided(script: Script, film: ReadyFilm) -> Script:
     if look.classify != "auto":
         return script
     if not film.is_of_field:
-        order = None if _is_by_rays(script) else resampling.order
+        named = look.renderer(resampling, script.source.scale)
+        order = None if named.order.summing is Summing.RAYS else resampling.order
         return script._replace(
             appearance=look.of_voxels(), resampling=resampling.model_copy(update={"order": order})
         )
@@ -297,22 +282,3 @@ def _decided(script: Script, film: ReadyFilm) -> Script:
         appearance=look.model_copy(update={"classify": "post"}),
         resampling=resampling.model_copy(update={"order": order}),
     )
-
-
-def _is_by_rays(script: Script) -> bool:
-    """Whether the renderer that a script names gathers along rays."""
-    resampler = script.appearance.renderer(script.resampling, script.source.scale)
-    return resampler.order.summing is Summing.RAYS
-
-
-def _with_share(script: Script, film: ReadyFilm, crew: WorkerPool) -> Script:
-    """Return the script with one process's share of this machine's memory."""
-    if script.source.memory is not None:
-        whole: int | None = bytes_of(script.source.memory)
-    else:
-        free = available_memory()
-        whole = free // 2 if film.is_in_bricks and free is not None else free
-    if whole is None or not crew.is_local:
-        return script
-    share = f"{whole / crew.tasks / 1000:.3f}kB"
-    return script._replace(source=script.source.model_copy(update={"memory": share}))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,9 +16,8 @@ from resample.outofcore.bricks import SHARE
 from resample.outofcore.passes import PassContext
 from resample.watching import told
 from resample_volume.classification.scales import LINEAR, scaled
-from resample_volume.classification.surveys import Survey, findings, survey, without_padding
+from resample_volume.classification.surveys import findings, survey, without_padding
 from resample_volume.command.choices import ReadOptions
-from resample_volume.data.bricks import Bricks
 from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError, how, volume_at
 from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.values import as_array, bricks_of, is_streamed
@@ -145,18 +143,17 @@ def with_memory(
         if values.memory is not None:
             values.pin_bricks(values.memory // SHARE)
         if start_workers is not None and values.size >= statistics_cache.LEAST:
-            values.helpers = partial(_helpers, start_workers, values)
+
+            def helpers() -> PassContext | None:
+                crew = start_workers()
+                if crew is None:
+                    return None
+                values.pin_bricks((values.memory or 0) // SHARE // crew.tasks)
+                values.share_bricks()
+                return PassContext(crew.executor, crew.threads)
+
+            values.helpers = helpers
     return volume
-
-
-def _helpers(start_workers: "StartWorkers", bricks: Bricks) -> PassContext | None:
-    """Start workers to scan a chunked volume; None if no workers were asked for."""
-    crew = start_workers()
-    if crew is None:
-        return None
-    bricks.pin_bricks((bricks.memory or 0) // SHARE // crew.tasks)
-    bricks.share_bricks()
-    return PassContext(crew.executor, crew.threads)
 
 
 def announced(volume: Volume) -> Volume:
@@ -196,18 +193,18 @@ def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     return recording._replace(values=every.values.reshape(shape))
 
 
+def channels_of(source: ReadOptions, name: str, *, streamed: bool) -> Recording:
+    """Open all times and channels of a name; of a chunked file unread, where `streamed`."""
+    found = open_streamed(*_named(source, name)) if streamed else None
+    return held(source, name) if found is None else changed(source, found)
+
+
 def held(source: ReadOptions, name: str) -> Recording:
     """Read all times and channels of a name; errors as of `opened`."""
     allowed = allowed_memory(source)
     if allowed is not None:
         allow(allowed)
     return changed(source, open_recording(*_named(source, name)))
-
-
-def channels_in_chunks(source: ReadOptions, name: str) -> Recording | None:
-    """Open all times and channels of a chunked file, unread; None if it has no chunks."""
-    found = open_streamed(*_named(source, name))
-    return None if found is None else changed(source, found)
 
 
 def stored(source: ReadOptions, name: str) -> Recording:
@@ -221,8 +218,7 @@ def stored(source: ReadOptions, name: str) -> Recording:
             values = Single(volume.values)
             found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
             return found._replace(length=volume.length)
-    streamed = open_streamed(*_named(source, name))
-    return held(source, name) if streamed is None else changed(source, streamed)
+    return channels_of(source, name, streamed=True)
 
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
@@ -239,9 +235,14 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     if told:
         reader = _with_raw_options(Raw() if reader is None else reader, told)
     if source.level is not None:
-        from resample_volume.files.stores.reader import with_level
+        from resample_volume.files.stores.reader import Zarr
 
-        reader = with_level(reader or find_reader(name), source.level)
+        reader = reader or find_reader(name)
+        if not isinstance(reader, Zarr):
+            raise ValueError(
+                "level chooses a size of an OME-Zarr; this file has one size, leave it out"
+            )
+        reader = replace(reader, level=source.level)
     return (Path(name) if Path(name).exists() else name), reader
 
 
@@ -275,19 +276,16 @@ def note_assumed(found: Volume | Recording) -> None:
 
 def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
-    known = _surveyed(volume)
+    if is_streamed(volume):
+        count = prod(bricks_of(volume).count)
+        with progress_bar("scanning bricks", count) as progress, told(progress):
+            known = survey(volume)
+    else:
+        known = survey(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     note_assumed(volume)
     return without_padding(volume, known)
-
-
-def _surveyed(volume: Volume) -> Survey:
-    """Return statistics of a volume's values, with a progress bar while bricks are read."""
-    if not is_streamed(volume):
-        return survey(volume)
-    with progress_bar("scanning bricks", prod(bricks_of(volume).count)) as progress, told(progress):
-        return survey(volume)
 
 
 def require_linear(source: ReadOptions, why: str) -> None:

@@ -15,8 +15,7 @@ from resample_volume.command.choices import Added, AppearanceChoices, ReadOption
 from resample_volume.command.inputs import (
     allowed_memory,
     announced,
-    channels_in_chunks,
-    held,
+    channels_of,
     note_assumed,
     padding_removed,
     prepared,
@@ -163,8 +162,7 @@ def _channels(
         )
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
-    streamed = channels_in_chunks(source, name) if can_stream(resampler) else None
-    recording = held(source, name) if streamed is None else streamed
+    recording = channels_of(source, name, streamed=can_stream(resampler))
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]

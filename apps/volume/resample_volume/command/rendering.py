@@ -6,10 +6,9 @@ values and picture before the scan, and for everything before shading and painti
 (`Bricks`) and mapped files keep their own account.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,11 +26,7 @@ from resample.types import Doubles, Frame
 from resample.watching import told
 from resample_volume.classification.surveys import survey
 from resample_volume.data.values import is_streamed
-from resample_volume.media.appearance import (
-    VolumeLayer,
-    check_several,
-    check_together,
-)
+from resample_volume.media.appearance import VolumeLayer, check_several, check_together
 from resample_volume.rendering import (
     AROUND,
     Fit,
@@ -48,6 +43,8 @@ from resample_volume.voxels.gathered import Gathered
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
     from resample_volume.command.choices import BesidePicture
+
+Paint = Callable[[AnyCamera], Frame]
 
 BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
 SCANNED = 4  # bytes of temporaries per voxel during the scan
@@ -108,18 +105,10 @@ def slab_missed(
     return f"the slab {media[0][1].slab} holds nothing of {names}"
 
 
-class PreparedPicture(NamedTuple):
-    """A prepared scene, its camera and its painter."""
-
-    subject: Subject
-    camera: AnyCamera
-    paint: Callable[[AnyCamera], Frame]
-
-
 def picture_of(
-    scene: PreparedPicture, media: Sequence[VolumeLayer], projection: Projection
+    scene: tuple[Subject, AnyCamera, Paint], media: Sequence[VolumeLayer], projection: Projection
 ) -> Frame:
-    """Paint volumes; warn once if the picture is empty."""
+    """Paint volumes, as `to_paint` prepared them; warn once if the picture is empty."""
     subject, camera, paint = scene
     frame = paint(camera)
     words = slab_missed(media, subject, camera)
@@ -169,26 +158,6 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
     return f"the picture is black: {why}{hint}"
 
 
-class ExecutionContext(NamedTuple):
-    """Threads, processes and memory that paint a picture."""
-
-    threads: int | None
-    sharing: Sharing
-    start_workers: "StartWorkers | None"  # None: none were asked for
-
-
-@contextmanager
-def execution_context(threads: int | None, sharing: Sharing) -> Iterator[ExecutionContext]:
-    """Provide threads, processes and memory for a picture, until the end of the block."""
-    if not sharing.has_workers:
-        yield ExecutionContext(threads, sharing, None)
-        return
-    from resample.command.workers import worker_pools
-
-    with worker_pools(sharing, threads) as start_workers:
-        yield ExecutionContext(threads, sharing, start_workers)
-
-
 def to_paint(
     session: Session,
     media: Sequence[VolumeLayer],
@@ -196,14 +165,16 @@ def to_paint(
     fit: Fitted,
     viewpoint: Viewpoint,
     size: tuple[int, int],
-    context: ExecutionContext,
-) -> PreparedPicture:
-    """Prepare volumes to be painted here, or by workers.
+    threads: int | None,
+    sharing: Sharing,
+    start_workers: "StartWorkers",
+) -> tuple[Subject, AnyCamera, Paint]:
+    """Prepare volumes to be painted here, or by workers; return scene, camera and painter.
 
     The fits `picture` and `most` are `visible` with the camera zoomed and panned to fill the
     picture, or most of it; the camera of the first is printed.
     """
-    if context.sharing.has_workers:
+    if sharing.has_workers:
         from resample_volume.command.bands import SharedScene, check_workers, painted_by
 
         check_workers(media, resampler)
@@ -215,25 +186,20 @@ def to_paint(
             turned = (viewpoint.azimuth, viewpoint.elevation, viewpoint.zoom, *viewpoint.pan)
             say(f"the camera {'/'.join(f'{number:.8g}' for number in turned)} fills the picture")
     camera = subject.camera(viewpoint, *size)
-    seen, painter = lit(session, subject, camera), subject.painter(resampler)
+    with session.stage("shade", bar="shading"):
+        seen, painter = subject.samples_for(camera), subject.painter(resampler)
 
     def paint(eye: AnyCamera) -> Frame:
         cuts = subject.cuts(eye)
-        crew = None if context.start_workers is None else context.start_workers()
+        crew = start_workers() if sharing.has_workers else None
         if crew is not None:
-            say(f"rows of the picture are shared by {context.sharing.description}")
+            say(f"rows of the picture are shared by {sharing.description}")
             with session.stage("paint", bar="painting"):
                 return painted_by(crew, SharedScene(media, painter, around, eye, size))
-        frame = painted(session, painter, seen, eye, size, context.threads, cuts)
+        frame = painted(session, painter, seen, eye, size, threads, cuts)
         return subject.developed(frame)
 
-    return PreparedPicture(subject, camera, paint)
-
-
-def lit(session: Session, subject: Subject, camera: AnyCamera) -> Shaded:
-    """Return the shaded samples, or the fields, for a camera."""
-    with session.stage("shade", bar="shading"):
-        return subject.samples_for(camera)
+    return subject, camera, paint
 
 
 def painted(
@@ -286,27 +252,22 @@ def check_memory(
     volumes = [volume for volume, _ in media]
     if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):
         return
-    parts = {"libraries": libraries(), "values": sum(_bytes_of(volume) for volume in volumes)}
+    parts = {"libraries": libraries(), "values": 0}
+    for volume in volumes:
+        kind = volume.values.dtype
+        looked_at = SCANNED if kind.kind in "bui" else SCANNED_FLOATS
+        parts["values"] += (kind.itemsize + looked_at) * prod(volume.values.shape)
     parts["the picture"] = BYTES_PER_PIXEL * size[0] * size[1]
     what = volumes[0].name or "the volume"
     if subject is not None:
         parts[f"{subject.visible} visible voxels"] = VISIBLE * subject.visible
         if isinstance(subject.voxels, Gathered | list):
             fields = fields_of(subject.voxels)
-            each = [_bytes_per_visible(field, fit) * field.visible for field in fields]
-            parts[f"{subject.visible} visible voxels"] = sum(each)
+            # Fields need visible voxels only to place a camera and for slopes.
+            needed = [one for one in fields if fit == "visible" or len(one.table.table) > 1]
+            count = VISIBLE_OF_FIELD * sum(one.visible for one in needed)
+            parts[f"{subject.visible} visible voxels"] = count
             thin = [field.spline.coefficient.nbytes for field in fields if field.thin.parts > 1]
             if thin:
                 parts["slices between thick ones"] = sum(thin)
     require(what, parts, REMEDY)
-
-
-def _bytes_per_visible(field: Gathered, fit: Fit) -> int:
-    """Bytes per visible voxel, which a field needs only to place a camera and for slopes."""
-    return VISIBLE_OF_FIELD if fit == "visible" or len(field.table.table) > 1 else 0
-
-
-def _bytes_of(volume: Volume) -> int:
-    kind = volume.values.dtype
-    looked_at = SCANNED if kind.kind in "bui" else SCANNED_FLOATS
-    return (kind.itemsize + looked_at) * prod(volume.values.shape)

@@ -17,10 +17,6 @@ from resample_volume.data.scanning import BrickStats, are_few, finite_outside, s
 class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
-    @property
-    def store(self) -> object:
-        """Path of the values."""
-
     def load(self, bricks: "Bricks") -> BrickStats | None:
         """Return the stored statistics; None if there are none that are valid."""
 
@@ -110,19 +106,6 @@ class Bricks(BrickArray):
             self.__dict__["statistics"] = kept
         return kept is not None
 
-    def state(self) -> tuple[Any, ...] | None:
-        """Return what identifies the values of a store; None if nothing does."""
-        state = None if self.statistics_cache is None else self.statistics_cache.state()
-        if self.statistics_cache is None or state is None:
-            return None
-        form = (self.shape, self.dtype.str, self.side, self.period, self.replaced)
-        return (str(self.statistics_cache.store), state, *form)
-
-    @property
-    def is_streamed(self) -> bool:
-        """Whether the values stay in their file."""
-        return True
-
     def range(self) -> tuple[float, float]:
         """Return the least and greatest finite value; infinite where there is none."""
         least, greatest = self.ends
@@ -158,11 +141,6 @@ class Bricks(BrickArray):
         for part in in_order(lambda index: np.unique(self.brick(index)), self.all()):
             found.update(part.tolist())
         return found
-
-    def evidence(self) -> tuple[NDArray[Any], ...]:
-        """Return arrays that change with the values, in this process or another."""
-        known = self.statistics
-        return known.least, known.greatest, known.some, known.border
 
     def _helped(self) -> PassContext | None:
         return None if self.helpers is None else self.helpers()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.types import Floats
 from resample_volume.data.parts import slabs
-from resample_volume.types import Recording, Volume
+from resample_volume.types import Part, Recording, Volume
 
 COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
 UNTOLD = (("#ffffff", None), ("", None))  # colors and windows of a single channel
@@ -33,6 +33,12 @@ def how(what: str, count: int) -> str:
     return f"choose one by {what}, 0 to {last} (--{what} 0; in Python open_volume(..., {what}=0))"
 
 
+def check_whole(part: Part, what: str) -> None:
+    """Reject a part of an object without parts."""
+    if part:
+        raise ValueError(f"{what} is one volume, without a part {part!r:.60}; leave part out")
+
+
 def alone(recording: Recording) -> Volume:
     """Return the only volume of a recording; see `volume_at`."""
     return volume_at(recording, None, None)
@@ -52,7 +58,8 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
         chosen = chosen._replace(values=chosen.values.swapaxes(0, 1), is_color=False)
     at = _number(chosen, 0, time)
     if chosen.is_color and channel is None:
-        return _colored(chosen, at)
+        colors = np.moveaxis(chosen.values[at], 0, -1)
+        return in_color(colors, volume_of(chosen, colors[..., 0], chosen.name))
     values = chosen.values[at, _number(chosen, 1, channel)]
     return volume_of(chosen, values, chosen.name + _named(recording, time, channel))
 
@@ -83,7 +90,13 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
             f"{volume.name} has numbers below 0, which are not colors; "
             + how("channel", values.shape[-1])
         )
-    shown = values[..., 3] if values.shape[-1] == 4 else _brightness(values)
+    if values.shape[-1] == 4:
+        shown = values[..., 3]
+    else:
+        shown, start = np.empty(values.shape[:3], values.dtype), 0
+        for slab in slabs(values):
+            slab.max(axis=3, out=shown[start : start + len(slab)])
+            start += len(slab)
     return volume._replace(values=shown, units="none", colors=values)
 
 
@@ -91,29 +104,9 @@ def linear_colors(colors: NDArray[Any]) -> Floats:
     """Convert colors as of `in_color` to linear light (N, 3), without opacity."""
     if colors.dtype.kind == "f":
         return np.nan_to_num(np.asarray(colors[..., :3], np.float32))
-    every = _linear(colors.dtype)
+    most = np.iinfo(colors.dtype).max
+    every = np.asarray(from_srgb(np.arange(most + 1) / most), np.float32)  # table of levels
     return np.asarray(np.take(every, colors[..., :3]))
-
-
-def _linear(dtype: np.dtype[Any]) -> Floats:
-    """Return the table from sRGB integers to linear light."""
-    most = np.iinfo(dtype).max
-    return np.asarray(from_srgb(np.arange(most + 1) / most), np.float32)
-
-
-def _brightness(values: NDArray[Any]) -> NDArray[Any]:
-    """Return the greatest component (Z, Y, X) of colors: independent of hue."""
-    found = np.empty(values.shape[:3], values.dtype)
-    start = 0
-    for slab in slabs(values):
-        slab.max(axis=3, out=found[start : start + len(slab)])
-        start += len(slab)
-    return found
-
-
-def _colored(recording: Recording, time: int) -> Volume:
-    values = np.moveaxis(recording.values[time], 0, -1)
-    return in_color(values, volume_of(recording, values[..., 0], recording.name))
 
 
 def volume_of(recording: Recording, values: Any, name: str) -> Volume:

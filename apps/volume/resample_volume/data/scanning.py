@@ -63,6 +63,8 @@ def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStat
         report(parts[len(found) - 1][1], layers)
     least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
     codes = [part.codes for part in found if part.codes is not None]
+    sides = [found[0].sides[0], found[-1].sides[1]]  # below and above; then those around
+    sides += [np.concatenate([part.sides[n] for part in found]) for n in range(2, 6)]
     beyond = _outliers(bricks, (least, greatest), some, context)
     return BrickStats(
         least,
@@ -70,19 +72,10 @@ def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStat
         sum(part.infinite for part in found),
         sum(part.missing for part in found),
         some,
-        _rim(found),
+        np.concatenate([side.ravel() for side in sides]),
         beyond,
         np.sum(codes, axis=0) if codes else None,
     )
-
-
-def _rim(found: list[_Layers]) -> NDArray[Any]:
-    """Join the values on the six sides of layers, in order."""
-    across = [
-        np.concatenate([part.sides[n] for part in found]) for n in range(2, len(found[0].sides))
-    ]
-    ends = [found[0].sides[0], found[-1].sides[1]]
-    return np.concatenate([side.ravel() for side in (*ends, *across)])
 
 
 def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:

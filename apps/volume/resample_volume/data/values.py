@@ -8,7 +8,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import prod
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,72 +28,11 @@ LOG = logging.getLogger("resample")
 Stored = NDArray[Any] | Bricks  # what a volume holds
 
 
-class VolumeValues(Protocol):
-    """Values (Z, Y, X) of a volume."""
-
-    @property
-    def shape(self) -> tuple[int, int, int]: ...
-    @property
-    def dtype(self) -> np.dtype[Any]: ...
-    @property
-    def is_streamed(self) -> bool:
-        """Whether they stay in their file."""
-
-    @property
-    def memory(self) -> int | None:
-        """Memory limit in bytes for all that is made of them; None: the machine's."""
-
-    @property
-    def bytes_to_load(self) -> int:
-        """Bytes of an array of them that is not in memory yet."""
-
-    def read(self, box: Box, /) -> NDArray[Any]:
-        """Values of a box, as stored."""
-
-    def whole(self) -> NDArray[Any]:
-        """All of them, in memory."""
-
-    def parts(self) -> Iterator[NDArray[Any]]:
-        """All of them in parts, in no particular order."""
-
-    def range(self) -> tuple[float, float]:
-        """Least and greatest finite value; infinite where there is none."""
-
-    def sample(self) -> NDArray[Any]:
-        """A regular sample, see `step_of`."""
-
-    def border(self) -> NDArray[Any]:
-        """All values (N,) on the six sides."""
-
-    def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
-        """Finite values (N,) outside the range of a sample, and the number of infinite ones."""
-
-    def codes(self) -> NDArray[np.int64]:
-        """Counts of each value, by its bits, for types of few values."""
-
-    def unique(self) -> set[int]:
-        """All whole numbers that occur."""
-
-    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
-        """Values (N,) at indices along z, y and x."""
-
-    def without(self, padding: Sequence[float], by: Any, name: str, /) -> Any:
-        """Values in which padding and infinite ones are replaced; the name is for messages."""
-
-    def state(self) -> tuple[Any, ...] | None:
-        """What identifies them in their file; None if nothing does."""
-
-    def evidence(self) -> tuple[NDArray[Any], ...]:
-        """Arrays that change with them, in this process or another."""
-
-
 @dataclass(frozen=True, eq=False)
 class ArrayValues:
-    """An array as `VolumeValues`."""
+    """An array in memory, with what `Bricks` tell of their values."""
 
     array: NDArray[Any]
-    is_streamed = False
-    memory = None
     bytes_to_load = 0
 
     @property
@@ -142,9 +81,6 @@ class ArrayValues:
     def unique(self) -> set[int]:
         return {int(value) for part in self.parts() for value in np.unique(part)}
 
-    def at(self, index: Sequence[NDArray[np.int64]]) -> NDArray[Any]:
-        return np.asarray(self.array[tuple(index)])
-
     def without(self, padding: Sequence[float], by: Any, name: str, /) -> NDArray[Any]:
         given, is_whole = self.array, self.dtype.kind in "iu"
         values = array_like(given, given.shape, given.dtype, name)
@@ -155,26 +91,20 @@ class ArrayValues:
                 slab[np.isinf(slab)] = np.nan
         return values
 
-    def state(self) -> None:
-        return None
-
-    def evidence(self) -> tuple[NDArray[Any], ...]:
-        return (self.array,)
-
 
 def streamed(stored: object) -> Bricks | None:
     """Return values that stay in their file; None if these do not."""
     return stored if isinstance(stored, Bricks) else None
 
 
-def values_of(stored: Stored) -> VolumeValues:
-    """Return what a volume holds as `VolumeValues`."""
+def values_of(stored: Stored) -> ArrayValues | Bricks:
+    """Return values with what can be asked of arrays and of bricks alike."""
     bricks = streamed(stored)
     return ArrayValues(cast("NDArray[Any]", stored)) if bricks is None else bricks
 
 
 def bricks_of(volume: Volume) -> Bricks:
-    """Return the bricks of a volume, or what has their interface, such as `CombinedBricks`."""
+    """Return the bricks of a volume."""
     stored: Any = volume.values
     if isinstance(stored, np.ndarray):
         raise TypeError(f"{volume.name} is in memory, not in bricks")

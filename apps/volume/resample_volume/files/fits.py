@@ -11,7 +11,7 @@ from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_items, check_unpacked
 from resample_volume.data.memory import require_memory
 from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along
-from resample_volume.files.parsing.headers import Check, OneOfAll, accept_any, existing_file, stem
+from resample_volume.files.parsing.headers import Check, OneOfAll
 from resample_volume.types import Recording
 
 CELESTIAL = re.compile("RA|DEC|[GESH]L(ON|AT)|..L[NT]")  # names of axes in degrees
@@ -33,8 +33,7 @@ class Fits(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".fits", ".fit", ".fts", ".fits.gz", ".fits.fz")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name = stem(existing_file(path), self.suffixes)
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         try:
             from astropy.io import fits
         except ImportError as error:
@@ -47,11 +46,20 @@ class Fits(OneOfAll):
             check_items(path.name, count, "tables and images")
             image = _image_of(held, self.hdu, path.name)
             axes, is_scaled = _axes_of(image.header), "BSCALE" in image.header
-            kind = np.dtype(np.float32) if is_scaled else _type_of(image.header)
+            kind, bits = np.dtype(np.float32), image.header.get("BITPIX")
+            if not is_scaled and "BLANK" not in image.header:  # blank values are missing
+                if bits not in TYPES:
+                    listed = ", ".join(map(str, TYPES))
+                    raise ValueError(f"has values of {bits} bits; FITS has {listed}")
+                kind = np.dtype(TYPES[bits])
             known = lattice_of(axes, kind, name)
             check(known)
             packed = path.name.lower().endswith(PACKED) or "ZIMAGE" in image._header
-            (check_unpacked if packed else _check_there)(path.name, path.stat().st_size, known.size)
+            given = path.stat().st_size
+            if packed:
+                check_unpacked(path.name, given, known.size)
+            elif given < known.size:
+                raise ValueError(f"{path.name} is cut off: {given} of {known.size} bytes are there")
             require_memory(known.size, name)
             unit = str(image.header.get("BUNIT", "")).strip()
             with damage(path):
@@ -79,11 +87,6 @@ def _check_axes(path: Path) -> None:
                 raise ValueError(f"{path.name} has {axes} axes; FITS has {MOST_AXES} at most")
 
 
-def _check_there(name: str, given: int, wanted: int) -> None:
-    if given < wanted:
-        raise ValueError(f"{name} is cut off: {given} of {wanted} bytes are there")
-
-
 def _image_of(held: Any, chosen: str, name: str) -> Any:
     """Return the image that is chosen by name or number, or the first of three axes."""
     shapes = [_shape_of(hdu) for hdu in held]
@@ -108,16 +111,6 @@ def _shape_of(hdu: Any) -> tuple[int, ...]:
     shape: Any = getattr(hdu, "shape", None) if hdu.is_image else None
     is_known = isinstance(shape, tuple) and all(isinstance(size, int) for size in shape)
     return shape if is_known else ()
-
-
-def _type_of(header: Any) -> np.dtype[Any]:
-    """Return the type of stored values; those with a blank become floats."""
-    if "BLANK" in header:
-        return np.dtype(np.float32)
-    bits = header.get("BITPIX")
-    if bits not in TYPES:
-        raise ValueError(f"has values of {bits} bits; FITS has {', '.join(map(str, TYPES))}")
-    return np.dtype(TYPES[bits])
 
 
 def _axes_of(header: Any) -> list[LabelledAxis]:

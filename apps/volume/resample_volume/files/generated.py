@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
 from resample_volume.data.memory import require_memory
@@ -43,7 +42,7 @@ def checker_box(size: int = 100, block: int = 10) -> Volume:
     parity = (np.arange(size) // block % 2).astype(np.uint8)
     odd = parity[:, None, None] ^ parity[:, None] ^ parity
     values = np.where(odd, np.uint8(BRIGHT), np.uint8(DARK))
-    return _cube(values, "checker-box")
+    return Volume(values, name="checker-box")
 
 
 def marschner_lobb(size: int = 41, fm: float = 6.0, alpha: float = 0.25) -> Volume:
@@ -92,12 +91,17 @@ def vessel_tree(size: int = 128, seed: int = 7) -> Volume:
     rng = np.random.default_rng(seed)
     bottom = np.array([0.5, 0.5, 0.04])
     capsules = list(_branch(rng, bottom, np.array([0.0, 0.0, 1.0]), 0.03))
-    capsules.append(_bulge(capsules))
+    # The aneurysm: a ball at the side of a vessel, near the first fork.
+    trunk = capsules[4]
+    aside = _unit(np.cross(trunk.end - trunk.start, [0.0, 1.0, 0.0]))
+    center = trunk.end + 1.9 * trunk.narrow * aside
+    ball = 2.1 * trunk.narrow, 1.9 * trunk.narrow
+    capsules.append(Capsule(center, center + 0.01 * aside, *ball))
     depth = np.full((size, size, size), -1, np.float32)
     for capsule in capsules:
         _rasterise(depth, capsule)
     rise = np.clip((depth + 1) / 2, 0, 1)  # the wall is where the depth is 0
-    return _cube((255 * rise * rise * (3 - 2 * rise)).round().astype(np.uint8), "vessel-tree")
+    return Volume((255 * rise * rise * (3 - 2 * rise)).round().astype(np.uint8), name="vessel-tree")
 
 
 GENERATED: dict[str, Callable[..., Volume]] = {
@@ -124,14 +128,6 @@ def _branch(rng: np.random.Generator, start: Doubles, heading: Doubles, radius: 
         yield from _branch(rng, start, _unit(heading + side * aside), radius * part ** (1 / 3))
 
 
-def _bulge(capsules: list[Capsule]) -> Capsule:
-    """Return the aneurysm: a ball at the side of a vessel, near the first fork."""
-    trunk = capsules[4]
-    aside = _unit(np.cross(trunk.end - trunk.start, [0.0, 1.0, 0.0]))
-    center = trunk.end + 1.9 * trunk.narrow * aside
-    return Capsule(center, center + 0.01 * aside, 2.1 * trunk.narrow, 1.9 * trunk.narrow)
-
-
 def _rasterise(depth: Floats, capsule: Capsule) -> None:
     """Rasterise a capsule by maximum into `depth` (Z, Y, X), voxels below the surface."""
     size = len(depth)
@@ -152,10 +148,6 @@ def _rasterise(depth: Floats, capsule: Capsule) -> None:
 
 def _unit(vector: Doubles) -> Doubles:
     return vector / np.linalg.norm(vector)
-
-
-def _cube(values: NDArray[Any], name: str) -> Volume:
-    return Volume(values, np.ones(3), np.zeros(3), np.eye(3), name)
 
 
 def _check(name: str, size: int, bytes_per_line: int) -> None:

@@ -6,14 +6,7 @@ from typing import ClassVar
 
 from resample.reading.arrays import DamageError, read_npz
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.headers import (
-    Check,
-    OneOfAll,
-    accept_any,
-    existing_file,
-    header,
-    stem,
-)
+from resample_volume.files.parsing.headers import Check, OneOfAll, existing_file, header, stem
 from resample_volume.files.parsing.sections import ArrayQuery, check_part
 from resample_volume.files.readers import recording_of
 from resample_volume.types import UNKNOWN, Recording, Volume
@@ -48,8 +41,7 @@ class Npz(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".npz",)
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name = stem(existing_file(path), self.suffixes)
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         try:
             held = read_npz(path)
         except DamageError as error:

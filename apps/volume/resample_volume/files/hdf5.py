@@ -13,15 +13,7 @@ from resample.lengths import unit_of_length
 from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.libraries import damage
 from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import (
-    Check,
-    OneOfAll,
-    accept_any,
-    existing_file,
-    header,
-    recording,
-    stem,
-)
+from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording
 from resample_volume.files.readers import header_of_array
 from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording
 
@@ -51,8 +43,7 @@ class Hdf5(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".h5", ".hdf5", ".hdf")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name = stem(existing_file(path), self.suffixes)
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         with contents(path) as file:
             found = {self.array: _at(path, file, self.array)} if self.array else _arrays(path, file)
             if len(found) != 1:
@@ -108,8 +99,7 @@ class Imaris(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".ims",)
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name = stem(existing_file(path), self.suffixes)
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         with contents(path) as file:
             info, full = (group_in(path, file, one) for one in ("DataSetInfo", "DataSet"))
             full = full and group_in(path, full, FULL)

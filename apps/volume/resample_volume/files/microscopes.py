@@ -9,15 +9,7 @@ import numpy as np
 from resample.reading.libraries import damage
 from resample.reading.native import plain
 from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import (
-    Check,
-    OneOfAll,
-    accept_any,
-    existing_file,
-    header,
-    recording,
-    stem,
-)
+from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording
 from resample_volume.types import VOXEL, ChannelLook, Recording
 
 
@@ -29,8 +21,8 @@ class BioIo(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".czi", ".lif", ".nd2", ".lsm", ".oib", ".oif", ".dv")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name, kind = stem(existing_file(path), self.suffixes), path.suffix.lower()[1:]
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        kind = path.suffix.lower()[1:]
         try:
             from bioio import BioImage
         except ImportError:

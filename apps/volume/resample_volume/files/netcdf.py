@@ -14,7 +14,7 @@ from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along
 from resample_volume.files.hdf5 import contents
-from resample_volume.files.parsing.headers import Check, OneOfAll, accept_any, existing_file, stem
+from resample_volume.files.parsing.headers import Check, OneOfAll
 from resample_volume.types import UNKNOWN, Recording
 
 CLASSIC = b"CDF"
@@ -50,12 +50,12 @@ class NetCdf(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".nc", ".nc4", ".cdf")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        with existing_file(path).open("rb") as raw:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        with path.open("rb") as raw:
             is_classic = raw.read(3) == CLASSIC
         if not is_classic:
             with contents(path) as file:
-                return self._recorded(path, _variables(path, file), check)
+                return self._recorded(path, name, _variables(path, file), check)
         from scipy.io import netcdf_file
 
         with damage(path):
@@ -63,12 +63,14 @@ class NetCdf(OneOfAll):
         with file:
             check_items(path.name, len(file.variables), "variables")
             held = {
-                name: _Variable(one.data, tuple(one.dimensions), dict(one._attributes))
-                for name, one in file.variables.items()
+                key: _Variable(one.data, tuple(one.dimensions), dict(one._attributes))
+                for key, one in file.variables.items()
             }
-            return self._recorded(path, held, check)
+            return self._recorded(path, name, held, check)
 
-    def _recorded(self, path: Path, held: dict[str, _Variable], check: Check) -> Recording:
+    def _recorded(
+        self, path: Path, volume: str, held: dict[str, _Variable], check: Check
+    ) -> Recording:
         fields = {
             name: one
             for name, one in held.items()
@@ -90,7 +92,7 @@ class NetCdf(OneOfAll):
             _axis(one, size, place, held[one].text("units") if one in held else "")
             for one, size, place in zip(names, sizes, places, strict=True)
         ]
-        known = lattice_of(axes[::-1], _kind(chosen), f"{stem(path, self.suffixes)}, {name}")
+        known = lattice_of(axes[::-1], _kind(chosen), f"{volume}, {name}")
         told = [f"values are in {chosen.text('units')}"] if chosen.text("units") else []
         known = known._replace(note="; ".join([*told, *filter(None, [known.note])]))
         check(known)

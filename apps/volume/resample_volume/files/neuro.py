@@ -13,15 +13,7 @@ from resample.reading.native import plain
 from resample_volume.data.memory import require_memory
 from resample_volume.files.formats.nifti import TO_LPS
 from resample_volume.files.hdf5 import contents
-from resample_volume.files.parsing.headers import (
-    Check,
-    OneOfAll,
-    accept_any,
-    existing_file,
-    header,
-    recording,
-    stem,
-)
+from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording
 from resample_volume.types import Recording
 
 PACKED = (".mgz", ".gz")
@@ -35,8 +27,7 @@ class Neuro(OneOfAll):
     space: ClassVar[str] = "lps"
     suffixes: ClassVar[tuple[str, ...]] = (".mgh", ".mgz", ".mnc", ".hdr", ".img")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        name = stem(existing_file(path), self.suffixes)
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         try:
             import nibabel
         except ImportError as error:

@@ -74,10 +74,10 @@ class Nrrd(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.formats.nrrd import read_nrrd
 
-        return read_nrrd(existing_file(path), stem(path, self.suffixes), check)
+        return read_nrrd(path, name, check)
 
 
 @dataclass(frozen=True)
@@ -86,10 +86,10 @@ class MetaImage(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.formats.metaimage import read_metaimage
 
-        return read_metaimage(existing_file(path), stem(path, self.suffixes), check)
+        return read_metaimage(path, name, check)
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ class Nifti(OneOfAll):
     space: ClassVar[str] = "lps"
     suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.formats.nifti import read_nifti
 
-        return read_nifti(existing_file(path), stem(path, self.suffixes), check)
+        return read_nifti(path, name, check)
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ class Vti(OneOfAll):
     def __post_init__(self) -> None:
         check_part(self.part)
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.xml.vti import read_vti
 
         wanted = ArrayQuery(self.array, self.part, "vti")
-        return read_vti(existing_file(path), wanted, stem(path, self.suffixes), check)
+        return read_vti(path, wanted, name, check)
 
 
 @dataclass(frozen=True)
@@ -146,12 +146,11 @@ class Vtk(OneOfAll):
         check_part(self.part)
         steps_of(self.spacing)
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.formats.vtk import read_vtk
 
         wanted = ArrayQuery(self.array, self.part, "vtk")
-        steps, name = steps_of(self.spacing), stem(path, self.suffixes)
-        return read_vtk(existing_file(path), wanted, steps, name, check)
+        return read_vtk(path, wanted, steps_of(self.spacing), name, check)
 
 
 @dataclass(frozen=True)
@@ -162,10 +161,10 @@ class Mrc(OneOfAll):
         *(".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
     )
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.formats.mrc import read_mrc
 
-        return read_mrc(existing_file(path), stem(path, self.suffixes), check)
+        return read_mrc(path, name, check)
 
 
 @dataclass(frozen=True)
@@ -174,10 +173,10 @@ class Cube(OneOfAll):
 
     suffixes: ClassVar[tuple[str, ...]] = (".cube", ".cub")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         from resample_volume.files.formats.cube import read_cube
 
-        return read_cube(existing_file(path), stem(path, self.suffixes), check)
+        return read_cube(path, name, check)
 
 
 @dataclass(frozen=True)
@@ -239,7 +238,7 @@ class Dicom:
             files = dicom.dicom_slices(path, self.series)
             return dicom.dicom_volume(files, path.resolve().name)
         name = stem(existing_file(path), self.suffixes)
-        return dicom.dicom_file(path, name)
+        return dicom.dicom_volume([path], name)
 
 
 @dataclass(frozen=True)
@@ -268,8 +267,8 @@ class Raw(OneOfAll):
         if self.offset < 0:
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        known = self._header(existing_file(path))
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        known = self._header(path, name)
         check(known)
         if path.suffix.lower() == ".gz":
             return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
@@ -279,8 +278,7 @@ class Raw(OneOfAll):
         shape = (known.times, *known.shape[::-1])
         return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
 
-    def _header(self, path: Path) -> VolumeHeader:
-        name = stem(path, self.suffixes)
+    def _header(self, path: Path, name: str) -> VolumeHeader:
         found = re.fullmatch(r"(.+)_(\d+x\d+x\d+(?:x\d+)?)_(\w+)", name)
         if not (found or (self.shape and self.dtype)):
             raise ValueError(
@@ -311,14 +309,14 @@ class Npy(OneOfAll):
     def __post_init__(self) -> None:
         spacing_of(self.spacing)
 
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+    def read(self, path: Path, name: str, check: Check) -> Recording:
         try:
-            values = read_npy(existing_file(path), mapped=True)
+            values = read_npy(path, mapped=True)
         except DamageError as error:
             raise ValueError(
                 f"{path.name} is no array of numbers, or cut off: {error.reason}"
             ) from None
-        return recording_of(values, stem(path, self.suffixes), self.spacing, check)
+        return recording_of(values, name, self.spacing, check)
 
 
 def recording_of(

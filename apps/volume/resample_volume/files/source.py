@@ -1,6 +1,6 @@
 """Open volumes and labels of voxels from files, samples and addresses, and write volumes."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from resample_volume.classification.surveys import findings, label_count, survey
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.thresholds import otsu
-from resample_volume.data.values import Stored, as_array, bricks_of, is_streamed, values_of
+from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of
 from resample_volume.files.formats.metaimage import write_metaimage
 from resample_volume.files.formats.nifti import write_nifti
 from resample_volume.files.formats.nrrd import write_nrrd
@@ -134,7 +134,13 @@ def _located(name: str | Path, reader: Reader | None) -> tuple[Any, Any]:
     """Return a path or address, and its reader; None if there is no such file."""
     if is_address(name):
         return Address(str(name)), _distant(reader)
-    path = Path(_unprefixed(name))
+    text = str(name)
+    if text.startswith("sample:"):
+        from resample.samples.finding import PREFIX, sample_path
+
+        spec = text.removeprefix(PREFIX)
+        name = spec if spec.partition(":")[0] in GENERATED else sample_path(text)
+    path = Path(name)
     if reader is None and path.exists():
         reader = find_reader(path)
         if path.is_file() and path.stat().st_size == 0:
@@ -166,7 +172,16 @@ def find_reader(path: str | Path) -> Reader:
     else:
         suffix = _suffix(path.name, readers)
     if not suffix:
-        raise ValueError("; ".join([_unknown(path, readers), *broken]))
+        hint = next((hint for ends, hint in HINTS.items() if path.name.lower().endswith(ends)), "")
+        why = f"{path} is read by none of the readers; {hint}"
+        if path.is_dir():
+            why = f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a "
+            why += "file"
+        elif not hint:
+            known = " ".join(sorted(readers))
+            why = f"{path} has no known suffix; known are {known}; rename it or choose a reader "
+            why += "(--reader NAME)"
+        raise ValueError("; ".join([why, *broken]))
     if len(readers[suffix]) > 1:
         raise ValueError(
             f"{path}: choose a reader; {' and '.join(readers[suffix])} read {suffix} "
@@ -174,19 +189,6 @@ def find_reader(path: str | Path) -> Reader:
         )
     built: Reader = registry.build("readers", readers[suffix][0])
     return built
-
-
-def _unknown(path: Path, readers: Collection[str]) -> str:
-    """Describe what is wrong with a file or folder that no reader takes."""
-    if path.is_dir():
-        return f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a file"
-    for suffixes, hint in HINTS.items():
-        if path.name.lower().endswith(suffixes):
-            return f"{path} is read by none of the readers; {hint}"
-    return (
-        f"{path} has no known suffix; known are {' '.join(sorted(readers))}; rename it or choose a "
-        "reader (--reader NAME)"
-    )
 
 
 def generate(spec: str) -> Volume:
@@ -225,7 +227,9 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
     labels = label_count(volume)
     seeming = f"{labels} whole numbers in regions: are they labels? (--labels)" if labels else ""
     turned = "" if volume.space else "no orientation is stated: z points up (or --up -z, y, -y ...)"
-    counts = _histogram(volume.values, bins, known.span) if any_known else [0] * bins
+    counts = np.zeros(bins, np.int64)
+    for part in values_of(volume.values).parts() if any_known else ():
+        counts += np.histogram(part[np.isfinite(part)], bins, known.span)[0]
     is_whole = volume.values.dtype.kind in "iu"
     spans = [at(np.array(span)).tolist() for span in (known.whole, known.span)]
     ends = [(int(a), int(b)) if is_whole else (a, b) for a, b in spans]
@@ -249,26 +253,8 @@ def describe(volume: Volume, bins: int = 32) -> dict[str, Any]:
         "thresholds": {str(n): at(np.array(otsu(known.levels, n))).tolist() for n in (2, 3)},
         "findings": [line for line in (volume.note, assumed(volume), turned, seeming) if line]
         + findings(known),
-        "histogram": counts,
+        "histogram": counts.tolist(),
     }
-
-
-def _unprefixed(name: str | Path) -> str | Path:
-    """Resolve names of built-in data to a generated volume or file; others are unchanged."""
-    text = str(name)
-    if not text.startswith("sample:"):
-        return name
-    from resample.samples.finding import PREFIX, sample_path
-
-    spec = text.removeprefix(PREFIX)
-    return spec if spec.partition(":")[0] in GENERATED else sample_path(text)
-
-
-def _histogram(values: Stored, bins: int, limits: tuple[float, float]) -> list[int]:
-    count = np.zeros(bins, np.int64)
-    for part in values_of(values).parts():
-        count += np.histogram(part[np.isfinite(part)], bins, limits)[0]
-    return [int(number) for number in count]
 
 
 def _readers() -> tuple[dict[str, list[str]], list[str]]:
@@ -313,7 +299,13 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     """
     chosen = parse_rules(rules)
     try:
-        found = _volume_of(path, volume)
+        held = open_streamed(path) if is_streamed(volume) else None
+        if held is None:
+            found = open_volume(path)
+        else:
+            found, allowed = volume_at(held, None, None), bricks_of(volume).memory
+            bricks_of(found).memory = None if allowed is None else allowed // OF_LABELS
+            found = as_array(found)
         if found.colors is not None:
             raise ValueError("labels are whole numbers, one for each voxel, not colors")
         labels = Labels(found.values, chosen)
@@ -322,16 +314,6 @@ def read_labels(path: str, rules: Sequence[str], volume: Volume) -> Labels:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return labels
-
-
-def _volume_of(path: str, volume: Volume) -> Volume:
-    """Read labels beside a volume, of whose memory limit they get a part."""
-    held = open_streamed(path) if is_streamed(volume) else None
-    if held is None:
-        return open_volume(path)
-    found, allowed = volume_at(held, None, None), bricks_of(volume).memory
-    bricks_of(found).memory = None if allowed is None else allowed // OF_LABELS
-    return as_array(found)
 
 
 def write_volume(path: Path, volume: Volume) -> None:

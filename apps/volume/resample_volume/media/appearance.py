@@ -1,24 +1,24 @@
 """Appearance of a volume, and the renderer that suits it."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST
 from resample.profiles.named import OneOf
 from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
+from resample.words import check_kind, doubles_of, shortly
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
-from resample_volume.media.arguments import check_kinds, check_transfer, several_of
 from resample_volume.media.xrays import XRay
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
-from resample_volume.voxels.visible import finite_range
+from resample_volume.voxels.visible import GRADIENTS, finite_range
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
@@ -33,6 +33,7 @@ Gradient = Literal["central", "sobel"]
 GRADIENT: Gradient = "central"  # if none is asked for
 SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
+TWO = "two fractions of the steepest slope, such as (0.1, 0.3)"
 
 
 class Classification(StrEnum):
@@ -77,14 +78,10 @@ class Appearance:
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
-        check_transfer("transfer", self.transfer)
-        if self.framing is not None:
-            check_transfer("framing", self.framing)
-        check_kinds(self)
-        object.__setattr__(self, "clip", tuple(several_of("clip", self.clip, str)))
-        object.__setattr__(self, "meshes", _meshes_of(self.meshes))
-        object.__setattr__(self, "planes", _planes_of(self.planes))
-        object.__setattr__(self, "surfaces", _surfaces_of(self.surfaces))
+        _check_kinds(self)
+        object.__setattr__(self, "clip", _several_of("clip", self.clip, str))
+        for name in ("meshes", "planes", "surfaces"):
+            object.__setattr__(self, name, _objects_of(name, getattr(self, name)))
         _ = self.section  # refuses what is none
 
     @property
@@ -127,33 +124,58 @@ class Appearance:
         return None if self.light is None else self.gradient
 
 
-def _planes_of(given: "Iterable[ImagePlane | str]") -> "tuple[ImagePlane, ...]":
-    """Return planes, of which some may be texts."""
+def _check_kinds(look: Any) -> None:
+    """Refuse objects of another kind than the one that an attribute takes."""
+    from resample_volume.classification.labels import Labels
+
+    for name in ("transfer", "framing"):
+        given = getattr(look, name)
+        is_none = given is None and name == "framing"
+        if not is_none and not isinstance(given, str) and not hasattr(given, "needs_gradient"):
+            raise TypeError(
+                f"{name} {shortly(given)}; give a name, such as bone, a range of values, such as "
+                "300..900, or a TransferFunction"
+            )
+    kinds: dict[str, tuple[type, str]] = {
+        "light": (Light, "a Light, or None for colors as they are"),
+        "labels": (Labels, "Labels, such as those of read_labels"),
+        "cue": (DepthCue, "a DepthCue"),
+        "crop": (str, "ranges of voxels along x, y and z, such as '64:192,:,10:'"),
+        "slab": (str, "center and thickness, such as '20,5'"),
+        "xray": (XRay, "an XRay"),
+    }
+    for name, (kind, wanted) in kinds.items():
+        if getattr(look, name) is not None:
+            check_kind(name, getattr(look, name), kind, wanted)
+    if look.gradient not in list(GRADIENTS):
+        raise ValueError(f"gradient {shortly(look.gradient)}; known: {', '.join(GRADIENTS)}")
+    if look.gradient_opacity is not None:
+        pair = doubles_of("gradient_opacity", look.gradient_opacity, TWO)
+        if pair.shape != (2,):
+            raise ValueError(f"gradient_opacity {shortly(look.gradient_opacity)}; give {TWO}")
+
+
+def _objects_of(name: str, given: Any) -> tuple[Any, ...]:
+    """Return the meshes, planes or surfaces of a look."""
     if not given:
         return ()
     from resample_volume.surfaces.image_planes import ImagePlane
+    from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
 
-    found = several_of("planes", given, ImagePlane, str)
-    return tuple(ImagePlane.of(one) if isinstance(one, str) else one for one in found)
-
-
-def _meshes_of(given: "Iterable[SceneMesh]") -> "tuple[SceneMesh, ...]":
-    """Return meshes; one may be given as such."""
-    if given == ():
-        return ()
-    from resample_volume.surfaces.meshes import SceneMesh
-
-    return tuple(several_of("meshes", given, SceneMesh))
+    kinds = {"meshes": (SceneMesh,), "planes": (ImagePlane, str), "surfaces": (IsoSurface, str)}
+    return _several_of(name, given, *kinds[name])
 
 
-def _surfaces_of(given: "Iterable[IsoSurface | str]") -> "tuple[IsoSurface, ...]":
-    """Return isosurfaces, of which some may be texts."""
-    if not given:
-        return ()
-    from resample_volume.surfaces.meshes import IsoSurface
-
-    found = several_of("surfaces", given, IsoSurface, str)
-    return tuple(IsoSurface.of(one) if isinstance(one, str) else one for one in found)
+def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
+    """Return objects of a kind; one is given as such, or in a list; some may be texts for it."""
+    wanted = " or ".join(kind.__name__ for kind in kinds)
+    try:
+        found = [given] if isinstance(given, kinds) else list(given or ())
+    except TypeError:
+        found = [given]
+    for one in found:
+        check_kind(name, one, kinds, f"a sequence of {wanted}")
+    return tuple(kinds[0].of(one) if not isinstance(one, kinds[0]) else one for one in found)
 
 
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look

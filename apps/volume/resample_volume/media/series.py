@@ -1,6 +1,6 @@
 """Volumes over time under one look and one camera."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,6 @@ from resample.painting.choices import Projection
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.surveys import Survey, survey, without_padding
-from resample_volume.classification.transfer import DataRange, Transfer
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
 from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
@@ -86,7 +85,10 @@ class Series:
         span = finite_range(together.values)
         steep = None
         if transfer.needs_gradient:
-            steep = steepest(self, transfer, span, look.gradient)
+            slopes = (
+                visible_with_slopes(volume, transfer, span, look.gradient)[2] for volume in self
+            )
+            steep = max((steepness(np.linalg.norm(slope, axis=1)) for slope in slopes), default=0.0)
         if steep is not None or transfer.normalized:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing
@@ -124,14 +126,3 @@ def chunked(recording: Recording) -> "Chunked | None":
     from resample_volume.files.stores.chunks import Chunked
 
     return recording.values if isinstance(recording.values, Chunked) else None
-
-
-def steepest(
-    volumes: Iterable[Volume], transfer: Transfer, span: DataRange, gradient: str
-) -> float:
-    """Return the slope of a full surface over several volumes; data units per scene unit."""
-    lengths = (
-        np.linalg.norm(visible_with_slopes(volume, transfer, span, gradient).slope, axis=1)
-        for volume in volumes
-    )
-    return max((steepness(length) for length in lengths), default=0.0)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
 from resample.outofcore.caching import memoized
-from resample.painting.choices import Projection
 from resample.types import Frame
 from resample.words import check_numbers, doubles_of, shortly
 from resample_volume.classification.automatic import BRIGHT
@@ -112,41 +111,27 @@ def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
             + how("channel", volume.colors.shape[-1])
         )
     if xray.added is None:
-        xray = replace(xray, added=_added(volume, known or survey(volume)))
+        known = known or survey(volume)
+        if known.units.added is None:
+            why = f"its units are {volume.units}"
+            if not volume.units:
+                why = "neither its file nor its values show that they are Hounsfield units"
+            raise ValueError(
+                f"X-rays are of Hounsfield units, but {volume.name} holds {known.low:g} to "
+                f"{known.high:g}, and {why}; give its units, hu or hu+1024, or take the projection "
+                "additive"
+            )
+        xray = replace(xray, added=known.units.added)
     if xray.window is not None:
         return xray
-    most = xray.mu_water * _longest(_waters(volume.values, xray.added), *map(float, volume.spacing))
+    most = xray.mu_water * _longest(
+        attenuation(volume.values, xray.added), *map(float, volume.spacing)
+    )
     return replace(xray, window=(0.0, max(most, LEAST_WINDOW)))
 
 
-def exposed(volume: Volume, xray: XRay) -> Volume:
-    """Convert a volume to attenuation relative to water; errors as of `settled`."""
-    added = settled(xray, volume).added
-    return volume._replace(values=_waters(volume.values, added), units="")
-
-
-def tone_of(xray: XRay | None, projection: Projection, *, is_negative: bool) -> Tone:
-    """Return the tone mapping of a projection, with a settled X-ray."""
-    if projection is Projection.XRAY and xray is not None:
-        return Tone(xray.mu_water, xray.window, is_negative)
-    return Tone(is_negative=is_negative)
-
-
-def _added(volume: Volume, known: Survey) -> float:
-    """Return the offset that stored values have from Hounsfield units."""
-    if known.units.added is not None:
-        return known.units.added
-    why = f"its units are {volume.units}"
-    if not volume.units:
-        why = "neither its file nor its values show that they are Hounsfield units"
-    raise ValueError(
-        f"X-rays are of Hounsfield units, but {volume.name} holds {known.low:g} to {known.high:g}, "
-        f"and {why}; give its units, hu or hu+1024, or take the projection additive"
-    )
-
-
 @memoized(lambda values: values)
-def _waters(values: NDArray[Any], added: float | None) -> NDArray[Any]:
+def attenuation(values: NDArray[Any], added: float | None) -> NDArray[Any]:
     """Return attenuation relative to water; NaN for missing values."""
     if most_of(values) is None:
         require_memory(4 * values.size, f"attenuation of {values.size} voxels")

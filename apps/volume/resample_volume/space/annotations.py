@@ -113,30 +113,38 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
     """Return the picture with annotations; camera and volume share a scene."""
     view, corner = camera.view(), corners(volume)
     size = type_size(*frame.depth.shape)
-    lines = _box(corner, size / 12) if given.box else []
-    arms = _arms(corner, size / 6) if given.axes else []
+    lines = []
+    if given.box:  # its edges: corners whose numbers differ in one bit
+        pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
+        lines = [Stroke(corner[pair], GRAY, size / 12) for pair in pairs]
+    arms = []
+    if given.axes:  # the scene's axes, as long as the box
+        start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
+        ends = [np.stack([start, start + extent * axis]) for axis in np.eye(3)]
+        arms = [Stroke(*arm, size / 6) for arm in zip(ends, COLORS, strict=True)]
     drawn = with_lines(frame, view, [*lines, *arms])
     rgba = np.array(drawn.rgba)
     for arm, name in zip(arms, "XYZ", strict=False):
         _name_arm(rgba, frame, view, arm, name, given)
-    if given.cube:
-        _put_cube(rgba, view, PATIENT if volume.space == "lps" else AXES)
+    if given.cube:  # in the lower left corner
+        shorter = min(rgba.shape[:2])
+        side, left = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
+        cube = cube_picture(view.rotation, side, PATIENT if volume.space == "lps" else AXES)
+        top = rgba.shape[0] - side - left
+        part = rgba[max(0, top) : max(0, top) + side, left : left + side]
+        shown = cube[max(0, -top) :][: part.shape[0], : part.shape[1]]
+        part *= 1 - shown[..., 3:]
+        part += shown
     if given.scale_bar:
-        _put_bar(rgba, _per_unit(frame, view, corner.mean(axis=0)), volume, given)
+        per_unit = float(view.focal[0])  # px, in perspective at the volume's center
+        if view.perspective:
+            depth = float(view.rotation[2] @ corner.mean(axis=0) + view.translation[2])
+            if depth <= view.near:  # what is visible may be in front
+                seen = frame.depth[np.isfinite(frame.depth)]
+                depth = float(np.median(seen)) if seen.size else math.inf
+            per_unit /= depth
+        _put_bar(rgba, per_unit, volume, given)
     return drawn._replace(rgba=rgba)
-
-
-def _box(corner: Doubles, width: float) -> list[Stroke]:
-    """Yield the edges of the box: corners whose numbers differ in one bit."""
-    pairs = [(n, n | bit) for n in range(8) for bit in (1, 2, 4) if not n & bit]
-    return [Stroke(corner[list(pair)], GRAY, width) for pair in pairs]
-
-
-def _arms(corner: Doubles, width: float) -> list[Stroke]:
-    """Yield the scene's axes, as long as the box."""
-    start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
-    ends = [np.stack([start, start + extent * np.eye(3)[axis]]) for axis in range(3)]
-    return [Stroke(*given, width) for given in zip(ends, COLORS, strict=True)]
 
 
 def _name_arm(
@@ -148,43 +156,16 @@ def _name_arm(
     if view.perspective and place[2] <= view.near:
         return
     spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
-    if not (np.abs(spot) < 1e6).all() or _is_hidden(frame, spot, float(place[2])):
+    if not (np.abs(spot) < 1e6).all():
+        return
+    column, row = np.floor(spot).astype(int)
+    height, width = frame.depth.shape
+    is_inside = 0 <= row < height and 0 <= column < width
+    if is_inside and frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < place[2]:
         return
     mask = letters(name, type_size(*rgba.shape[:2]))
     left, top = spot - np.array(mask.shape[::-1]) / 2
     put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
-
-
-def _is_hidden(frame: Frame, spot: Doubles, depth: float) -> bool:
-    """Return whether a point on the screen, px, is mostly occluded at its depth."""
-    column, row = np.floor(spot).astype(int)
-    height, width = frame.depth.shape
-    if not (0 <= row < height and 0 <= column < width):
-        return False
-    return bool(frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < depth)
-
-
-def _put_cube(rgba: Floats, view: View, names: tuple[str, ...]) -> None:
-    """Draw an orientation cube in the lower left corner."""
-    shorter = min(rgba.shape[:2])
-    side, margin = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
-    cube = cube_picture(view.rotation, side, names)
-    top, left = rgba.shape[0] - side - margin, margin
-    part = rgba[max(0, top) : max(0, top) + side, left : left + side]
-    shown = cube[max(0, -top) :][: part.shape[0], : part.shape[1]]
-    part *= 1 - shown[..., 3:]
-    part += shown
-
-
-def _per_unit(frame: Frame, view: View, middle: Doubles) -> float:
-    """Return px per scene unit at the volume's center, or at what is visible if that is behind."""
-    if not view.perspective:
-        return float(view.focal[0])
-    depth = float(view.rotation[2] @ middle + view.translation[2])
-    seen = frame.depth[np.isfinite(frame.depth)]
-    if depth <= view.near:
-        depth = float(np.median(seen)) if seen.size else math.inf
-    return float(view.focal[0]) / depth
 
 
 def round_length(most: float) -> float:

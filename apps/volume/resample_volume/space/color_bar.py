@@ -150,14 +150,23 @@ def bar_of(
     elif resampler.projection is Projection.ADDITIVE:
         if frame is None:
             raise ValueError("each frame of sums has a range of its own; leave --color-bar out")
-        transfer, extent = _sums(frame)
+        # Light grows with the sum; the largest is white.
+        share = np.linspace(0.0, 1.0, 256)
+        gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
+        transfer = TransferFunction(share, gray, np.ones(share.size), normalized=True)
+        value = np.zeros(1) if frame.value is None else frame.value
+        extent = 0.0, float(value[np.isfinite(value)].max(initial=0.0))
     else:
         transfer = transfer_of(volume, appearance, resampler.projection)
         extent = survey(volume).span
         if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
             extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
     if tone.is_negative:
-        transfer = _negative(transfer, extent)
+        # Displayed colors with black and white swapped, over black.
+        value = np.linspace(*extent, 256)
+        color, opacity = transfer.classify(value, None, extent, 0.0)
+        swapped = to_srgb(negative(color * opacity[:, np.newaxis]))
+        transfer = TransferFunction(value, swapped, np.ones(value.size))
     behind = background or (0.0, 0.0, 0.0)
     return color_bar(transfer, extent, height, title=volume.name, background=behind, scale=scale)
 
@@ -173,21 +182,3 @@ def with_bar(
     """Add the bar of a volume to the right of its picture."""
     bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)
     return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
-
-
-def _negative(transfer: Transfer, extent: DataRange) -> Transfer:
-    """Return displayed colors with black and white swapped, over black."""
-    value = np.linspace(*extent, 256)
-    color, opacity = transfer.classify(value, None, extent, 0.0)
-    shown = to_srgb(negative(color * opacity[:, np.newaxis]))
-    return TransferFunction(value, shown, np.ones(value.size))
-
-
-def _sums(frame: Frame) -> tuple[Transfer, DataRange]:
-    """Return the transfer function of an X-ray: light grows with the sum, the largest is white."""
-    share = np.linspace(0.0, 1.0, 256)
-    gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
-    value = np.zeros(1) if frame.value is None else frame.value
-    known = value[np.isfinite(value)]
-    levels = TransferFunction(share, gray, np.ones(share.size), normalized=True)
-    return levels, (0.0, float(known.max(initial=0.0)))

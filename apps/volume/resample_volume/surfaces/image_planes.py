@@ -51,7 +51,10 @@ class ImagePlane:
 
     def __post_init__(self) -> None:
         if isinstance(self.where, str):
-            _check_place(self.where)
+            if self.where[:1].isdigit() or self.where[:1] in ("-", "+", "."):
+                planes(UNIT, None, (self.where,), "plane")  # refuses what is none of any volume
+            elif _place(self.where) is None:
+                raise ValueError(f"plane {self.where!r}; {FORM}")
         elif len(self.where) != 4 or not np.isfinite(self.where).all() or not any(self.where[:3]):
             raise ValueError(f"plane {self.where}; give a normal and a distance along it, x y z d")
         if not 0 <= self.opacity <= 1:
@@ -95,14 +98,6 @@ class ImagePlane:
         return replace(self, window=(low, high if high > low else low + 1.0))
 
 
-def _check_place(where: str) -> None:
-    """Reject what is not a plane of any volume."""
-    if where[:1].isdigit() or where[:1] in ("-", "+", "."):
-        planes(UNIT, None, (where,), "plane")
-    elif _place(where) is None:
-        raise ValueError(f"plane {where!r}; {FORM}")
-
-
 def _place(where: str) -> tuple[int, float, bool] | None:
     """Parse the place of a plane perpendicular to an axis; None if it is not one.
 
@@ -138,7 +133,11 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
         low, high = (by.place(value, "window of a plane") for value in plane.window)
         plane = replace(plane, window=(low, high))
     if isinstance(where, str):
-        where = _across(volume, where) if where[0] in AXES else _oblique(volume, where)
+        if where[0] in AXES:
+            where = _across(volume, where)
+        else:  # given like a clip plane
+            ((*normal, distance),) = planes(volume, None, (where,), "plane")
+            where = _plane(np.array(normal), -distance)
         if not len(outline(volume, where)):
             raise ValueError(f"plane {plane.where!r} misses {volume.name}; {FORM}")
     return replace(plane, where=where)
@@ -159,12 +158,6 @@ def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
         )
     row = np.linalg.inv(lattice_of(volume))[axis]
     return _plane(row, float(row @ volume.origin) + number)
-
-
-def _oblique(volume: Volume, where: str) -> tuple[float, float, float, float]:
-    """Return a plane given like a clip plane."""
-    ((x, y, z, distance),) = planes(volume, None, (where,), "plane")
-    return _plane(np.array([x, y, z]), -distance)
 
 
 def _plane(normal: Doubles, distance: float) -> tuple[float, float, float, float]:

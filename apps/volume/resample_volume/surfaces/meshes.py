@@ -1,7 +1,7 @@
 """Meshes in a volume's scene, read by trimesh, and isosurfaces; how they look."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -148,11 +148,25 @@ def read_mesh(text: str) -> SceneMesh:
     >>> mesh.opacity, mesh.face.shape
     (0.5, (12, 3))
     """
-    path, choices = _parsed(text)
+    import trimesh
+
+    name, colon, tail = text.rpartition(":")
+    if colon and "=" in tail:
+        known = f"known are {ALLOWED}"
+        path, choices = Path(name), choices_of("mesh", text, tail, ("color", "opacity"), known)
+    else:
+        path, choices = Path(text), {}
     check_file(path)
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: meshes are read from {', '.join(SUFFIXES)}")
-    parts = _geometries(path)
+    check_mesh(path)
+    try:
+        scene = trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
+        parts = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
+    except Exception as error:  # trimesh and its parsers raise exceptions of any type
+        raise unreadable(str(path), error) from None
+    if not parts:
+        raise ValueError(f"{path} holds no triangles")
     try:
         made = [_own(part, choices) for part in parts]
     except (
@@ -161,23 +175,7 @@ def read_mesh(text: str) -> SceneMesh:
         AttributeError,
     ) as error:  # of objects that trimesh left unfinished
         raise unreadable(str(path), error) from None
-    start = np.cumsum([0, *(len(one.corner) for one in made)])
-    face = [one.face + first for one, first in zip(made, start[:-1], strict=True)]
-    return SceneMesh(
-        np.concatenate([one.corner for one in made]),
-        np.concatenate([one.normal for one in made]),
-        np.concatenate([one.color for one in made]),
-        np.concatenate(face),
-        made[0].opacity,
-    )
-
-
-def _parsed(text: str) -> tuple[Path, dict[str, str]]:
-    """Split a text into file and choices."""
-    name, colon, tail = text.rpartition(":")
-    if not colon or "=" not in tail:
-        return Path(text), {}
-    return Path(name), choices_of("mesh", text, tail, ("color", "opacity"), f"known are {ALLOWED}")
+    return SceneMesh(*_joined(made), made[0].opacity)
 
 
 def choices_of(
@@ -209,55 +207,41 @@ def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
     return color
 
 
-def _geometries(path: Path) -> list[Any]:
-    import trimesh
-
-    check_mesh(path)
-    try:
-        scene = trimesh.load_scene(plain(path), resolver=trimesh_resolver(path), process=False)
-        found = [one for one in scene.dump() if len(getattr(one, "faces", ()))]
-    except Exception as error:  # trimesh and its parsers raise exceptions of any type
-        raise unreadable(str(path), error) from None
-    if not found:
-        raise ValueError(f"{path} holds no triangles")
-    return found
-
-
 def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
     """Convert a mesh of trimesh's, with the chosen look."""
+    from resample.colors import from_srgb
+
     opacity = chosen_opacity("mesh", choices)
     color: Any = (GRAY, GRAY, GRAY)
     if "color" in choices:
         color = chosen_color("mesh", choices["color"])
     elif part.visual.kind is not None:
-        color = _colors(part)
+        with np.errstate(invalid="ignore"):  # of NaN texture coordinates
+            visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
+        levels = np.asarray(visual.vertex_colors)[:, :3].astype(np.float32)
+        color = np.asarray(from_srgb(levels / 255), np.float64)
     corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
     return scene_mesh(corner, face, color, opacity)
-
-
-def _colors(part: Any) -> Doubles:
-    """Return linear colors (V, 3) of a mesh's vertices."""
-    from resample.colors import from_srgb
-
-    with np.errstate(invalid="ignore"):  # of NaN texture coordinates
-        visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
-    levels = np.asarray(visual.vertex_colors)[:, :3]
-    return np.asarray(from_srgb(levels.astype(np.float32) / 255), np.float64)
 
 
 def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
     """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
     if not meshes:
         return NO_TRIANGLES
+    corner, normal, color, face = _joined(meshes)
+    opacity = np.concatenate([np.full(len(mesh.face), mesh.opacity) for mesh in meshes])
+    return mesh_of(corner - middle, normal, color, face, opacity)
+
+
+def _joined(
+    meshes: Sequence[SceneMesh],
+) -> tuple[Doubles, Doubles, Doubles, NDArray[np.int64]]:
+    """Return corners, normals, colors and triangles of all meshes."""
     start = np.cumsum([0, *(len(mesh.corner) for mesh in meshes)])
     face = [mesh.face + first for mesh, first in zip(meshes, start[:-1], strict=True)]
-    return mesh_of(
-        np.concatenate([mesh.corner for mesh in meshes]) - middle,
-        np.concatenate([mesh.normal for mesh in meshes]),
-        np.concatenate([mesh.color for mesh in meshes]),
-        np.concatenate(face),
-        np.concatenate([np.full(len(mesh.face), mesh.opacity) for mesh in meshes]),
-    )
+    parts = zip(*((mesh.corner, mesh.normal, mesh.color) for mesh in meshes), strict=True)
+    corner, normal, color = map(np.concatenate, parts)
+    return corner, normal, color, np.concatenate(face)
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from resample_volume.data.memory import require_memory
 from resample_volume.surfaces.image_planes import ImagePlane, outline
 from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import check_iso
-from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.gathered import Gathered, check_iso
 from resample_volume.voxels.shading import PAD
 from resample_volume.voxels.visible import finite_range, lattice_of
 
@@ -34,7 +33,10 @@ FORM = (
 def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
     """Make a mesh without normals, so that colors are not shaded."""
     place, face = _grid(outline(volume, plane.numbers))
-    face = face[_is_known(field, place[face].mean(axis=1))]
+    if field.known.size:  # triangles in voxels that have values
+        known = field.known.reshape([count + 2 * PAD for count in field.spline.shape])
+        x, y, z = np.floor(place[face].mean(axis=1) + 0.5).astype(np.int64).T + PAD
+        face = face[known[z, y, x] > 0]
     color = plane.palette.colors(values_at(field, place), plane.window or (0.0, 1.0)).astype(
         np.float64
     )
@@ -57,15 +59,6 @@ def values_at(field: Gathered, place: Doubles) -> Doubles:
     return np.clip(spline.zero + spline.scale * found, spline.floor, spline.ceiling)
 
 
-def _is_known(field: Gathered, place: Doubles) -> NDArray[np.bool_]:
-    """Return whether the voxels that contain points (N, 3) have values."""
-    if not field.known.size:
-        return np.ones(len(place), bool)
-    known = field.known.reshape([count + 2 * PAD for count in field.spline.shape])
-    x, y, z = np.floor(place + 0.5).astype(np.int64).T + PAD
-    return np.asarray(known[z, y, x] > 0)
-
-
 def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
     """Triangulate a convex polygon (N, 3), voxels, by vertices (V, 3) and triangles (T, 3)."""
     if len(corner) == 4 and np.allclose(corner[0] + corner[2], corner[1] + corner[3]):
@@ -75,7 +68,8 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         middle = corner.mean(axis=0)
         after = np.roll(corner, -1, axis=0)
         patches = [np.array([middle, middle, *pair]) for pair in zip(corner, after, strict=True)]
-    per = _per_voxel(patches)
+    area = sum(math.prod(_lengths(patch)) for patch in patches)
+    per = min(FINEST, math.sqrt(MOST / max(area, 1e-9)))  # vertices per voxel
     deepest = max(_steps(patch, per)[0] for patch in patches)
     places, faces, start = [], [], 0
     for patch in patches:
@@ -84,12 +78,6 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         faces.append(face + start)
         start += len(place)
     return np.concatenate(places), np.concatenate(faces)
-
-
-def _per_voxel(patches: list[Doubles]) -> float:
-    """Return the vertices per voxel, within the limit of all together."""
-    area = sum(math.prod(_lengths(patch)) for patch in patches)
-    return min(FINEST, math.sqrt(MOST / max(area, 1e-9)))
 
 
 def _lengths(patch: Doubles) -> tuple[float, float]:

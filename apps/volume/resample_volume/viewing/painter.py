@@ -3,14 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from resample import registry
+from resample.command.settings import PictureFormat, Resampling, chosen
 from resample.files.animations import write_film
 from resample.files.exchange import levels_of
 from resample.files.saving import screen_levels, write_frame
+from resample.outofcore.caching import Memo, memoizing
+from resample.resampler import Resampler
 from resample.scene.scenes import Quality
 from resample.types import Frame
 from resample.view.exports import KEYFRAMES, keyframes_as_toml
@@ -18,6 +21,7 @@ from resample.view.files import path_file
 from resample.view.views import PagePicture, Point, Settings, Size, projection_of
 from resample.watching import Cancel, Progress
 from resample_volume.classification.scales import value_at
+from resample_volume.classification.surveys import survey
 from resample_volume.command.animation import (
     FrameOptions,
     FrameOverlay,
@@ -25,22 +29,77 @@ from resample_volume.command.animation import (
     flight_of,
     shots,
 )
+from resample_volume.command.choices import AppearanceChoices, Beside
+from resample_volume.editing import points_of, spelled
+from resample_volume.media.appearance import Appearance, named_transfer, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.slicing import profile, slice_levels, slice_planes
 from resample_volume.space.annotations import annotated
+from resample_volume.space.lines import measure
 from resample_volume.types import Volume
-from resample_volume.viewing.requests import VolumeRequest, VolumeRequests
-from resample_volume.viewing.telling import pick_distances, transfer_points
 from resample_volume.voxels.framing import centered
+from resample_volume.voxels.visible import unit_of
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
 
 
+SHOWN = (AppearanceChoices, Resampling, Beside, PictureFormat)  # options that a page changes
+STILL = AppearanceChoices()
+STEERED = ("camera", "fov", "up", "fit")  # options that only move the camera
+MOST_COMPARED = 2  # looks that are kept
 VTK = "VTK"  # another renderer of the same
 RATE, FILMED = 24.0, ".mp4"  # as the command writes, frames per second
+
+
+class VolumeRequest(NamedTuple):
+    """A request, parsed from options."""
+
+    choices: AppearanceChoices
+    appearance: Appearance
+    resampler: Resampler
+    beside: Beside
+    picture: PictureFormat
+
+
+@dataclass
+class VolumeRequests:
+    """Requests for pictures of one volume; looks, resamplers and statistics are kept.
+
+    Parameters
+    ----------
+    volume
+        Without padding.
+    """
+
+    volume: Volume
+    _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
+    _found: Memo = field(default_factory=dict)
+    _appearances: dict[Any, Appearance] = field(default_factory=dict)  # of the last requests
+
+    def parsed(self, settings: Settings) -> VolumeRequest:
+        """Return the request that options make.
+
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
+        be read.
+        """
+        look, resampling, beside, picture = chosen(settings, SHOWN)
+        resampler = look.renderer(resampling, self.volume.scale)
+        resampler = self._resamplers.setdefault(resampler, resampler)
+        # The look of the voxels is kept while only the camera moves.
+        still = {name: getattr(STILL, name) for name in STEERED}
+        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
+        appearance = self._appearances.get(key)
+        if appearance is None:
+            with memoizing(self._found):
+                appearance = look.appearance(self.volume, resampler)
+            appearance = beside.scene_objects(look, resampler).beside(appearance)
+            before = list(self._appearances.items())[1 - MOST_COMPARED :]
+            # Replaced whole: picks ask meanwhile.
+            self._appearances = {**dict(before), key: appearance}
+        return VolumeRequest(look, appearance, resampler, beside, picture)
 
 
 @dataclass
@@ -72,12 +131,10 @@ class VolumePainter:
         quality: Quality = "preview" if quick else "final"
         frame = self._frame(request, size, ".png", quality, cancel)
         levels = levels_of(frame, "color", background=request.picture.behind(".png"))
-        return PagePicture(levels, quick, {"view": self._view(request, size, quality)})
-
-    def _view(self, request: VolumeRequest, size: Size, quality: Quality) -> dict[str, Any]:
-        """Return the projection from points around the volume's center, scene units, to pixels."""
+        # The projection from points around the volume's center, scene units, to pixels.
         camera, volume = self._placed_view(request, size, quality)
-        return projection_of(camera.view(), size, centered(volume)[1])
+        view = projection_of(camera.view(), size, centered(volume)[1])
+        return PagePicture(levels, quick, {"view": view})
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
@@ -176,12 +233,17 @@ class VolumePainter:
             self._picks = ()
             return {}
         self._picks = picks = (*self._picks[-2:], found)
-        return {
+        told = {
             "voxel": "{2}, {1}, {0}".format(*found.voxel),  # along x, y and z
             "value": f"{found.value:.6g}",
             "position": ", ".join(f"{part:.6g}" for part in found.position),
-            **pick_distances(picks, self.volume),
         }
+        if len(picks) > 1:
+            length = measure(*picks[-2:], volume=self.volume)
+            told["distance"] = f"{length.distance:.6g} {length.unit}".rstrip()
+            if len(picks) == 3 and length.distance and measure(*picks[:2]).distance:
+                told["angle"] = f"{measure(*picks).angle:.4g}°"
+        return told
 
     def slice(
         self,
@@ -211,4 +273,22 @@ class VolumePainter:
         """`points` of the look, see `resample.view.views.Knowing`."""
         if what != "points":
             raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
-        return transfer_points(self.volume, self._requests.parsed(settings))
+        request, volume = self._requests.parsed(settings), self.volume
+        name, projection = request.choices.transfer, request.resampler.projection
+        transfer, span = transfer_of(volume, request.appearance, projection), survey(volume).span
+        points = [
+            (float(value_at(place, volume.scale)), color, opacity)
+            for place, color, opacity in points_of(transfer, span)
+        ]
+        try:  # whether a window spreads the look; others are in data units already
+            named_transfer(name, volume, projection, span)
+            is_windowed = True
+        except ValueError:
+            is_windowed = False
+        return {
+            "points": points,
+            "transfer": spelled(points),
+            "unit": transfer.opacity_unit,
+            "usual": unit_of(named_transfer(name, volume, projection), volume),
+            "windowed": is_windowed,
+        }

@@ -16,16 +16,18 @@ from resample.view.files import FileView
 from resample.view.views import Settings, is_free, settings_of
 from resample_volume.calls import render
 from resample_volume.classification import PRESETS, TISSUES
+from resample_volume.classification.scales import scale_named
 from resample_volume.classification.surveys import survey
 from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import of_first_channel, prepared
 from resample_volume.data.spacings import unit_of_space
 from resample_volume.slicing import slice_planes
+from resample_volume.types import Volume
 from resample_volume.viewing.painter import VTK, VolumePainter
-from resample_volume.viewing.telling import histogram
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
 
+BINS = 256  # of a histogram
 COMMAND, FILM = "resample-volume render", "resample-volume animate"
 NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
 LEFT_OUT = (
@@ -56,7 +58,9 @@ def volume_view(
     def described() -> dict[str, Any]:
         settings = {"fit": "volume", "camera": "30,20,1", **settings_of(begin)}
         first.check(settings)
-        known = survey(volume)
+        known, absence = survey(volume), missing("peers", VTK)
+        if not absence and find_spec("vtkmodules") is None:
+            absence = "VTK is not installed: pip install 'hybrid-resample[peers]'"
         size = volume.values.shape[::-1]
         return {
             "title": volume.name,
@@ -68,7 +72,7 @@ def volume_view(
             "fixed": settings_of([source]),
             "settings": settings,
             "fills": is_free(begin),
-            "rivals": {VTK: _absence()},
+            "rivals": {VTK: absence},
             "names": {
                 "transfer": [*PRESETS, *(TISSUES if known.units.added is not None else ())],
                 **{option: names(group) for option, group in NAMED.items()},
@@ -92,11 +96,15 @@ def volume_view(
     return FileView(first, described, first.check, KINDS, LEFT_OUT, little)
 
 
-def _absence() -> str:
-    """Return why VTK is not available for comparison; empty if it is."""
-    if (absence := missing("peers", VTK)) or find_spec("vtkmodules") is not None:
-        return absence
-    return "VTK is not installed: pip install 'hybrid-resample[peers]'"
+def histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
+    """Return the histogram of values in the robust range."""
+    low, high = span
+    values = np.asarray(volume.values)
+    count, _ = np.histogram(values[np.isfinite(values)], BINS, (low, max(high, low + 1e-30)))
+    by = scale_named(volume.scale)
+    scale = {} if by is None else {"scale": "log" if by.linear is None else "symlog"}
+    linear = {} if by is None or by.linear is None else {"linear": by.linear}
+    return {"low": low, "high": high, "counts": count.tolist(), **scale, **linear}
 
 
 def picture(volume: str, settings: Mapping[str, Any]) -> Frame:

@@ -100,7 +100,11 @@ def shown_by(
 
     def placed() -> Iterator[Floats]:
         for place in kept():
-            position = positions_at(volume, _counted(counting, place, shape))
+            counted = place
+            if counting is not None:
+                cell = _cells_at(place, shape, counting.side)
+                counted = place[counting.cells.reshape(-1)[cell]]
+            position = positions_at(volume, counted)
             yield position[inside(position, lattice, planes, radius)] if len(planes) else position
 
     if is_in_file(volume.values):
@@ -113,13 +117,6 @@ class Counting(NamedTuple):
 
     cells: NDArray[np.bool_]  # (Z, Y, X)
     side: int  # voxels
-
-
-def _counted(counting: Counting | None, place: Indices, shape: tuple[int, ...]) -> Indices:
-    """Return those of the flat indices of voxels that count; all if None."""
-    if counting is None:
-        return place
-    return place[counting.cells.reshape(-1)[_cells_at(place, shape, counting.side)]]
 
 
 def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
@@ -309,15 +306,23 @@ def _without_strays(
     `known`: from `_extent`; None: found here.
     """
     total, low, high = known or _extent(parts)
-    most, extent = most_strays(total), high - low
+    # At one end of an axis so many may be outliers.
+    most, extent = max(min(FEW, total // 500), int(STRAY_SHARE * total)), high - low
     if not most or not np.isfinite(extent).all() or _is_filled(parts, low, extent, most):
         return parts
-    axes, count = wide_axes(extent), np.zeros((3, BINS), np.int64)
+    axes = np.flatnonzero(extent > 0).tolist()
+    count = np.zeros((3, BINS), np.int64)
     for position in parts():
         for axis in axes:
-            code = codes_along(position, low, extent, axis)
+            code = _codes(position, low, extent, axis)
             count[axis] += np.bincount(code, minlength=BINS)
-    codes = {axis: full_codes(count[axis], float(extent[axis]), most, voxel) for axis in axes}
+    codes = {}  # first and last bin without outliers
+    for axis in axes:
+        full, size = np.flatnonzero(count[axis]), float(extent[axis])
+        gap = max(STRAY_GAP, STRAY_VOXELS * voxel / size)
+        place = (full + 0.5) * np.float64(size / BINS)
+        first, last = ends(place, count[axis][full], most, gap)
+        codes[axis] = int(full[first]), int(full[last])
     if all(count[axis, a : b + 1].sum() == total for axis, (a, b) in codes.items()):
         return parts
 
@@ -325,51 +330,28 @@ def _without_strays(
         for position in parts():
             is_kept = np.ones(len(position), bool)
             for axis, (first, last) in codes.items():
-                code = codes_along(position, low, extent, axis)
+                code = _codes(position, low, extent, axis)
                 is_kept &= (code >= first) & (code <= last)
             yield position[is_kept]
 
     return kept
 
 
-def most_strays(count: int) -> int:
-    """Return how many visible voxels may be outliers at one end of an axis."""
-    return max(min(FEW, count // 500), int(STRAY_SHARE * count))
-
-
-def wide_axes(extent: Doubles) -> list[int]:
-    """Return the axes along which coordinates differ."""
-    return [axis for axis in range(3) if extent[axis] > 0]
-
-
-def codes_along(position: Floats, low: Doubles, extent: Doubles, axis: int) -> NDArray[np.int64]:
+def _codes(position: Floats, low: Doubles, extent: Doubles, axis: int) -> NDArray[np.int64]:
     """Return bins (N,) of points (N, 3) along an axis, from the least to the greatest."""
     along = position[:, axis] - np.float32(low[axis])
     return np.minimum((along * np.float32(BINS / extent[axis])).astype(np.int64), BINS - 1)
-
-
-def full_codes(count: NDArray[np.int64], size: float, most: int, voxel: float) -> tuple[int, int]:
-    """Return the first and last bin without outliers, by counts per bin (BINS,)."""
-    full = np.flatnonzero(count)
-    gap = max(STRAY_GAP, STRAY_VOXELS * voxel / size)
-    first, last = ends((full + 0.5) * np.float64(size / BINS), count[full], most, gap)
-    return int(full[first]), int(full[last])
 
 
 def _is_filled(parts: Parts, low: Doubles, extent: Doubles, most: int) -> bool:
     """Return whether a sample shows too many voxels near all six sides for outliers."""
     near, first = np.zeros((2, 3), np.int64), SOME // 2
     for position in parts():
-        near += near_ends(position[first::SOME], low, extent)
+        some = position[first::SOME]
+        near[0] += (some <= low + STRAY_GAP * extent).sum(axis=0)
+        near[1] += (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
         first = (first - len(position)) % SOME
     return bool(near.min() > 2 + 2 * most // SOME)
-
-
-def near_ends(some: Floats, low: Doubles, extent: Doubles) -> NDArray[np.int64]:
-    """Count points near the low and the high sides of their box, (2, 3)."""
-    near_low = (some <= low + STRAY_GAP * extent).sum(axis=0)
-    near_high = (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
-    return np.stack([near_low, near_high])
 
 
 def bounds(position: Floats) -> tuple[Doubles, Doubles]:

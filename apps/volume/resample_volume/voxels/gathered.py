@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like, is_in_file
-from resample.outofcore.caching import memo_of
+from resample.outofcore.caching import memo_of, memoized
 from resample.outofcore.passes import DIGIT, counts_by_digit, ranked
 from resample.painting.choices import MAXIMA, MEASURING, Projection
 from resample.painting.rays import bricks_to_next, thickest, visible_cells
@@ -32,7 +32,7 @@ from resample.types import (
     SplineField,
     Tint,
 )
-from resample_volume.classification.surveys import counted
+from resample_volume.classification.surveys import counted, survey
 from resample_volume.classification.transfer import (
     Transfer,
     TransferTable,
@@ -43,7 +43,6 @@ from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few
 from resample_volume.types import Volume
-from resample_volume.voxels.fields import UNLIT, check_iso, columns_of, table_range
 from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
 from resample_volume.voxels.thickness import with_true_thickness
 from resample_volume.voxels.thin import (
@@ -73,6 +72,11 @@ BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface i
 NOTHING = -1  # in place of an index, see `kernels.filling`
 BESIDE = 0.1  # fraction of the way between two values that the field of one does not reach
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
+COLUMNS = 4096  # columns of a table of looks; integer values fall on columns
+MOST_COLUMNS = 1 << 16
+MARGIN = 64  # values beyond each end of the robust range whose looks are compared with its ends
+
+UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 
 
 class Gathered(NamedTuple):
@@ -113,7 +117,7 @@ def gathered(
     is_composite = resampler.projection is Projection.COMPOSITE
     two = _only_two(volume, data_range) if is_composite else np.zeros(0)
     if not transfer.normalized and resampler.iso is None:
-        data_range = table_range(volume, transfer, data_range)
+        data_range = _table_range(volume, transfer, data_range)
     is_plain = getattr(resampler.order, "interpolation", MONOTONE) != MONOTONE
     thin = thin_that_fits(volume, resampler.projection, stays=is_plain or labels is not None)
     samples = of_samples(volume, thin)
@@ -123,26 +127,26 @@ def gathered(
     levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
-    shape, steep = (1, columns_of(volume, data_range)), 1.0
+    shape, steep = (1, _columns_of(volume, data_range)), 1.0
     count = _visible_count(volume, transfer, data_range, resampler)
     if transfer.needs_gradient:
         shape = (64, shape[1])
         parts = partial(_visible, volume, transfer, data_range, resampler)
         steep = _steepness_of(volume, parts, gradient, count)
-    each = [transfer]
+    table_of = partial(tabulated, transfer, data_range, steep, unit, shape)
+    tables = [table_of()]
     if labels is not None:
-        from resample_volume.classification.labels import Ruled
-
-        each += [Ruled(transfer, rule) for rule in labels.rules.values()]
-    tables = [tabulated(one, data_range, steep, unit, shape) for one in each]
+        tables += [table_of(rule.applied) for rule in labels.rules.values()]
     table = np.concatenate([one.table for one in tables], axis=1)
-    looks, beside = tables[0]._replace(table=table), len(each)
+    looks, beside = tables[0]._replace(table=table), len(tables)
     if labels is not None:
         known = numbered(known, labels.numbers, volume.values)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
         looks, beside = _of_either(looks, two), 2
-        known = numbered(known, partial(_higher, volume, two), volume.values)
+        known = numbered(
+            known, lambda part: 1 + (volume.values[part] == two[1]).astype(np.uint8), volume.values
+        )
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
@@ -167,6 +171,38 @@ def gathered(
         apart=apart,
         levels=levels,
     )
+
+
+def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
+    """Reject an isosurface of a value that the data do not cross."""
+    low, high = data_range
+    if iso is not None and not low < iso <= high and np.isfinite(volume.values).any():
+        raise ValueError(
+            f"there is no surface of the value {iso:g}: {volume.name} holds {low:g} to {high:g}"
+        )
+
+
+def _table_range(
+    volume: Volume, transfer: Transfer, data_range: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the range of a table of looks: without outliers if these look like its ends."""
+    (low, high), (least, greatest) = survey(volume).span, data_range
+    if (low, high) == data_range:
+        return data_range
+    value = np.concatenate([np.linspace(least, low, MARGIN), np.linspace(high, greatest, MARGIN)])
+    flat = np.zeros(value.size, np.float32) if transfer.needs_gradient else None
+    color, opacity = transfer.classify(value, flat, data_range, 1.0)
+    look = np.column_stack([color, opacity]).reshape(2, MARGIN, 4)
+    same = (look[0] == look[0, -1]).all() and (look[1] == look[1, 0]).all()
+    return (low, high) if same else data_range
+
+
+def _columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
+    """Return the number of columns of a table of looks, such that integers fall on columns."""
+    span = data_range[1] - data_range[0]
+    if volume.values.dtype.kind not in "iu" or not 1 <= span < MOST_COLUMNS:
+        return COLUMNS
+    return int(span) * max(1, COLUMNS // int(span)) + 1
 
 
 def _only_two(volume: Volume, ends: tuple[float, float]) -> Doubles:
@@ -201,11 +237,6 @@ def _of_either(looks: TransferTable, two: Doubles) -> TransferTable:
         part[:, ~is_near, 3] = 0
         parts.append(part)
     return looks._replace(table=np.ascontiguousarray(np.concatenate(parts, axis=1)))
-
-
-def _higher(volume: Volume, two: Doubles, part: slice) -> Flags:
-    """Return which of two values voxels of some slices have: 1 or 2."""
-    return np.where(volume.values[part] == two[1], np.uint8(2), np.uint8(1))
 
 
 def lit_lattice(
@@ -331,13 +362,10 @@ def _rescaled(
     ), Bounds(least, greatest)
 
 
+@memoized(lambda values: values)
 def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
     """Return the bounds of maxima or minima of a field, once per volume."""
-    memo: dict[Any, BlockLevels] = memo_of(values)
-    key = (_levels, id(values), is_least)
-    if key not in memo:
-        memo[key] = levels_of_samples(values, is_least)
-    return memo[key]
+    return levels_of_samples(values, is_least)
 
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:

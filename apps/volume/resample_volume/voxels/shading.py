@@ -134,8 +134,10 @@ def shade(
     camera, instead of `eye`.
     """
     color = voxels.color
-    if light is not None and len(voxels.reached):
-        color = _lit_with_shadows(voxels, light, viewer_of(eye, view))
+    if light is not None and len(voxels.reached):  # shadows and ambient occlusion
+        of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer_of(eye, view))
+        everywhere = np.float32(light.ambient) * voxels.color
+        color = voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
     elif light is not None:
         color = _lit(voxels, light, viewer_of(eye, view))
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
@@ -172,28 +174,18 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
     return shaded
 
 
-def _lit_with_shadows(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
-    """Do as `_lit`, with shadows and ambient occlusion."""
-    of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer)
-    everywhere = np.float32(light.ambient) * voxels.color
-    return voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
-
-
 def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
     """Convert a light for kernels.
 
     `viewer`: (4,) from `viewer_of`. `gradient`: (N, 3) of all shaded voxels: gradients far below
     the steepest give no normal.
     """
-    flat = FLAT * _steepest(gradient)
+    # The greatest component is at least 1 / √3 of the greatest length.
+    steepest = max(float(gradient.max()), -float(gradient.min())) if gradient.size else 0.0
+    flat = FLAT * steepest
     toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
     numbers = (light.ambient, light.diffuse, light.specular, light.shininess, flat)
     return Lamp(toward, viewer, *map(float, numbers))
-
-
-def _steepest(gradient: Floats) -> float:
-    """Return the greatest component, which is at least 1 / √3 of the greatest length."""
-    return max(float(gradient.max()), -float(gradient.min())) if gradient.size else 0.0
 
 
 def _finite(name: str, vector: Sequence[float] | Doubles) -> Doubles:
@@ -222,20 +214,16 @@ def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint
     deep, down, across = volume.values.shape
     padded = (deep + 2 * PAD, down + 2 * PAD, across + 2 * PAD)
     require_memory(6 * prod(padded), f"colors of {volume.name}")
-    most = _brightest(volume.colors)
+    most = 1.0  # linear light of the brightest channel of any voxel, at least 1
+    if volume.colors.dtype.kind == "f":
+        lights = (float(linear_colors(plane).max(initial=0.0)) for plane in volume.colors)
+        most = max(most, *lights)
     found = np.empty((*padded, 3), np.uint16)
     for z, plane in enumerate(_filled(volume, looks, labels)):
         levels = np.rint(np.clip(plane / most, 0, 1) * FULL).astype(np.uint16)
         found[z + PAD] = np.pad(levels, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
     found[:PAD], found[-PAD:] = found[PAD], found[-PAD - 1]
     return Tint(found.reshape(-1, 3), most)
-
-
-def _brightest(colors: NDArray[np.generic]) -> float:
-    """Return the linear light of the brightest channel of any voxel, at least 1."""
-    if colors.dtype.kind != "f":
-        return 1.0
-    return max(1.0, *(float(linear_colors(plane).max(initial=0.0)) for plane in colors))
 
 
 def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iterator[Floats]:

@@ -156,18 +156,16 @@ def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Float
     for n, plane in enumerate(np.moveaxis(values, thin.axis, 0)):
         thick[n] = plane.astype(np.float64) - low
     across = spline_filter1d(thick, 3, 0, np.float32, "reflect")
-    slices = _Slices(thick, across, high - low, is_within, _grain(thick.shape[1:]))
+    # A faint static texture fixes the flow along straight edges.
+    texture = np.random.default_rng(7).normal(size=thick.shape[1:]).astype(np.float32)
+    texture = _smooth(texture)
+    grain = np.asarray(texture / texture.std() + np.float32(DARK))
+    slices = _Slices(thick, across, high - low, is_within, grain)
     found = np.empty(shape, np.float32)
     put = partial(_put_group, slices, np.moveaxis(found, thin.axis, 0), thin.parts)
     with ThreadPoolExecutor(workers()) as pool:
         list(pool.map(put, range(-1, len(thick), GROUP)))
     return found, low
-
-
-def _grain(shape: tuple[int, ...]) -> Plane:
-    """Return a faint static texture, which fixes the flow along straight edges."""
-    texture = _smooth(np.random.default_rng(7).normal(size=shape).astype(np.float32))
-    return np.asarray(texture / texture.std() + np.float32(DARK))
 
 
 class _Slices(NamedTuple):
@@ -336,18 +334,10 @@ def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, 
         bent = cv2.remap(aside, right, down, cv2.INTER_LINEAR, borderMode=edge)
     before_it, behind_it = -passed, np.float32(1.0) - passed
     start, end = (before + 1, before) if is_back else (before, before + 1)
-    one, two = (
-        _moved(
-            slices,
-            n,
-            *(x + bent[..., 0] + share * here[..., 0], y + bent[..., 1] + share * here[..., 1]),
-        )
-        for n, share in ((start, before_it), (end, behind_it))
-    )
-    right, down = (
-        x + bent[..., 0] + behind_it * here[..., 0],
-        y + bent[..., 1] + behind_it * here[..., 1],
-    )
+    right, down = x + bent[..., 0], y + bent[..., 1]
+    one = _moved(slices, start, right + before_it * here[..., 0], down + before_it * here[..., 1])
+    right, down = right + behind_it * here[..., 0], down + behind_it * here[..., 1]
+    two = _moved(slices, end, right, down)
     lost = here + cv2.remap(path.opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
     astray = np.hypot(lost[..., 0], lost[..., 1])
     between = behind_it * one + passed * two

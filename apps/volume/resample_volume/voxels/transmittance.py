@@ -8,7 +8,7 @@ Translucent Volume Rendering and Procedural Modeling, 2002.)
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,20 +47,22 @@ def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> F
         for place, depth in optical_depths(extinction, lattice, toward):
             share[place][..., 0] = np.rint(ALL * np.exp(-depth))
     if light.occlusion:
+        # Ambient light varies slowly: it is found for merged cells, and interpolated.
         per = math.ceil(max(extinction.shape) / COARSE)
-        opened = _open_share(_merged(extinction, (per, per, per)), per * lattice)
-        share[..., 1] = np.rint(ALL * _spread(opened, per, extinction.shape))
+        coarse, steps = _merged(extinction, (per, per, per)), per * lattice
+        reach = REACH * float(np.linalg.norm(steps @ np.array(coarse.shape[::-1])))
+        total = np.zeros(coarse.shape, np.float32)
+        for toward in _around(AROUND):
+            for place, depth in optical_depths(coarse, steps, toward, reach):
+                total[place] += np.exp(-depth)
+        opened = np.minimum(1, total / np.float32(OPEN * AROUND))
+        if per > 1:
+            from scipy.ndimage import zoom
+
+            fine = zoom(opened, per, order=1, mode="nearest", grid_mode=True)
+            opened = fine[tuple(map(slice, extinction.shape))]
+        share[..., 1] = np.rint(ALL * opened)
     return share
-
-
-def _open_share(extinction: Floats, lattice: Doubles) -> Floats:
-    """Return fractions (Z, Y, X) of ambient light that reach cells; see `light_transmittance`."""
-    extent = float(np.linalg.norm(lattice @ np.array(extinction.shape[::-1])))
-    total = np.zeros(extinction.shape, np.float32)
-    for toward in _around(AROUND):
-        for place, depth in optical_depths(extinction, lattice, toward, REACH * extent):
-            total[place] += np.exp(-depth)
-    return np.asarray(np.minimum(1, total / np.float32(OPEN * AROUND)))
 
 
 def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
@@ -71,16 +73,6 @@ def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
     wide = np.pad(values, beyond)
     z, y, x = (size // count for size, count in zip(wide.shape, per, strict=True))
     return np.asarray(wide.reshape(z, per[0], y, per[1], x, per[2]).mean(axis=(1, 3, 5)))
-
-
-def _spread(values: Floats, per: int, shape: tuple[int, ...]) -> Floats:
-    """Interpolate values of merged cells at the original cells."""
-    if per == 1:
-        return values
-    from scipy.ndimage import zoom
-
-    fine = zoom(values, per, order=1, mode="nearest", grid_mode=True)
-    return np.asarray(fine[: shape[0], : shape[1], : shape[2]])
 
 
 def optical_depths(
@@ -121,56 +113,24 @@ def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
     to_index = np.linalg.inv(voxels.lattice)
     index = np.rint((voxels.position - voxels.position[0]) @ to_index.T).astype(np.int64)[:, ::-1]
     index = index - index.min(axis=0)
-    cells = cells_around(index.max(axis=0) + 1)
-    depth = exact_in_sums(voxels.extinction, float(voxels.extinction.max()), cells)
-    total = np.bincount(cells.of(index), depth, math.prod(cells.grid)).astype(np.float64)
-    share = light_transmittance(cells.means(total), cells.per * voxels.lattice, light)
-    return shares_at(index, share, cells)
-
-
-class LightCells(NamedTuple):
-    """A grid of cells of light around visible voxels."""
-
-    per: int  # voxels per side of a cell
-    grid: tuple[int, ...]  # cells along z, y and x
-
-    def of(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return flat indices (N,) of the cells of voxels, given as (N, 3) z, y, x."""
-        return np.asarray(np.ravel_multi_index((index // self.per).T, self.grid))
-
-    def means(self, total: Doubles) -> Floats:
-        """Convert sums to mean optical depths (Z, Y, X) per scene unit, in place."""
-        total /= self.per**3
-        return total.astype(np.float32).reshape(self.grid)
-
-
-def cells_around(size: NDArray[np.int64]) -> LightCells:
-    """Return the grid of light for a box of voxels, along z, y, x; errors as of `_grid_of`."""
+    size = index.max(axis=0) + 1
     per = cells_of(size)
-    return LightCells(per, _grid_of(size, per))
-
-
-def exact_in_sums(extinction: Floats, densest: float, cells: LightCells) -> Doubles:
-    """Round optical depths (N,) per scene unit so that sums in a cell are exact.
-
-    So sums are the same in any order. The error is below 2⁻²⁸ of the densest voxel for each voxel
-    of a cell, and mostly zero.
-    """
-    given = extinction.astype(np.float64)
-    if cells.per == 1 or not densest > 0:
-        return given
-    bits = math.frexp(densest)[1] + math.ceil(3 * math.log2(cells.per))
-    unit = 2.0 ** (bits - EXACT)
-    return np.asarray(np.rint(given / unit) * unit)
-
-
-def shares_at(index: NDArray[np.int64], share: Flags, cells: LightCells) -> Floats:
-    """Return fractions of light (N, 2), 0 to 1, at voxels of indices (N, 3) z, y, x."""
-    if cells.per == 1:
-        return np.asarray(share.reshape(-1, 2)[cells.of(index)] / np.float32(ALL))
+    grid = _grid_of(size, per)
+    depth, densest = voxels.extinction.astype(np.float64), float(voxels.extinction.max())
+    if per > 1 and densest > 0:
+        # Rounded, sums in a cell are exact and so the same in any order. The error is below 2⁻²⁸ of
+        # the densest voxel for each voxel of a cell, and mostly zero.
+        bits = math.frexp(densest)[1] + math.ceil(3 * math.log2(per))
+        unit = 2.0 ** (bits - EXACT)
+        depth = np.rint(depth / unit) * unit
+    cell = np.ravel_multi_index((index // per).T, grid)
+    mean = np.bincount(cell, depth, math.prod(grid)) / per**3
+    share = light_transmittance(mean.astype(np.float32).reshape(grid), per * voxels.lattice, light)
+    if per == 1:
+        return np.asarray(share.reshape(-1, 2)[cell] / np.float32(ALL))
     from scipy.ndimage import map_coordinates
 
-    place = (index.T - (cells.per - 1) / 2) / cells.per
+    place = (index.T - (per - 1) / 2) / per
     between = [
         map_coordinates(share[..., n], place, np.float32, order=1, mode="nearest") for n in (0, 1)
     ]
@@ -231,24 +191,16 @@ def _thickness(volume: Volume, extinctions: Extinctions, clip: Doubles, per: int
     thick = np.zeros(_grid_of(np.array(volume.values.shape), per), np.float32)
     first = 0
     for part in extinctions:
-        kept = np.where(_is_uncut(part.shape, first, volume, clip), part, np.float32(0))
-        across = _merged(kept, (1, per, per))
+        z, y, x = np.ogrid[first : first + len(part), : part.shape[1], : part.shape[2]]
+        kept = np.ones(part.shape, bool)  # what planes do not cut away
+        for plane in clip:
+            a, b, c = plane[:3] @ lattice_of(volume)
+            kept &= a * x + b * y + c * z + plane[:3] @ volume.origin >= -plane[3]
+        across = _merged(np.where(kept, part, np.float32(0)), (1, per, per))
         for n, row in enumerate(across, first):
             thick[n // per] += row / np.float32(per)
         first += len(part)
     return thick
-
-
-def _is_uncut(
-    shape: tuple[int, ...], first: int, volume: Volume, clip: Doubles
-) -> NDArray[np.bool_]:
-    """Return which voxels (Z, Y, X) of some slices are not cut away."""
-    z, y, x = np.ogrid[first : first + shape[0], : shape[1], : shape[2]]
-    kept = np.ones(shape, bool)
-    for plane in clip:
-        along = plane[:3] @ lattice_of(volume)
-        kept &= along[0] * x + along[1] * y + along[2] * z + plane[:3] @ volume.origin >= -plane[3]
-    return kept
 
 
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:

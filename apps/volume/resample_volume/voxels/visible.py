@@ -35,14 +35,6 @@ ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
-class Candidates(NamedTuple):
-    """Voxels that may be visible by their value."""
-
-    place: Indices  # (N,) index into the flat volume, z slowest
-    value: NDArray[Any]  # (N,) data units
-    slope: Floats  # (N, 3) data units per scene unit; or (0, 3)
-
-
 class Voxels(NamedTuple):
     """The N voxels of a volume that are not transparent, in the order z, y, x."""
 
@@ -75,19 +67,29 @@ def classify(
     fit in memory.
     """
     whole = transfer if gradient_opacity is None else Faded(transfer, gradient_opacity)
-    check_gradient(whole, gradient)
+    if gradient is not None and gradient not in GRADIENTS:
+        raise ValueError(f"unknown gradient {gradient!r}; known: {', '.join(GRADIENTS)}, None")
+    if gradient is None and whole.needs_gradient:
+        known = " or ".join(GRADIENTS)
+        raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
     if labels is not None:
         labels.check(volume)
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
-    seen = visible_with_slopes(volume, whole, data_range, gradient)
-    slope = seen.slope
+    place, value, slope = visible_with_slopes(volume, whole, data_range, gradient)
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    color, opacity = classify_values(whole, seen.value, length, data_range, steepness(length))
+    steep, count = steepness(length), value.size
+    color, opacity = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+
+    def look(share: slice) -> None:
+        slopes = None if length is None else length[share]
+        color[share], opacity[share] = whole.classify(value[share], slopes, data_range, steep)
+
+    side_by_side(look, count)
     if volume.colors is not None:
-        color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[seen.place])
+        color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[place])
     if labels is not None:
-        color, opacity = labels.applied(seen.place, color, opacity)
-    place, kept = seen.place, np.flatnonzero(opacity > 0)
+        color, opacity = labels.applied(place, color, opacity)
+    kept = np.flatnonzero(opacity > 0)
     require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
@@ -97,44 +99,17 @@ def classify(
     if whole.needs_gradient or labels is not None:
         thickness = extinction(opacity, unit)
     else:
-        value = seen.value if kept.size == seen.value.size else seen.value[kept]
-        thickness = extinctions_of(whole, value, data_range, unit)
+        shown = value if kept.size == count else value[kept]
+        thickness = np.empty(shown.size, np.float32)
+
+        def thick(values: NDArray[Any], data_range: DataRange) -> Floats:
+            return extinction(whole.classify(values, None, data_range, 0.0)[1], unit)
+
+        def find(share: slice) -> None:
+            thickness[share] = evaluated(thick, shown[share], data_range)
+
+        side_by_side(find, shown.size)
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
-
-
-def extinctions_of(
-    transfer: Transfer, value: NDArray[Any], data_range: DataRange, unit: float
-) -> Floats:
-    """Return optical depths (N,) per scene unit of values, independent of slopes."""
-
-    def thickness(values: NDArray[Any], data_range: DataRange) -> Floats:
-        return extinction(transfer.classify(values, None, data_range, 0.0)[1], unit)
-
-    found = np.empty(value.size, np.float32)
-
-    def find(share: slice) -> None:
-        found[share] = evaluated(thickness, value[share], data_range)
-
-    side_by_side(find, value.size)
-    return found
-
-
-def classify_values(
-    transfer: Transfer,
-    value: NDArray[Any],
-    length: Floats | None,
-    data_range: DataRange,
-    steep: float,
-) -> tuple[Floats, Floats]:
-    """Return colors (N, 3) and opacities (N,) by value and gradient length; see `Transfer`."""
-    color, opacity = np.empty((value.size, 3), np.float32), np.empty(value.size, np.float32)
-
-    def find(share: slice) -> None:
-        slopes = None if length is None else length[share]
-        color[share], opacity[share] = transfer.classify(value[share], slopes, data_range, steep)
-
-    side_by_side(find, value.size)
-    return color, opacity
 
 
 def steepness(length: Floats | None) -> float:
@@ -215,40 +190,18 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
     return position
 
 
-def check_gradient(transfer: Transfer, gradient: str | None) -> None:
-    """Reject gradients that are unknown, or missing where a look needs them."""
-    if gradient is not None and gradient not in GRADIENTS:
-        raise ValueError(f"unknown gradient {gradient!r}; known: {', '.join(GRADIENTS)}, None")
-    if gradient is None and transfer.needs_gradient:
-        known = " or ".join(GRADIENTS)
-        raise ValueError(f"regions or gradient_opacity: either needs a gradient; choose {known}")
-
-
 def visible_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
-) -> Candidates:
-    """Return the voxels with non-zero opacity, neighbours close to each other.
+) -> tuple[Indices, NDArray[Any], Floats]:
+    """Return the voxels with non-zero opacity at some slope, neighbours close to each other.
 
-    Parameters and errors as of `classify`, values in the order of the painter's bricks.
+    Result: indices (N,) into the flat volume, values (N,), and slopes (N, 3) in data units per
+    scene unit, or (0, 3) without a gradient. Parameters and errors as of `classify`. They are in
+    the order of the painter's bricks, which speeds painters up.
     """
-    volume = as_array(volume)
-    seen = _in_bricks(_visible(volume, transfer, data_range), volume)
-    if gradient is None:
-        return seen
-    return seen._replace(slope=gradients_at(volume, seen.place, gradient))
-
-
-def _in_bricks(seen: Candidates, volume: Volume) -> Candidates:
-    """Reorder voxels so that neighbours are close to each other, which speeds painters up."""
     from resample_volume.data.kernels.gradients import brick_order
 
-    order = np.empty(seen.place.size, np.int64)
-    brick_order(seen.place, volume.values.shape, order)
-    return Candidates(seen.place[order], seen.value[order], NO_SLOPE)
-
-
-def _visible(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candidates:
-    """Return the voxels with non-zero opacity at some slope."""
+    volume = as_array(volume)
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
     parts = []
     start = count = 0
@@ -259,4 +212,8 @@ def _visible(volume: Volume, transfer: Transfer, data_range: DataRange) -> Candi
         start, count = start + value.size, count + index.size
         require_beside(volume.values, size * count, f"{volume.name} with {count} visible voxels")
     place, found = map(np.concatenate, zip(*parts, strict=True))
-    return Candidates(place, found, NO_SLOPE)
+    order = np.empty(place.size, np.int64)
+    brick_order(place, volume.values.shape, order)
+    place = place[order]
+    slope = NO_SLOPE if gradient is None else gradients_at(volume, place, gradient)
+    return place, found[order], slope

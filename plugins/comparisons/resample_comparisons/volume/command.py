@@ -1,14 +1,44 @@
 """`resample-volume compare`."""
 
 import sys
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.flags import OptionTopic
-from resample.command.settings import PictureFormat, method_names
-from resample_volume.command.choices import AppearanceChoices, Projecting, ReadOptions
+from resample.command.settings import (
+    Choices,
+    Iso,
+    PictureFormat,
+    Resampling,
+    Shown,
+    method_names,
+)
+from resample_volume.command.choices import AppearanceChoices, ReadOptions
+
+
+class Projecting(Choices):
+    """The projection: what a pixel shows."""
+
+    heading: ClassVar[str] = "Projection"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    projection: Shown = "composite"
+    iso: Iso = None
+
+    def resampling(self) -> Resampling:
+        """Return the options of the renderer, with defaults filled in.
+
+        Raises
+        ------
+        ValueError
+            An X-ray is asked for.
+        """
+        if self.projection == "xray":
+            raise ValueError("compare measures plain sums; take the projection additive")
+        return Resampling(projection=self.projection, iso=self.iso)
+
 
 Unshown = Parameter(show_default=False)
 SOURCE, PROJECTING = ReadOptions.usual(), Projecting.usual()

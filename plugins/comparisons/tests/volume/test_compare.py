@@ -7,9 +7,11 @@ import pytest
 from resample.cameras.models import Camera
 from resample.cameras.poses import look_at
 from resample.colors import to_srgb
+from resample.command.settings import Resampling
 from resample.painting.choices import Footprint, Primitive
 from resample.profiles.filters import Gaussian
 from resample.resampler import Resampler
+from resample_comparisons.volume.command import Projecting
 from resample_comparisons.volume.compare import Contest, variants
 from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.command.choices import AppearanceChoices
@@ -135,3 +137,7 @@ def test_a_view_of_nothing_is_compared():
     empty.splatted(SPLATS, 2)
     empty.draw("hybrid", Resampler())
     assert empty.rows[0]["psnr"] == math.inf
+
+
+def test_a_projection_is_what_the_renderer_takes() -> None:
+    assert Projecting(projection="maximum").resampling() == Resampling(projection="maximum")

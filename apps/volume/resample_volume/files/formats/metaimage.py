@@ -47,7 +47,6 @@ SPACINGS = ("elementspacing", "elementsize")
 ORIGINS = ("offset", "origin", "position")
 MATRICES = ("transformmatrix", "rotation", "orientation")
 SCALE = "ElementToIntensityFunctionSlope"
-PIECE = 1 << 22  # bytes compressed at a time
 
 
 def read_metaimage(path: Path, name: str, check: Check) -> Recording:
@@ -113,9 +112,10 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
     unit, by = unit_of_length(value.get("distanceunits", ""))
     matrix = _first(value, MATRICES, axes * axes)
     steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
+    is_big = any(_is_true(value, f"{word}byteordermsb") for word in ("binarydata", "element"))
     known = header(
         sizes[:3],
-        np.dtype(kind).newbyteorder(">" if _is_big(value) else "<"),
+        np.dtype(kind).newbyteorder(">" if is_big else "<"),
         name,
         spacing=times(spacing, by) if spacing.size else (1, 1, 1),
         origin=times(origin, by) if origin.size else (0, 0, 0),
@@ -137,10 +137,6 @@ def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
 
 def _is_true(value: Mapping[str, str], key: str) -> bool:
     return value.get(key, "").lower()[:1] in ("t", "y", "1")
-
-
-def _is_big(value: Mapping[str, str]) -> bool:
-    return any(_is_true(value, key) for key in ("binarydatabyteordermsb", "elementbyteordermsb"))
 
 
 def _stored(path: Path, told: Fields) -> VoxelData:

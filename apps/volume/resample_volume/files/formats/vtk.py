@@ -102,7 +102,10 @@ def read_vtk(
 @np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _lattice(found: Sections) -> _Lattice:
     """Read the header of the lattice, up to the first array of points or cells."""
-    _check_dataset(found)
+    if found.dataset not in ("structured_points", "rectilinear_grid"):
+        known = "nothing that is known; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
+        why = OTHERS.get(found.dataset, known)
+        raise ValueError(f"{found.name} holds {found.dataset.upper()[:40]!r}, {why}")
     told, planes = _fields(found)
     first = np.zeros(3)
     if len(told.get("extent", ())) == 6:
@@ -120,14 +123,6 @@ def _lattice(found: Sections) -> _Lattice:
     if missing:
         raise ValueError(f"{found.name} is damaged: it has no {', '.join(missing)}")
     return _Lattice(points, np.ones(3), np.zeros(3), [planes[key] for key in AXES])
-
-
-def _check_dataset(found: Sections) -> None:
-    kind = found.dataset
-    if kind not in ("structured_points", "rectilinear_grid"):
-        known = "nothing that is known; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
-        told = OTHERS.get(kind, known)
-        raise ValueError(f"{found.name} holds {kind.upper()[:40]!r}, {told}")
 
 
 def _fields(found: Sections) -> tuple[dict[str, list[float]], dict[str, Doubles]]:

@@ -220,4 +220,8 @@ class OneOfAll:
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         """Read all times and channels, as `Recorder` says."""
+        return self.read(existing_file(path), stem(path, self.suffixes), check)
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        """Read all times and channels of an existing file; the name is its volume's."""
         raise NotImplementedError

@@ -67,26 +67,22 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
 
     `parts`: numbers of a pixel. `is_alone`: whether all pages are in its file.
     """
-    found = _sizes(page, count, parts, name, is_alone=is_alone)
-    if page.orientation == 1:
-        return found
-    told = f"slices are as stored: their orientation tag, {page.orientation}, is not applied"
-    return found._replace(note="; ".join(filter(None, [found.note, told])))
-
-
-def _sizes(page: Page, count: int, parts: int, name: str, *, is_alone: bool) -> StackFacts:
+    turned = f"slices are as stored: their orientation tag, {page.orientation}, is not applied"
+    turned = "" if page.orientation == 1 else turned
     if "<OME" in page.description:
         found = _of_ome(page.description, count, parts, name)
     elif page.description.startswith("ImageJ="):
         found = _of_imagej(page, count)
     else:
-        return _of_tags(page)
+        found = _of_tags(page)
+        return found._replace(note="; ".join(filter(None, [found.note, turned])))
     if not all(0 < step < math.inf for step in found.spacing):
         listed = " x ".join(f"{step:g}" for step in found.spacing)
         raise ValueError(f"{name}: voxels of {listed}; correct its header, or give --spacing")
     if not is_alone:
         is_several = found.times * found.channels > 1
         note = "times and channels are not sorted in a folder: all pages are slices" * is_several
+        note = "; ".join(filter(None, [note, turned]))
         return found._replace(times=1, channels=1, slices=0, looks=(), pages=(), note=note)
     sizes = (found.times, found.channels, found.slices or count)
     if min(sizes) < 1 or not np.isfinite(found.line).all():
@@ -98,7 +94,7 @@ def _sizes(page: Page, count: int, parts: int, name: str, *, is_alone: bool) -> 
             f"{found.channels} channels and {found.slices} slices; convert it to one file with a "
             "page for each"
         )
-    return found
+    return found._replace(note="; ".join(filter(None, [found.note, turned])))
 
 
 def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:

@@ -13,21 +13,15 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import RAW, LimitError, check_deflated, check_items, check_unpacked
 from resample.reading.native import suppressed_output
+from resample.reading.pictures import size_of
 from resample.types import Doubles
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.parsing.headers import check_alone, header, volume
 from resample_volume.files.stacks.slices import natural
-from resample_volume.files.stacks.tags import (
-    check_frames,
-    check_lengths,
-    check_text,
-    numbers,
-    text,
-    whole,
-)
 from resample_volume.types import VOXEL, Volume
 
+UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
 EVEN_GAPS = 0.01  # tolerance of slice distances, of their mean
 TILTED = 1e-3  # of a step, by which slices may lie aside of each other and stand upright
 FITTING = ("uint8", "uint16", "int32", "int8", "int16", "int32")  # what rescaled values may be
@@ -35,7 +29,6 @@ GROUPS = ("PerFrameFunctionalGroupsSequence", "SharedFunctionalGroupsSequence")
 ORIENTATION = ("PlaneOrientationSequence", "ImageOrientationPatient")
 POSITION = ("PlanePositionSequence", "ImagePositionPatient")
 PIXELS = ("PixelMeasuresSequence", "PixelSpacing")
-BETWEEN = ("PixelMeasuresSequence", "SpacingBetweenSlices")
 SLOPE = ("PixelValueTransformationSequence", "RescaleSlope")
 INTERCEPT = ("PixelValueTransformationSequence", "RescaleIntercept")
 
@@ -76,11 +69,6 @@ def dicom_slices(folder: Path, series: str) -> list[Path]:
     return known[series]
 
 
-def dicom_file(path: Path, name: str) -> Volume:
-    """Read the frames of one file; errors as of `dicom_volume`."""
-    return dicom_volume([path], name)
-
-
 def dicom_volume(files: list[Path], name: str) -> Volume:
     """Read a volume of slices; uneven ones are interpolated.
 
@@ -98,7 +86,9 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
     known = known._replace(parts=parts, is_color=parts > 1, units=units, note=_note(slices, places))
-    known = known._replace(length="mm" if _is_sized(slices[0]) else VOXEL)
+    pixel = _numbers(first, slices[0].frame, PIXELS, (math.nan,) * 2)
+    is_sized = np.isfinite(pixel).all() or first.get("ImagerPixelSpacing") not in (None, "", [])
+    known = known._replace(length="mm" if is_sized else VOXEL)
     check_alone(known)
     require_memory(known.size, name)
     check_unpacked(name, sum(file.stat().st_size for file in files), known.size)
@@ -148,7 +138,11 @@ def _read_dataset(path: Path, *, is_whole: bool = False) -> Any:
         read.buffer = None  # otherwise a whole inflated file would be held
         if not len(read):
             raise ValueError("it holds nothing")
-        check_lengths(read)
+        for tag in read.keys():  # noqa: SIM118  iterating a header itself converts all values
+            raw = read.get_item(tag)
+            claimed, value = getattr(raw, "length", 0), getattr(raw, "value", None)
+            if claimed != UNDEFINED and isinstance(value, bytes) and len(value) < claimed:
+                raise ValueError(f"its {tag} claims {claimed} bytes, {len(value)} are there")
         return read
 
 
@@ -247,8 +241,10 @@ def _sorted(slices: list[_Slice]) -> list[_Slice]:
 
 def _parts(dataset: Any) -> int:
     """Return the number of components."""
-    check_text(dataset, "PhotometricInterpretation")
-    if text(dataset, "PhotometricInterpretation") == "PALETTE COLOR":
+    given = dataset.get("PhotometricInterpretation") or ""
+    if not isinstance(given, str):
+        raise ValueError(f"its PhotometricInterpretation is {_shown(given)}, where one text is")
+    if given == "PALETTE COLOR":
         return 3
     return whole(dataset, "SamplesPerPixel", 1)
 
@@ -350,7 +346,10 @@ def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
     """Return spacing (3,) and direction (3, 3)."""
     dataset, frame = slices[0].dataset, slices[0].frame
     row, column = slices[0].axes
-    down, across = np.resize(_numbers(dataset, frame, PIXELS, _imager(dataset)), 2)
+    key = "ImagerPixelSpacing"
+    given = dataset.get(key)
+    imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
+    down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
     normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
     if len(slices) > 1 and np.isfinite(places).all():
         way = (places[-1] - places[0]) / (len(slices) - 1)
@@ -360,13 +359,6 @@ def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
             if np.linalg.norm(way / length - normal) > TILTED:
                 normal = way / length
     return np.array([across, down, step]), np.column_stack([row, column, normal])
-
-
-def _is_sized(first: _Slice) -> bool:
-    """Return whether the size of pixels is stated."""
-    unknown = _numbers(first.dataset, first.frame, PIXELS, (math.nan,) * 2)
-    given = first.dataset.get("ImagerPixelSpacing")
-    return bool(np.isfinite(unknown).all()) or given not in (None, "", [])
 
 
 def _is_negative(dataset: Any) -> bool:
@@ -384,11 +376,6 @@ def _note(slices: list[_Slice], places: Doubles) -> str:
     if not (np.isfinite(places).all() and len(places) > 1) and not _between(*first[1:3]):
         lines.append("no distance of slices is stated; 1 mm is assumed")
     return "; ".join(lines)
-
-
-def _imager(dataset: Any) -> Doubles:
-    given = dataset.get("ImagerPixelSpacing")
-    return np.ones(2) if given in (None, "", []) else numbers(given, "ImagerPixelSpacing", 2)
 
 
 def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
@@ -411,3 +398,60 @@ def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
     return even._replace(
         origin=places[0], direction=direction, units=found.units, note=note, length=found.length
     )
+
+
+# Tags of a header.
+
+
+def whole(dataset: Any, key: str, otherwise: int | None = None) -> int:
+    """Return an integer of a header; `otherwise` if there is none."""
+    given = dataset.get(key)
+    if given in (None, "") and otherwise is not None:
+        return otherwise
+    try:
+        found = numbers(given, key, 1)[0]
+        if not found.is_integer():
+            raise ValueError
+    except ValueError:
+        raise ValueError(f"its {key} is {_shown(given)}, where one whole number is") from None
+    return int(found)
+
+
+def text(dataset: Any, key: str) -> str:
+    """Return a text of a header, the first of several; empty if there is none."""
+    given = dataset.get(key) or ""
+    return given if isinstance(given, str) else str(next(iter(given), ""))
+
+
+def numbers(given: Any, key: str, *counts: int) -> Doubles:
+    """Return the finite numbers (N,) of a header's key, of an allowed count."""
+    try:
+        found = np.atleast_1d(np.array(given, np.float64))
+        is_right = found.ndim == 1 and len(found) in counts and bool(np.isfinite(found).all())
+    except (TypeError, ValueError, OverflowError):
+        is_right = False
+    if not is_right:
+        wanted = " or ".join(map(str, sorted(set(counts))))
+        numbered = "finite number is" if wanted == "1" else "finite numbers are"
+        raise ValueError(f"its {key} is {_shown(given)}, where {wanted} {numbered}")
+    return found
+
+
+def _shown(given: Any) -> str:
+    """Return what was given, in short."""
+    return "missing" if given in (None, "") else f"{str(given)!r:.40}"
+
+
+def check_frames(dataset: Any, name: str) -> None:
+    """Reject compressed frames whose own size differs from the header's."""
+    from pydicom.encaps import generate_frames
+
+    wanted = (int(dataset.Rows), int(dataset.Columns))
+    count = int(dataset.get("NumberOfFrames", 1) or 1)
+    for frame in generate_frames(dataset.PixelData, number_of_frames=count):
+        size = size_of(frame)
+        if size is not None and size != wanted:
+            raise LimitError(
+                f"{name} holds a picture of {size[1]} x {size[0]} pixels and says that it has "
+                f"{wanted[1]} x {wanted[0]}; get it again"
+            )

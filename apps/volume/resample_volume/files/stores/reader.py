@@ -1,7 +1,7 @@
 """Read OME-Zarr and plain zarr arrays."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -85,7 +85,12 @@ class Zarr:
 
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
-        number = self._number(layout, name)
+        number, count = self.level, len(layout.levels)
+        if not 0 <= number < count:
+            raise ValueError(
+                f"{name} has {count} levels, 0 (the finest) to {count - 1}; there is no level "
+                f"{number}"
+            )
         level = moved(layout, number)
         array = _array(node, level, name)
         if min(array.chunks, default=0) < 1:
@@ -107,7 +112,14 @@ class Zarr:
         if not number:
             return told._replace(note=missing)
         finest = _lengths(layout.levels[0], layout.axes)[0]
-        notes = [_coarser(layout, number, level, known.shape), missing]
+        size = " x ".join(map(str, known.shape))
+        where = ", whose place the file does not tell"
+        where = "" if layout.levels[number].is_placed else where
+        note = (
+            f"level {number} of 0 to {count - 1} ({level.path}{where}) has {size} voxels: its "
+            f"pictures are {LOSS.get(number, 'less than 39')} dB from those of level 0"
+        )
+        notes = [note, missing]
         return told._replace(
             note="; ".join(filter(None, notes)), thickness=float(np.cbrt(abs(finest.prod())))
         )
@@ -123,15 +135,6 @@ class Zarr:
             shape = tuple(size[letter] for letter in SPACE[::-1])
             listed.append({"path": level.path, "shape": shape, "spacing": spacing.tolist()})
         return listed
-
-    def _number(self, layout: Layout, name: str) -> int:
-        count = len(layout.levels)
-        if not 0 <= self.level < count:
-            raise ValueError(
-                f"{name} has {count} levels, 0 (the finest) to {count - 1}; there is no level "
-                f"{self.level}"
-            )
-        return self.level
 
     def _header(
         self, layout: Layout, level: Level, array: "zarr.Array[Any]", name: str
@@ -155,15 +158,6 @@ class Zarr:
         length = spacing_of(self.spacing)[1] if self.spacing else layout.unit or UNKNOWN
         known = known._replace(times=times, parts=parts, length=length)
         return known._replace(is_color=layout.is_color)
-
-
-def with_level(reader: Any, level: int) -> Any:
-    """Return the reader of a coarser level."""
-    if not isinstance(reader, Zarr):
-        raise ValueError(
-            "level chooses a size of an OME-Zarr; this file has one size, leave it out"
-        )
-    return replace(reader, level=level)
 
 
 def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
@@ -228,16 +222,6 @@ def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "za
     if not isinstance(found, zarr.Array):
         raise ValueError(f"{name}/{level.path} is a group; a level is an array")
     return found
-
-
-def _coarser(layout: Layout, number: int, level: Level, shape: tuple[int, ...]) -> str:
-    """Return the message about a level that is not the finest."""
-    size = " x ".join(map(str, shape))
-    where = "" if layout.levels[number].is_placed else ", whose place the file does not tell"
-    return (
-        f"level {number} of 0 to {len(layout.levels) - 1} ({level.path}{where}) has {size} voxels: "
-        f"its pictures are {LOSS.get(number, 'less than 39')} dB from those of level 0"
-    )
 
 
 def _looks(layout: Layout) -> tuple[ChannelLook, ...]:

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from resample.files.stores.metadata import OWN
 from resample.files.stores.opening import STORE, require_zarr
 from resample.files.writing import beside, unwritten
-from resample.outofcore.bricks import Box, Step, boxes_of
+from resample.outofcore.bricks import Step, boxes_of
 from resample.types import Doubles
 from resample.watching import Progress
 from resample_volume.data.spacings import unit_of_space
@@ -114,14 +113,20 @@ def write_store(
     `progress`: called with the fraction of bricks written, 0 to 1.
     """
     zarr = require_zarr(path.name)
-    with _appearing(path) as temporary:
-        group = zarr.open_group(temporary, mode="w-", zarr_format=3)
-        shapes = sizes(_space(recording)) if form.is_layered else [_space(recording)]
-        levels = [_array(group, str(n), shape, recording, form) for n, shape in enumerate(shapes)]
-        for share in _fill(levels, recording, form):
-            if progress is not None:
-                progress(share)
-        group.attrs.update(_attributes(recording, shapes))
+    check_store(path)
+    shapes = sizes(_space(recording)) if form.is_layered else [_space(recording)]
+    try:
+        with beside(path) as temporary:
+            group = zarr.open_group(temporary, mode="w-", zarr_format=3)
+            every = enumerate(shapes)
+            levels = [_array(group, str(n), shape, recording, form) for n, shape in every]
+            for share in _fill(levels, recording, form):
+                if progress is not None:
+                    progress(share)
+            group.attrs.update(_attributes(recording, shapes))
+            temporary.rename(path)
+    except OSError as error:
+        raise unwritten(path, error) from None
 
 
 def bricks_of(recording: Recording, form: Layered) -> int:
@@ -144,18 +149,6 @@ def check_store(path: Path) -> None:
         raise PermissionError(f"{path.parent} must not be written to")
 
 
-@contextmanager
-def _appearing(path: Path) -> Iterator[Path]:
-    """Provide a temporary folder, renamed to the path on success and otherwise removed."""
-    check_store(path)
-    try:
-        with beside(path) as temporary:
-            yield temporary
-            temporary.rename(path)
-    except OSError as error:
-        raise unwritten(path, error) from None
-
-
 def _space(recording: Recording) -> Step:
     z, y, x = map(int, recording.values.shape[-3:])
     return z, y, x
@@ -171,6 +164,9 @@ def _array(
     group: "zarr.Group", name: str, shape: Step, recording: Recording, form: Layered
 ) -> "zarr.Array[Any]":
     """Create the empty array of one level."""
+    from zarr.codecs import BloscCodec, ZstdCodec
+
+    compressors = {"zstd": ZstdCodec(level=3), "blosc": BloscCodec(cname="zstd", clevel=5)}
     letters = _letters(recording)
     before = tuple(
         n for n, letter in zip(recording.values.shape[:2], "tc", strict=True) if letter in letters
@@ -182,18 +178,10 @@ def _array(
         chunks=(*ones, *(form.chunk,) * 3),
         shards=None if form.shard is None else (*ones, *(form.shard,) * 3),
         dtype=recording.values.dtype.newbyteorder("="),
-        compressors=_compressors(form.compression),
+        compressors=compressors.get(form.compression),
         dimension_names=list(letters),
         fill_value=0,
     )
-
-
-def _compressors(name: str) -> Any:
-    from zarr.codecs import BloscCodec, ZstdCodec
-
-    if name == "blosc":
-        return BloscCodec(cname="zstd", clevel=5)
-    return ZstdCodec(level=3) if name == "zstd" else None
 
 
 def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) -> Iterator[float]:
@@ -211,16 +199,12 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
                     values = given(box)
                 else:
                     per = per_axis(shapes[n - 1])
-                    values = halved(np.asarray(levels[n - 1][(*at, *_finer(box, per))]), per)
+                    sides = zip(box, per, strict=True)
+                    finer = (slice(by * side.start, by * side.stop) for side, by in sides)
+                    values = halved(np.asarray(levels[n - 1][(*at, *finer)]), per)
                 level[(*at, *box)] = values
                 done += 1
                 yield done / total
-
-
-def _finer(box: Box, per: Step) -> Box:
-    """Return the box of the finer level that a box is averaged from."""
-    z, y, x = (slice(n * side.start, n * side.stop) for side, n in zip(box, per, strict=True))
-    return z, y, x
 
 
 def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:

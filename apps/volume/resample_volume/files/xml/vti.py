@@ -13,13 +13,7 @@ from resample.reading.native import plain, suppressed_output
 from resample.reading.texts import check_xml_file
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.headers import (
-    Check,
-    VolumeHeader,
-    accept_any,
-    header,
-    recording,
-)
+from resample_volume.files.parsing.headers import Check, VolumeHeader, accept_any, header, recording
 from resample_volume.files.parsing.sections import (
     ArrayQuery,
     Named,

@@ -1,4 +1,4 @@
-"""Convert images of SimpleITK and nibabel, arrays of xarray and grids of yt."""
+"""Convert volumes of other libraries: VTK, PyVista, SimpleITK, nibabel, xarray, yt."""
 
 from typing import Any
 
@@ -9,16 +9,15 @@ from resample.lengths import unit_of_length
 from resample.registry import load, missing
 from resample.types import Doubles
 from resample.words import one_line
-from resample_volume.data.recordings import alone
+from resample_volume.data.recordings import alone, check_whole
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.exchange import check_whole
+from resample_volume.files.formats.nifti import TO_LPS
 from resample_volume.files.parsing.headers import check_alone, check_shape
 from resample_volume.files.parsing.sections import ArrayQuery, cells_between, choose, middles
 from resample_volume.files.parsing.texts import is_hounsfield
 from resample_volume.files.xml.vti import arrays_of, image_header, points_along
 from resample_volume.types import Volume
 
-TO_LPS = np.diag([-1.0, -1.0, 1.0])  # from RAS, and back
 AXES = ("z", "y", "x")
 
 
@@ -58,17 +57,12 @@ def of_nibabel(image: Any, part: Any, name: str) -> Volume:
     steps = affine[:3, :3] / np.where(spacing > 0, spacing, 1)
     axes = (2, 1, 0, 3) if is_colored else (2, 1, 0)
     place = (spacing, TO_LPS @ affine[:3, 3], TO_LPS @ steps)
-    found = Volume(values.transpose(axes), *place, name, _units(image.header), space="lps")
+    intent = getattr(image.header, "get_intent", lambda: ("", "", ""))()[2]  # NIfTI's
+    units = "hu" if is_hounsfield(str(intent)) else ""
+    found = Volume(values.transpose(axes), *place, name, units, space="lps")
     given = getattr(image.header, "get_xyzt_units", lambda: ("mm",))()[0]
     unit, by = unit_of_length(given)
     return found._replace(spacing=by * spacing, origin=by * place[1], length=unit)
-
-
-def _units(header: Any) -> str:
-    """Return the units of values, which NIfTI stores in the intent's name."""
-    if not hasattr(header, "get_intent"):
-        return ""
-    return "hu" if is_hounsfield(str(header.get_intent()[2])) else ""
 
 
 def _colors(values: NDArray[Any]) -> NDArray[Any]:
@@ -81,7 +75,11 @@ def _colors(values: NDArray[Any]) -> NDArray[Any]:
 def of_labeled(given: Any, part: Any, name: str) -> Volume:
     """Convert an array of xarray's, or a variable of a data set, with its coordinates."""
     if hasattr(given, "data_vars"):
-        given = _variable(given, part)
+        names = [str(each) for each in given.data_vars]
+        if part not in names and (part or len(names) != 1):
+            listed = ", ".join(names) or "there is none"
+            raise ValueError(f"name a variable by part=NAME ({part or 'none'} given): {listed}")
+        given = given[part or names[0]]
     else:
         check_whole(part, "an array of xarray's")
     dims = tuple(map(str, given.dims))
@@ -98,15 +96,6 @@ def of_labeled(given: Any, part: Any, name: str) -> Volume:
     if 0 in values.shape:
         raise ValueError(f"a volume has voxels in it; got {values.shape}")
     return rectilinear(values, x, y, z, str(given.name or name))
-
-
-def _variable(given: Any, part: Any) -> Any:
-    """Return a data set's variable by name, or the only one."""
-    names = [str(each) for each in given.data_vars]
-    if part not in names and (part or len(names) != 1):
-        listed = ", ".join(names) or "there is none"
-        raise ValueError(f"name a variable by part=NAME ({part or 'none'} given): {listed}")
-    return given[part or names[0]]
 
 
 def _planes(given: Any, dim: str, count: int) -> Doubles:
@@ -151,27 +140,19 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")
     wanted = ArrayQuery(str(part), "", "")
     if given.IsA("vtkImageData"):
-        return _of_image(given, wanted, name)
+        values, is_of_cells = _values(given, wanted, name)
+        known = image_header(given, np.uint8, None, name, is_of_cells=is_of_cells)
+        return Volume(values, known.spacing, known.origin, known.direction, name)
     if given.IsA("vtkRectilinearGrid"):
-        return _of_planes(given, wanted, name)
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        values, is_of_cells = _values(given, wanted, name)
+        axes = (given.GetXCoordinates(), given.GetYCoordinates(), given.GetZCoordinates())
+        x, y, z = (middles(vtk_to_numpy(axis), of_cells=is_of_cells) for axis in axes)
+        return rectilinear(values, x, y, z, name)
     if absent := missing("readers", "vtu"):
         raise ValueError(f"{name} is a grid of cells; {absent}")
     return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
-
-
-def _of_image(image: Any, wanted: ArrayQuery, name: str) -> Volume:
-    values, is_of_cells = _values(image, wanted, name)
-    known = image_header(image, np.uint8, None, name, is_of_cells=is_of_cells)
-    return Volume(values, known.spacing, known.origin, known.direction, name)
-
-
-def _of_planes(grid: Any, wanted: ArrayQuery, name: str) -> Volume:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    values, is_of_cells = _values(grid, wanted, name)
-    axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
-    x, y, z = (middles(vtk_to_numpy(axis), of_cells=is_of_cells) for axis in axes)
-    return rectilinear(values, x, y, z, name)
 
 
 def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[NDArray[Any], bool]:
