@@ -2,7 +2,7 @@
 
 import inspect
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, NamedTuple, get_origin
 
@@ -54,7 +54,17 @@ def brief(asked: Asked) -> list[str]:
     text = inspect.getdoc(asked.command.default_command) or ""
     found = asked.command.assemble_argument_collection()
     arguments = {one.names[0]: one for one in found if one.names and one.names[0] != "*"}
-    lines = _opening(asked, text, _usage(arguments.values()))
+    given, named, has_options = [], [], False
+    for argument in arguments.values():
+        name = argument.names[0]
+        has_options |= name.startswith("--") and not argument.required
+        if name.startswith("--"):
+            named += [f"{name} {name.rpartition('-')[2].upper()}"] if argument.required else []
+        else:
+            several = "..." if get_origin(argument.hint) is list else ""
+            given.append(f"{name}{several}" if argument.required else f"[{name}{several}]")
+    usage = [*given, *named, *(["[OPTIONS]"] if has_options else [])]
+    lines = _opening(asked, text, " ".join(usage))
     count = min(MOST_OPTIONS, LINES - len(lines) - 1)
     shown = list(_most_needed(arguments, asked.root))[:count]
     return [*lines, *_table([_option(one, text) for one in shown])]
@@ -80,19 +90,6 @@ def _commands(asked: Asked) -> list[str]:
     named = ", ".join(name for name in asked.command if not name.startswith("-"))
     lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
     return [*lines, "COMMAND -h explains a command; --help says what each of them does."]
-
-
-def _usage(arguments: Iterable["Argument"]) -> str:
-    given, named, has_options = [], [], False
-    for argument in arguments:
-        name = argument.names[0]
-        has_options |= name.startswith("--") and not argument.required
-        if name.startswith("--"):
-            named += [f"{name} {name.rpartition('-')[2].upper()}"] if argument.required else []
-        else:
-            several = "..." if get_origin(argument.hint) is list else ""
-            given.append(f"{name}{several}" if argument.required else f"[{name}{several}]")
-    return " ".join([*given, *named, *(["[OPTIONS]"] if has_options else [])])
 
 
 def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argument"]:

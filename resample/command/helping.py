@@ -12,7 +12,6 @@ from resample.command.flags import FULL, described
 
 if TYPE_CHECKING:
     from cyclopts import ArgumentCollection
-    from cyclopts.argument import Argument
 
 BRIEF = "-h"
 
@@ -51,12 +50,7 @@ class CommandLine(App):
         """Collect the arguments of a command; for the help each states its default."""
         found = super().assemble_argument_collection(**rules)
         for argument in found if rules.get("parse_docstring") else ():
-            state_default(argument)
+            text, default = described(argument)
+            more = Parameter(help=text, show_default=default if default else False)
+            argument.parameter = Parameter.combine(argument.parameter, more)
         return found
-
-
-def state_default(argument: "Argument") -> None:
-    """Move the default that a help text ends with to where other defaults are shown."""
-    text, default = described(argument)
-    more = Parameter(help=text, show_default=default if default else False)
-    argument.parameter = Parameter.combine(argument.parameter, more)

@@ -74,19 +74,6 @@ def _broken_opencv(error: ImportError) -> str | None:
     )
 
 
-def _flush() -> None:
-    """Flush stdout, so that a full disk is reported here and not after the end."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        give_up(sys.stdout)
-        raise OSError(
-            error.errno, f"cannot be written: {error.strerror}", "standard output"
-        ) from None
-
-
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     if any("sample:" in word for word in words):
@@ -96,7 +83,16 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
         arguments = expanded(words, partial(check_added, app, words))
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     LOG.debug("peak memory: %s", amount(peak_memory()))
-    _flush()
+    # Flush stdout, so that a full disk is reported here and not after the end.
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        give_up(sys.stdout)
+        raise OSError(
+            error.errno, f"cannot be written: {error.strerror}", "standard output"
+        ) from None
     return result if isinstance(result, int) else 0
 
 

@@ -180,7 +180,10 @@ def read_settings(
                 continue
             _check(key, value, options)
     if left_out:
-        LOG.warning("%s: %s", path, _left_out(left_out, is_picture=is_picture))
+        instead = "" if is_picture else ", or trust your own file by --settings-trusted"
+        why = "as settings only say how a picture looks, not what is read, written, used or trusted"
+        remedy = f"give these on the command line{instead}"
+        LOG.warning("%s: %s left out, %s; %s", path, ", ".join(left_out), why, remedy)
     return content
 
 
@@ -194,15 +197,6 @@ def _may_say(subject: OptionTopic | None, *, is_trusted: bool = False) -> bool:
     if is_trusted:
         return subject is not None and subject is not OptionTopic.TRUST
     return subject is OptionTopic.APPEARANCE
-
-
-def _left_out(keys: list[str], *, is_picture: bool) -> str:
-    """Warning about options that a file must not set."""
-    instead = "" if is_picture else ", or trust your own file by --settings-trusted"
-    return (
-        f"{', '.join(keys)} left out, as settings only say how a picture looks, not what is read, "
-        f"written, used or trusted; give these on the command line{instead}"
-    )
 
 
 def as_toml(name: str, settings: Settings) -> str:
@@ -301,17 +295,13 @@ def keeping_settings(name: str, command: Command) -> Command:
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
         if read := [key for key in chosen if about(marks[key], chosen[key]) is OptionTopic.SOURCE]:
-            LOG.warning("%s: %s", save_settings, _warning_of_unsaved(read))
+            why = "not kept, as settings do not say what is read; give these again"
+            LOG.warning("%s: %s %s", save_settings, ", ".join(read), why)
         return result
 
     _sign(run, command, signature)
     vars(run)["called"] = name  # of the program that has the command, whose package may be another
     return run
-
-
-def _warning_of_unsaved(keys: list[str]) -> str:
-    """Warning about options of this run that are not saved."""
-    return f"{', '.join(keys)} not kept, as settings do not say what is read; give these again"
 
 
 def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:

@@ -103,7 +103,12 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
             last = -ONCE
             _signal_again_soon(number)
             return
-        _end_at_last(128 + number)
+        # End the process after a while if Python still waits for one of its threads.
+        from threading import Timer
+
+        timer = Timer(AT_LAST, os._exit, (128 + number,))
+        timer.daemon = True
+        timer.start()
         raise StoppedError(number)
 
     def again(unraisable: Any) -> None:
@@ -117,15 +122,6 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
 
     sys.unraisablehook = again
     return stop
-
-
-def _end_at_last(status: int) -> None:
-    """End the process after a while if Python still waits for one of its threads."""
-    from threading import Timer
-
-    timer = Timer(AT_LAST, os._exit, (status,))
-    timer.daemon = True
-    timer.start()
 
 
 def _is_in_native_import(frame: "FrameType | None") -> bool:

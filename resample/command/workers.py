@@ -51,9 +51,11 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
     if not sharing.has_workers:
         yield _start_no_workers
         return
-    from distributed import KilledWorker
+    # Exceptions of tasks that no worker takes; older versions of dask have only one.
+    from distributed import KilledWorker, scheduler
 
-    no_worker_errors = _no_worker_errors()
+    names = ("NoWorkerError", "NoValidWorkerError")
+    no_worker_errors = tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
     with ExitStack() as held:
         client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
@@ -70,14 +72,6 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
                 f"all workers have ended and none restarted within {PATIENCE} seconds; allow "
                 "less --memory, or use fewer workers, or none"
             ) from None
-
-
-def _no_worker_errors() -> tuple[type[Exception], ...]:
-    """Exceptions of tasks that no worker takes; older versions of dask have only one."""
-    from distributed import scheduler
-
-    names = ("NoWorkerError", "NoValidWorkerError")
-    return tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
 
 
 def _start_no_workers() -> None:
@@ -190,21 +184,11 @@ def _environment() -> dict[str, object]:
 def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:
     executor = client.get_executor(pure=False)
     if sharing.workers is not None:
-        own = threads or max(1, (os.cpu_count() or 1) // sharing.workers)
-        return WorkerPool(executor, sharing.workers, own, None, is_local=True)
+        each = threads or max(1, (os.cpu_count() or 1) // sharing.workers)
+        return WorkerPool(executor, sharing.workers, each, None, is_local=True)
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     if not workers:
         raise OSError(f"the scheduler at {sharing.scheduler} has no workers; start some")
-    _check_versions(client)
-    count = sum(worker["nthreads"] for worker in workers)
-    limits = [worker["memory_limit"] / worker["nthreads"] for worker in workers]
-    least = min((limit for limit in limits if limit), default=None)
-    memory = None if least is None else int(SHARE * least)
-    return WorkerPool(executor, count, threads or 1, memory, is_local=False)
-
-
-def _check_versions(client: "Client") -> None:
-    """Reject workers whose version may give different bits."""
     from importlib.metadata import PackageNotFoundError, version
 
     own = version(PACKAGE)
@@ -214,6 +198,11 @@ def _check_versions(client: "Client") -> None:
         raise ValueError(f"workers do not have {PACKAGE}; install {own} there") from None
     if others:
         raise ValueError(f"workers have {PACKAGE} {', '.join(others)} and this is {own}")
+    count = sum(worker["nthreads"] for worker in workers)
+    limits = [worker["memory_limit"] / worker["nthreads"] for worker in workers]
+    least = min((limit for limit in limits if limit), default=None)
+    memory = None if least is None else int(SHARE * least)
+    return WorkerPool(executor, count, threads or 1, memory, is_local=False)
 
 
 def _attempts(error: Exception) -> int:

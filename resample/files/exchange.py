@@ -54,14 +54,24 @@ def picture_and_encoding(
     `kinds`: NumPy's letters of the kinds of values that are taken.
     """
     if isinstance(given, str | PathLike | Address):
-        return _read(given)
+        from resample.files.pictures import picture_at, read_picture
+
+        found = picture_at(place_of(given))
+        if found.is_plain:
+            found.tell_colors()
+            return found.load().data, found.is_encoded
+        return read_picture(found.path).data, None
     if isinstance(given, Showable):
         return _light_or_values(given), None
     library = type(given).__module__.partition(".")[0]
     if library == "PIL":
         array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
     elif library == "SimpleITK":
-        array = _of_itk(given, name)
+        import SimpleITK
+
+        if given.GetDimension() != 2:
+            raise ValueError(f"an image of {given.GetDimension()} dimensions; a {name} has 2")
+        array = np.asarray(SimpleITK.GetArrayFromImage(given))
     elif hasattr(given, "dims") and hasattr(given, "coords"):
         array = _of_labeled(given, name)
     else:
@@ -70,17 +80,6 @@ def picture_and_encoding(
         numbers = "real or complex numbers" if "c" in kinds else "real numbers"
         raise TypeError(f"a {name} of {array.dtype}; its values must be {numbers}")
     return array, None
-
-
-def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:
-    """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
-    from resample.files.pictures import picture_at, read_picture
-
-    found = picture_at(place_of(path))
-    if found.is_plain:
-        found.tell_colors()
-        return found.load().data, found.is_encoded
-    return read_picture(found.path).data, None
 
 
 def _array(given: Any, name: str) -> NDArray[Any]:
@@ -99,14 +98,6 @@ def _light_or_values(given: Any) -> NDArray[Any]:
     """Premultiplied light of a frame; image of a warped picture."""
     array: NDArray[Any] = given.rgba if isinstance(given, Frame) else given.image
     return array
-
-
-def _of_itk(image: Any, name: str) -> NDArray[Any]:
-    import SimpleITK
-
-    if image.GetDimension() != 2:
-        raise ValueError(f"an image of {image.GetDimension()} dimensions; a {name} has 2")
-    return np.asarray(SimpleITK.GetArrayFromImage(image))
 
 
 def _of_labeled(given: Any, name: str) -> NDArray[Any]:

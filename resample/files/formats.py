@@ -38,8 +38,8 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
     if suffix not in (*SUFFIXES, *BY_PILLOW, STORE):
         known = ", ".join((*SUFFIXES, *BY_PILLOW))
         raise ValueError(f"{path}: pictures are written as {known} or {STORE}")
-    if suffix in BY_PILLOW:
-        _check_pillow(path)
+    if suffix in BY_PILLOW and not can_be_written(suffix):
+        raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
     if look.quality is not None:
         _check_quality(path, look.quality)
     if suffix == STORE:
@@ -63,11 +63,6 @@ def can_be_written(suffix: str) -> bool:
     from PIL import features
 
     return suffix in BY_PILLOW and BY_PILLOW[suffix] in features.get_supported()
-
-
-def _check_pillow(path: Path) -> None:
-    if not can_be_written(path.suffix.lower()):
-        raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
 
 
 def _check_quality(path: Path, quality: int | str) -> None:
@@ -200,7 +195,10 @@ def _with_colors(
 def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
     """Convert numbers, or levels of light or fractions, to an integer type."""
     if picture.about.number:
-        return whole_numbers(picture.data, form)
+        # Round numbers to an integer type, clipped to its range; missing values become 0.
+        limits = np.iinfo(form)
+        rounded = np.rint(np.nan_to_num(picture.data.astype(np.float64), nan=0.0, posinf=np.inf))
+        return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
     return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
 
 
@@ -264,13 +262,6 @@ def coverage_picture(coverage: Floats) -> Picture:
     """Gray picture of fractions, which stay numbers in every format."""
     share = np.clip(coverage, 0.0, 1.0)[..., None]
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
-
-
-def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
-    """Round numbers to an integer type, clipped to its range; missing values become 0."""
-    limits = np.iinfo(form)
-    rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
-    return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
 
 
 def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArray[Any]:

@@ -181,12 +181,6 @@ def _start_of(lock: Path) -> str:
     return LOCK.sub(r"\1.tmp-\2\3", lock.name)
 
 
-def _release(opened: int, lock: Path) -> None:
-    os.close(opened)
-    with suppress(OSError):
-        lock.unlink()
-
-
 def take_lock(opened: int, path: Path) -> None:
     """Lock an open file or folder until it is closed or the process ends; Windows has no locks.
 
@@ -210,7 +204,9 @@ def remove_left(folder: Path) -> None:
     for opened, lock, names in _left(folder):
         for name in names:
             _remove(folder / name)
-        _release(opened, lock)
+        os.close(opened)
+        with suppress(OSError):
+            lock.unlink()
 
 
 def _left(folder: Path) -> Iterator[tuple[int, Path, list[str]]]:

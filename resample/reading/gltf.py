@@ -58,17 +58,13 @@ def check_gltf(tree: Tree) -> None:
         _index(tree, "scenes", tree["scene"], "scene")
     for key, names in NAMED.items():
         for place, thing in _things(tree, key):
-            _check_named(tree, place, thing, names)
+            for name, others in names.items():
+                for one in _several(thing, name, f"{place}.{name}"):
+                    _index(tree, others, one, f"{place}.{name}")
     for key, check in CHECKS.items():
         for place, thing in _things(tree, key):
             check(tree, place, thing)
     _check_depth(tree)
-
-
-def _check_named(tree: Tree, place: str, thing: Tree, names: dict[str, str]) -> None:
-    for name, others in names.items():
-        for one in _several(thing, name, f"{place}.{name}"):
-            _index(tree, others, one, f"{place}.{name}")
 
 
 def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from cyclopts import App, Group
-from cyclopts.argument import Argument
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
@@ -141,23 +140,18 @@ def controls_of(name: str, left_out: Sequence[str] = ()) -> list[dict[str, Any]]
         described = dict(schema[key])
         if OptionTopic.APPEARANCE.value not in described.pop("about"):
             continue
+        given = option.parameter.group
+        groups = [given] if isinstance(given, str | Group) else list(given or ())
         found.append(
             {
                 "key": key,
-                "heading": _heading(option),
+                "heading": str(getattr(groups[0], "name", groups[0])) if groups else "",
                 "help": described.pop("description", ""),
                 "default": described.pop("default", None),
                 "schema": described,
             }
         )
     return found
-
-
-def _heading(option: Argument) -> str:
-    """Heading of an option in the help."""
-    given = option.parameter.group
-    groups = [given] if isinstance(given, str | Group) else list(given or ())
-    return str(getattr(groups[0], "name", groups[0])) if groups else ""
 
 
 @cache

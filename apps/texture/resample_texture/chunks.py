@@ -203,7 +203,13 @@ def _chunk(box: Box, way: Drawing, light: dict[str, Any], is_partly: bool) -> _C
 
 def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
     """Return the target as a dask array, whose chunks depend on the parts they show."""
-    dask = _dask()
+    try:
+        import dask.array
+    except ImportError as error:
+        raise ValueError(
+            f"without out the result is a dask array, and {error.name} is not installed: "
+            "pip install 'hybrid-resample[dist]'"
+        ) from None
     given = stored if dask.is_dask_collection(stored) else dask.delayed(stored, traverse=False)
     made: dict[int, list[Any]] = defaultdict(list)  # by first row
     for box in boxes:
@@ -214,18 +220,6 @@ def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Bo
         made[box[0].start].append(dask.array.from_delayed(block, form, kept.dtype))
     rows = [dask.array.concatenate(row, axis=1) for row in made.values()]
     return dask.array.concatenate(rows, axis=0)
-
-
-def _dask() -> Any:
-    """Import dask, an optional dependency."""
-    try:
-        import dask.array
-    except ImportError as error:
-        raise ValueError(
-            f"without out the result is a dask array, and {error.name} is not installed: "
-            "pip install 'hybrid-resample[dist]'"
-        ) from None
-    return dask
 
 
 def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:

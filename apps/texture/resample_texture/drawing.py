@@ -98,8 +98,17 @@ def drawn(
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
     if picks is not None:
-        return _drawn_copies(image, drawing, picks, linear_light=linear_light, alpha=alpha)
-    if _is_large(image, drawing):
+        if drawing.behind is not None:
+            return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
+        moved = picked(image, picks, alpha)
+        if drawing.fill is not None:
+            return filled(moved, drawing.fill)
+        if drawing.as_light:
+            return Warped(_as_light(moved.image, linear_light, alpha), moved.coverage)
+        return moved
+    # Whether a picture is large enough to be drawn in parts, to save memory.
+    channels = math.prod(image.shape[2:])
+    if (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE:
         parts = parts_of(image, drawing)
         if parts is not None:
             return drawn_in_parts(image, drawing, parts, linear_light=linear_light, alpha=alpha)
@@ -109,21 +118,6 @@ def drawn(
 
     with jit.threads(drawing.threads):
         return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
-
-
-def _drawn_copies(
-    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: AnyLight | None,
-    alpha: AnyAlpha | None,
-) -> Warped:  # fmt: skip
-    """Copy texels, value for value."""
-    if drawing.behind is not None:
-        return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
-    moved = picked(image, picks, alpha)
-    if drawing.fill is not None:
-        return filled(moved, drawing.fill)
-    if drawing.as_light:
-        return Warped(_as_light(moved.image, linear_light, alpha), moved.coverage)
-    return moved
 
 
 def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
@@ -258,12 +252,6 @@ def with_nodata(warped: Warped, nodata: complex, fill: complex | str | None) -> 
     """Return a masked picture with a value in place of its mask: `nodata`, or `fill` if given."""
     value = nodata if fill is None or fill == PREMULTIPLIED else fill
     return type(warped)(np.ma.filled(warped.image, value), warped.coverage)
-
-
-def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
-    """Whether a picture is large enough to be drawn in parts, to save memory."""
-    channels = math.prod(image.shape[2:])
-    return (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE
 
 
 class DrawnParts(NamedTuple):

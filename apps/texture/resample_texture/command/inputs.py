@@ -35,34 +35,26 @@ def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarg
     """Return geometry and size for a source (height, width)."""
     name, given = place.given()
     if name == "matrix":
-        return _by_matrix(place, given, source_shape)
+        from resample_texture.geometry.matrices import homography, parse_matrix
+
+        matrix = homography(parse_matrix(given), convention=place.convention, inverse=place.inverse)
+        return PictureTarget(matrix, place.shape() or source_shape)
     if name == "lens":
         return rectified(calibrated(given), place.shape() or source_shape, inverse=place.inverse)
     if place.inverse:
         raise ValueError(f"--inverse applies to a matrix or a lens, not to a {name}")
     if name == "corners":
-        return _by_corners(place, given, source_shape)
+        from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
+
+        before, arrow, after = given.partition("->")
+        shift = 0.5 if place.convention == "opencv" else 0.0
+        points = parse_points(before) + shift
+        source = points if arrow else page_corners(source_shape)
+        target = parse_points(after) + shift if arrow else points
+        right, bottom = target.max(axis=0)
+        bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
+        return PictureTarget(from_corners(source, target), place.shape() or bounds)
     return _by_flow(place, given, source_shape) if name == "flow" else _by_map(place, given)
-
-
-def _by_matrix(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
-    from resample_texture.geometry.matrices import homography, parse_matrix
-
-    matrix = homography(parse_matrix(text), convention=place.convention, inverse=place.inverse)
-    return PictureTarget(matrix, place.shape() or source_shape)
-
-
-def _by_corners(place: WarpGeometry, text: str, source_shape: tuple[int, int]) -> PictureTarget:
-    from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
-
-    before, arrow, after = text.partition("->")
-    shift = 0.5 if place.convention == "opencv" else 0.0
-    points = parse_points(before) + shift
-    source = points if arrow else page_corners(source_shape)
-    target = parse_points(after) + shift if arrow else points
-    right, bottom = target.max(axis=0)
-    bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
-    return PictureTarget(from_corners(source, target), place.shape() or bounds)
 
 
 def _by_map(place: WarpGeometry, path: Path) -> PictureTarget:

@@ -30,7 +30,15 @@ def read_map(path: str | Path) -> NDArray[Any]:
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".flo":
-        return _read_flow(path)
+        data = Path(path).read_bytes()
+        if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != FLOW_MAGIC:
+            raise ValueError(f"{path} is not a .flo file: it does not begin with {FLOW_MAGIC}")
+        width, height = (int(number) for number in np.frombuffer(data, "<i4", 2, 4))
+        if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
+            raise OSError(f"{path} is damaged: {len(data)} bytes for {width} × {height} vectors")
+        flow = np.frombuffer(data, "<f4", -1, 12).reshape(height, width, 2).astype(np.float64)
+        is_known = (np.abs(flow) <= UNKNOWN_FLOW).all(axis=2, keepdims=True)
+        return np.where(is_known, flow, np.nan)
     if suffix in (".npy", ".npz"):
         loaded = read_arrays(path)
         if isinstance(loaded, dict):
@@ -96,19 +104,6 @@ def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
         )
     y, x = np.divmod(fraction.astype(np.int64), FIXED_POINT_STEPS)
     return places + np.stack([x, y % FIXED_POINT_STEPS], axis=2) / FIXED_POINT_STEPS
-
-
-def _read_flow(path: str | Path) -> Doubles:
-    """Read Middlebury's .flo: magic number, width, height, float32 pairs, little endian."""
-    data = Path(path).read_bytes()
-    if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != FLOW_MAGIC:
-        raise ValueError(f"{path} is not a .flo file: it does not begin with {FLOW_MAGIC}")
-    width, height = (int(number) for number in np.frombuffer(data, "<i4", 2, 4))
-    if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
-        raise OSError(f"{path} is damaged: {len(data)} bytes for {width} × {height} vectors")
-    flow = np.frombuffer(data, "<f4", -1, 12).reshape(height, width, 2).astype(np.float64)
-    is_known = (np.abs(flow) <= UNKNOWN_FLOW).all(axis=2, keepdims=True)
-    return np.where(is_known, flow, np.nan)
 
 
 def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> NDArray[Any]:

@@ -74,20 +74,18 @@ def _read_matrix(text: str) -> Doubles:
             f"{path} has {path.stat().st_size} bytes; a file of nine numbers is smaller"
         )
     if path.suffix.lower() == ".npy":
-        return _read_array(path)
+        loaded = read_arrays(path)
+        if isinstance(loaded, dict):
+            raise ValueError(
+                f"{path} holds the arrays {', '.join(loaded)}; give a file of one matrix"
+            )
+        return _full(loaded)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         rows = [_numbers(line.partition("#")[0]) for line in lines]
     except ValueError:
         raise ValueError(f"{path} is not a text file of numbers and # comments") from None
     return _of_lines([row for row in rows if row], str(path))
-
-
-def _read_array(path: Path) -> Doubles:
-    loaded = read_arrays(path)
-    if isinstance(loaded, dict):
-        raise ValueError(f"{path} holds the arrays {', '.join(loaded)}; give a file of one matrix")
-    return _full(loaded)
 
 
 def _numbers(line: str) -> list[float]:

@@ -214,7 +214,14 @@ def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
     """Convert values 0..1 to rounded integers."""
     largest = np.iinfo(encoding.dtype).max
     if largest == 255:
-        return _eight_bit_levels(image, encoding)
+        from resample.engine.levels import put_levels
+
+        image = np.ascontiguousarray(image, np.float32)
+        levels = np.empty(image.shape, np.uint8)
+        put_levels(_eight_bits(encoding.is_encoded), image.reshape(-1), levels.reshape(-1))
+        if encoding.is_encoded and encoding.is_straight:
+            levels[..., 3] = np.rint(np.clip(image[..., 3], 0.0, 1.0) * 255)
+        return levels
     image = np.clip(image, 0.0, 1.0)
     if not encoding.is_encoded:
         return np.rint(image * largest).astype(encoding.dtype)
@@ -222,18 +229,6 @@ def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
     levels = np.empty(image.shape, encoding.dtype)
     levels[..., count:] = np.rint(image[..., count:] * largest)
     levels[..., :count] = np.rint(to_srgb(image[..., :count]) * largest)
-    return levels
-
-
-def _eight_bit_levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
-    """Convert values 0..1 to 8 bits, by table."""
-    from resample.engine.levels import put_levels
-
-    image = np.ascontiguousarray(image, np.float32)
-    levels = np.empty(image.shape, np.uint8)
-    put_levels(_eight_bits(encoding.is_encoded), image.reshape(-1), levels.reshape(-1))
-    if encoding.is_encoded and encoding.is_straight:
-        levels[..., 3] = np.rint(np.clip(image[..., 3], 0.0, 1.0) * 255)
     return levels
 
 

@@ -163,18 +163,13 @@ def _texels(
     source: TexelReader, run: Run, kinds: frozenset[int], interpolation: Interpolation, edge: Edge
 ) -> Texels:
     """Return a part of a source, prefiltered as `forward.texels` does for the whole."""
-    filters = _filters(interpolation)
+    weights = prefilter(interpolation)
+    filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
     needed = {kind if prefilter(interpolation).size > 1 else 0 for kind in kinds}
     made = {n: _coefficients(source, run.across, run.down, filters[n], edge) for n in needed}
     some = next(iter(made.values()))
     plain = made.get(0, some)
     return Texels(*(made.get(kind, plain) for kind in range(4)))
-
-
-def _filters(interpolation: Interpolation) -> tuple[tuple[Floats, Floats], ...]:
-    """Return the prefilters along u and v for each `kind_of` block."""
-    weights = prefilter(interpolation)
-    return (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
 
 
 def _coefficients(

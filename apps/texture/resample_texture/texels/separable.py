@@ -276,7 +276,11 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
 def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
     """Return the sizes of tiles, and of the scratch for them."""
     _, across, limits_down, limits_across, _, _ = plan
-    wide = _tile_width(across, channels)
+    # So many columns that the rows of the grid that a tile reads stay in the cache.
+    steps = np.abs(np.diff(across.first))
+    each = max(1.0, float(steps.mean())) if steps.size else 1.0
+    room = (NUMBERS / channels - across.table.shape[1]) / each
+    wide = int(min(max(room, 1.0), MOST_COLUMNS, across.first.size))
     numbers, beside, corners = across.most(wide), 0, 0
     if limits_down is not None and limits_across is not None:
         beside = limits_across.most(wide)
@@ -333,14 +337,6 @@ def _beside(middle: Doubles, taps: Floats, cells: CellGrid) -> Weights:
     table[:, 1:] += part * own
     share = np.ones(middle.size, np.float32)
     return Weights(before.astype(np.int64) + first, table, share, taps)
-
-
-def _tile_width(across: Weights, channels: int) -> int:
-    """Columns of a tile, so that the rows of the grid that it reads stay in the cache."""
-    steps = np.abs(np.diff(across.first))
-    each = max(1.0, float(steps.mean())) if steps.size else 1.0
-    room = (NUMBERS / channels - across.table.shape[1]) / each
-    return int(min(max(room, 1.0), MOST_COLUMNS, across.first.size))
 
 
 def _weights(
