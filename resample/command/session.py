@@ -28,10 +28,7 @@ AS_FLOATS = 10  # bytes per value of a picture that is written as it is
 def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and end the process.
 
-    Parameters
-    ----------
-    arguments
-        Arguments; None takes those of the process.
+    `arguments`: of the command line; None takes those of the process.
     """
     from cyclopts import CycloptsError
 
@@ -114,14 +111,8 @@ class Session:
     def stage(self, name: str, bar: str | None = None) -> Iterator[Progress | None]:
         """Measure the time of a block and add it to a named stage.
 
-        Parameters
-        ----------
-        bar
-            Text of the progress bar on the terminal; None shows no bar.
-
-        Yields
-        ------
-        The callback that updates the bar with the fraction done, if there is a bar.
+        `bar`: text of the progress bar on the terminal; None shows no bar. Yields: the callback
+        that updates the bar with the fraction done, if there is a bar.
         """
         shown: AbstractContextManager[Progress | None]
         shown = nullcontext() if bar is None or self.is_quiet else progress_bar(bar)
@@ -153,12 +144,8 @@ def require_picture(
 ) -> None:
     """Reject a picture (height, width) too large for this machine, before any work is done.
 
-    Parameters
-    ----------
-    shape
-        Height and width, px.
-    others
-        Other memory that is held at the same time, bytes by name.
+    `shape`: height and width, px. `others`: other memory that is held at the same time, bytes by
+    name.
     """
     height, width = shape
     picture = {"the picture": bytes_per_pixel * height * width}

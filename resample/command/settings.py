@@ -192,17 +192,9 @@ class Resampling(Choices):
     def resampler(self, *, of_field: bool = False, quality: str = "best") -> "Resampler":
         """Renderer with these choices; fields are cast along rays unless an order was chosen.
 
-        Parameters
-        ----------
-        of_field
-            Whether values are colored after reconstruction.
-        quality
-            Quality of rays, if no order was chosen.
-
-        Raises
-        ------
-        ValueError, LookupError
-            A plugin is unknown or rejects its parameters.
+        `of_field`: whether values are colored after reconstruction. `quality`: quality of rays, if
+        no order was chosen. Raises ValueError, LookupError: a plugin is unknown or rejects its
+        parameters.
         """
         from resample import registry
         from resample.painting.choices import Footprint, Opacity, Primitive, Projection
@@ -255,10 +247,7 @@ class PictureFormat(Choices):
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
 
-        Raises
-        ------
-        ValueError
-            It is not one or two positive integers, or exceeds the largest picture.
+        Raises ValueError: it is not one or two positive integers, or exceeds the largest picture.
         """
         from resample.painting.scenes.plans import check_size
 
@@ -287,10 +276,7 @@ class FrameFormat(Choices):
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
 
-        Raises
-        ------
-        ValueError
-            The size or the background is invalid.
+        Raises ValueError: the size or the background is invalid.
         """
         self.behind()
         return height_and_width(self.size)
@@ -384,10 +370,7 @@ class Written(Choices):
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
 
-        Raises
-        ------
-        ValueError
-            The background is not a color, or the quality is none.
+        Raises ValueError: the background is not a color, or the quality is none.
         """
         from resample.files.formats import WriteOptions
 
@@ -418,12 +401,8 @@ def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list
     Values may be those of the command line, or Python's: several numbers as a sequence, a path, one
     of what may be given repeatedly without a list.
 
-    Raises
-    ------
-    TypeError
-        There is no such option; it says which are alike.
-    ValueError
-        A value is not allowed.
+    Raises TypeError: there is no such option; it says which are alike. Raises ValueError: a value
+    is not allowed.
     """
     parts: list[dict[str, Any]] = [{} for _ in models]
     fields = {

@@ -42,10 +42,8 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
 
     It returns the same workers each time; they end with the block. None: none were asked for.
 
-    Parameters
-    ----------
-    threads
-        Threads of each task; None: the local cores are divided, and remote tasks take one each.
+    `threads`: threads of each task; None: the local cores are divided, and remote tasks take one
+    each.
     """
     check_sharing(sharing)
     if not sharing.has_workers:

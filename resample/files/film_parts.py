@@ -32,25 +32,11 @@ def write_in_parts(
 ) -> None:
     """Write a film; after an interruption its finished parts are kept in a hidden folder.
 
-    Parameters
-    ----------
-    path
-        Target with a suffix of `resample.files.films.FORMATS`.
-    pictures
-        Function that gives the pictures from a number on.
-    film
-        Display times, and the file whose sound and subtitles are copied.
-    job
-        JSON values; films of equal jobs are equal.
-    resume
-        Continue with the parts of an earlier run; None: keep none after an error.
-
-    Raises
-    ------
-    ValueError
-        The existing parts belong to another film.
-    OSError
-        The target cannot be written.
+    `path`: target with a suffix of `resample.files.films.FORMATS`. `pictures`: function that gives
+    the pictures from a number on. `film`: display times, and the file whose sound and subtitles are
+    copied. `job`: JSON values; films of equal jobs are equal. `resume`: continue with the parts of
+    an earlier run; None: keep none after an error. Raises ValueError: the existing parts belong to
+    another film. Raises OSError: the target cannot be written.
     """
     target = Path(os.path.realpath(path))
     kept = target.with_name(f".{target.name}.parts")

@@ -149,10 +149,8 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
 def as_srgb(picture: Picture) -> Picture:
     """Convert the colors of a picture's ICC profile to those of sRGB.
 
-    Raises
-    ------
-    ValueError
-        The picture says otherwise what its colors are, or its profile cannot be converted.
+    Raises ValueError: the picture says otherwise what its colors are, or its profile cannot be
+    converted.
     """
     data, kind, about = picture
     if not about.colors:

@@ -184,12 +184,7 @@ class BufferedJpeg:
     If the system has no in-memory files (other than Linux) or limits the size of files, it is
     rejected beforehand if it might not fit.
 
-    Parameters
-    ----------
-    path
-        Existing file to write to.
-    spec
-        OpenImageIO header of the picture.
+    `path`: existing file to write to. `spec`: OpenImageIO header of the picture.
     """
 
     def __init__(self, path: Path, spec: Any) -> None:
@@ -252,14 +247,8 @@ class BufferedJpeg:
 class PillowOutput:
     """Output for formats of Pillow, with the methods of OpenImageIO's; encodes when it is closed.
 
-    Parameters
-    ----------
-    path
-        File to write to.
-    spec
-        OpenImageIO header of the picture.
-    choices
-        Options of `PIL.Image.Image.save`.
+    `path`: file to write to. `spec`: OpenImageIO header of the picture. `choices`: options of
+    `PIL.Image.Image.save`.
     """
 
     has_error = False

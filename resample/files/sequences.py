@@ -78,10 +78,7 @@ class Frames(NamedTuple):
     def part(self, start: float, end: float) -> "Frames":
         """Return the pictures that are first shown between two times, s.
 
-        Raises
-        ------
-        ValueError
-            There is none.
+        Raises ValueError: there is none.
         """
         begins = [0.0, *itertools.accumulate(self.seconds)]
         chosen = [n for n, at in enumerate(begins[:-1]) if start <= at + SHORTEST / 2 < end]

@@ -47,10 +47,7 @@ UNMARKED = StereoMarks()
 def mark_stereo(path: Path, marks: StereoMarks) -> None:
     """Add the boxes of two eyes to the video of an MP4 file, which begins with its tables.
 
-    Raises
-    ------
-    ValueError
-        The file's tables do not lie before its pictures.
+    Raises ValueError: the file's tables do not lie before its pictures.
     """
     added = marks.boxes()
     with path.open("r+b") as file:

@@ -19,15 +19,8 @@ class AvifInput:
 
     Values have 8 bits and straight alpha; of several pictures the first is read.
 
-    Parameters
-    ----------
-    path
-        File to read.
-
-    Raises
-    ------
-    Exception
-        Pillow's, of a dozen types, see `resample.reading.pictures.decoding`.
+    `path`: file to read. Raises Exception: Pillow's, of a dozen types, see
+    `resample.reading.pictures.decoding`.
     """
 
     def __init__(self, path: str | Path) -> None:

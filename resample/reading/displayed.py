@@ -22,12 +22,7 @@ class DisplayedInput:
 
     Data are placed in the display window of an EXR and cut at its sides. Decoded as a whole.
 
-    Parameters
-    ----------
-    source
-        OpenImageIO's ImageInput.
-    path
-        Its file.
+    `source`: OpenImageIO's ImageInput. `path`: its file.
     """
 
     def __init__(self, source: Any, path: str | Path) -> None:

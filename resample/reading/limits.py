@@ -127,19 +127,9 @@ def check_ratio(what: str, packed: int, unpacked: int) -> None:
 def check_animation(what: str, packed: int, frame: int, count: int) -> None:
     """Reject an animation with implausibly many pixels for its file.
 
-    Parameters
-    ----------
-    what
-        Name for the message.
-    packed
-        Bytes in the file. Similar frames compress well, so the limit is higher than for a picture.
-    frame, count
-        Bytes of a frame in memory, and number of frames.
-
-    Raises
-    ------
-    ValueError
-        There are too many.
+    `what`: name for the message. `packed`: bytes in the file. Similar frames compress well, so the
+    limit is higher than for a picture. `frame`, `count`: bytes of a frame in memory, and number of
+    frames. Raises ValueError: there are too many.
 
     Examples
     --------
@@ -235,12 +225,8 @@ def _refusal(source: Path, name: str, reason: str) -> ValueError:
 def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator[None]:
     """Raise limits, or allow files to refer to others outside their folder, in this block.
 
-    Parameters
-    ----------
-    limit
-        As in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
-    allow_outside
-        As `RESAMPLE_ALLOW_OUTSIDE=1`.
+    `limit`: as in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
+    `allow_outside`: as `RESAMPLE_ALLOW_OUTSIDE=1`.
 
     Examples
     --------
@@ -270,10 +256,7 @@ def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator
 def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
     """Unpack zlib or gzip data of one or more streams.
 
-    Parameters
-    ----------
-    most
-        Limit in bytes.
+    `most`: limit in bytes.
 
     Examples
     --------

@@ -19,9 +19,7 @@ from threading import Lock
 def plain(path: str | Path) -> str:
     r"""Name of a file for any library: its own, or a temporary link if it is not valid text.
 
-    Returns
-    -------
-    Links keep the suffix, are in the folder for temporary files, and are removed at exit.
+    Result: links keep the suffix, are in the folder for temporary files, and are removed at exit.
 
     Examples
     --------

@@ -75,10 +75,8 @@ def yaml_of(text: str) -> dict[str, Any]:
     Values are numbers, texts, None, lists and dictionaries. Tags are ignored; anchors, which can
     multiply what a file holds, are rejected.
 
-    Raises
-    ------
-    ValueError
-        It is not YAML, has no names, is too large or nested too deep; the message names the line.
+    Raises ValueError: it is not YAML, has no names, is too large or nested too deep; the message
+    names the line.
 
     Examples
     --------
@@ -186,16 +184,8 @@ def check_xml(
 
     Malformed XML is left to the actual reader, which reports the error.
 
-    Parameters
-    ----------
-    blocks
-        Its bytes, in pieces.
-    encoding
-        Encoding of the bytes; None: as declared.
-
-    Returns
-    -------
-    Number of elements.
+    `blocks`: its bytes, in pieces. `encoding`: encoding of the bytes; None: as declared. Result:
+    number of elements.
 
     Examples
     --------

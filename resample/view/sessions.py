@@ -57,16 +57,9 @@ class _Job(NamedTuple):
 class PageSession:
     """Session of one page; created, called and closed by the event loop's thread.
 
-    Parameters
-    ----------
-    view
-        The view that the page shows.
-    send
-        Function that sends text or bytes to the page.
-    shown
-        Called when the page has received a complete picture.
-    begun
-        Initial options, set outside the page; None: those of the view.
+    `view`: the view that the page shows. `send`: function that sends text or bytes to the page.
+    `shown`: called when the page has received a complete picture. `begun`: initial options, set
+    outside the page; None: those of the view.
     """
 
     def __init__(

@@ -55,13 +55,8 @@ def given_pictures(
 def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None) -> AnyAxis | None:
     """Return which axis of an array does not belong to a picture: 0, -1, or None.
 
-    Parameters
-    ----------
-    axis
-        As `warp` takes it; by default three dimensions are a picture of up to 15 channels, unless
-        there is a matrix for each frame.
-    matrices
-        Number of matrices, if they are a stack.
+    `axis`: as `warp` takes it; by default three dimensions are a picture of up to 15 channels,
+    unless there is a matrix for each frame. `matrices`: number of matrices, if they are a stack.
     """
     shape = image.shape
     if image.ndim not in (2, 3, 4) or 0 in shape:

@@ -22,10 +22,7 @@ def converted(color: Floats, profile: bytes) -> Floats:
 
     Colors beyond sRGB become negative, or larger than 1.
 
-    Raises
-    ------
-    ValueError
-        The profile is of neither RGB by a matrix nor gray by a curve.
+    Raises ValueError: the profile is of neither RGB by a matrix nor gray by a curve.
     """
     curves, to_xyz = profile_colors(profile)
     values = to_srgb(color)

@@ -21,19 +21,9 @@ FOV = 50.0  # degrees along the frame's shorter side
 class Flyover:
     """A closed path of a camera; the picture's longer side has length 1.
 
-    Parameters
-    ----------
-    path
-        `fly`: low over the picture, back and forth; `turn`: around its center.
-    frames
-        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
-    size
-        Height and width of a frame, px.
-
-    Raises
-    ------
-    ValueError
-        There are too few or too many frames.
+    `path`: `fly`, low over the picture, back and forth, or `turn`, around its center. `frames`:
+    number of frames, 1 to `resample.files.animations.MOST_FRAMES`. `size`: height and width of a
+    frame, px. Raises ValueError: there are too few or too many frames.
     """
 
     path: Literal["fly", "turn"] = "fly"
@@ -88,14 +78,8 @@ def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
 def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded, 8 bits.
 
-    Parameters
-    ----------
-    source
-        (H, W, 4) linear light, premultiplied; see `with_alpha`.
-    flight, paint
-        The camera's path and how frames are painted.
-    n
-        Index of the frame, from 0.
+    `source`: (H, W, 4) linear light, premultiplied; see `with_alpha`. `flight`, `paint`: the
+    camera's path and how frames are painted. `n`: index of the frame, from 0.
     """
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)

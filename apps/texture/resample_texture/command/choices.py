@@ -168,10 +168,7 @@ class PictureFiltering(Choices):
     def check(self) -> None:
         """Refuse unknown names before any work is done.
 
-        Raises
-        ------
-        ValueError, LookupError
-            A plugin is unknown or refuses its parameters.
+        Raises ValueError, LookupError: a plugin is unknown or refuses its parameters.
         """
         from resample import registry
 

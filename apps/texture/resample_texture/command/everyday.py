@@ -106,10 +106,7 @@ class Factor(Choices):
     def pair(self) -> tuple[float, float]:
         """Factors along x and y.
 
-        Raises
-        ------
-        ValueError
-            These are not one or two numbers.
+        Raises ValueError: these are not one or two numbers.
         """
         numbers = numbers_in("factor", self.factor)
         if len(numbers) > 2:
@@ -195,10 +192,7 @@ class Undistortion(Choices):
     def aim(self) -> "Aim":
         """Return a function from a picture's height and width to its target.
 
-        Raises
-        ------
-        ValueError, OSError
-            The lens, matrix, rotation or size is invalid.
+        Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
         """
         from resample_texture.command.inputs import calibrated, rectified
 
@@ -344,10 +338,7 @@ def undistort(
 def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
     """Separate the pictures from the output.
 
-    Raises
-    ------
-    ValueError
-        There is no output, or it is an address.
+    Raises ValueError: there is no output, or it is an address.
     """
     if output is not None:
         return files, output

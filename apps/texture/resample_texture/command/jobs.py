@@ -103,10 +103,7 @@ class Job:
     ) -> tuple[Picture, Floats]:
         """Warp a picture for a file; also return the coverage of its pixels.
 
-        Raises
-        ------
-        ValueError
-            The file cannot hold it.
+        Raises ValueError: the file cannot hold it.
         """
         gaps = holds_gaps(output, picture, self.options)
         adds_alpha = takes_alpha(output, self.options)

@@ -89,18 +89,9 @@ def most_in_strip() -> int:
 class Large:
     """A large picture and its warp.
 
-    Parameters
-    ----------
-    form
-        The picture, which can be kept as stored.
-    target
-        Geometry and size of the target.
-    choice, method
-        Options of the warp, and the method that they name.
-    roi
-        Part of the target to make.
-    written
-        Output file and format.
+    `form`: the picture, which can be kept as stored. `target`: geometry and size of the target.
+    `choice`, `method`: options of the warp, and the method that they name. `roi`: part of the
+    target to make. `written`: output file and format.
     """
 
     form: LoadablePicture

@@ -58,10 +58,7 @@ class BetweenProjections(Choices):
     def given(self) -> tuple[str, str, tuple[int, int]]:
         """Return both projections, and height and width of the target, px.
 
-        Raises
-        ------
-        ValueError
-            One is missing, or the size is none.
+        Raises ValueError: one is missing, or the size is none.
         """
         if self.before is None or self.after is None or self.size is None:
             options = {"--from": self.before, "--to": self.after, "--size": self.size}
@@ -72,10 +69,7 @@ class BetweenProjections(Choices):
     def angles(self) -> tuple[float, float, float]:
         """Return the angles in degrees.
 
-        Raises
-        ------
-        ValueError
-            These are not two or three finite numbers.
+        Raises ValueError: these are not two or three finite numbers.
         """
         from resample_texture.geometry.projections import rotation
 

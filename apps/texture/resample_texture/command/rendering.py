@@ -199,10 +199,7 @@ def check_memory(
 ) -> None:
     """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
-    Parameters
-    ----------
-    shape
-        Height and width of the result, px.
+    `shape`: height and width of the result, px.
     """
     height, width = shape
     what = f"a picture of {width} x {height} pixels"

@@ -43,16 +43,9 @@ def coarsely(
     be larger, or where the function is not a number, and the cells beside them, are worked out
     pixel by pixel.
 
-    Parameters
-    ----------
-    function
-        Takes and returns two arrays of one shape, px.
-    shape
-        Height and width of the target, px.
-    error
-        Of a place, px, at most; 0: all pixels are worked out.
-    exact
-        (N, 2) places in the target whose cells are worked out pixel by pixel, too.
+    `function`: takes and returns two arrays of one shape, px. `shape`: height and width of the
+    target, px. `error`: of a place, px, at most; 0: all pixels are worked out. `exact`: (N, 2)
+    places in the target whose cells are worked out pixel by pixel, too.
     """
     from scipy import ndimage
 

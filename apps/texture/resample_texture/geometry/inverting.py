@@ -42,14 +42,9 @@ def inverse_of(
     Not a number where the map takes no such value. Where a fold takes one twice, it is one of the
     two.
 
-    Parameters
-    ----------
-    x, y
-        Places of the map's pixel centers, px; not a number where there are none.
-    shape
-        Height and width of the picture to whose pixel centers the inverse belongs, px.
-    tolerance
-        Distance, px, of the inverse's value from the center, at most.
+    `x`, `y`: places of the map's pixel centers, px; not a number where there are none. `shape`:
+    height and width of the picture to whose pixel centers the inverse belongs, px. `tolerance`:
+    distance, px, of the inverse's value from the center, at most.
     """
     if not tolerance > 0.0:
         raise ValueError(f"a tolerance lies above 0 px, not at {tolerance}")

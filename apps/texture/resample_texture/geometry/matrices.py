@@ -203,16 +203,8 @@ def from_corners(source: ArrayLike, target: ArrayLike) -> Homography:
     All four are in front of the camera. The system is solved in rational numbers, so that a shift
     results in exactly that shift, and an affine map in an affine one.
 
-    Parameters
-    ----------
-    source, target
-        (4, 2) each, in the same order, px.
-
-    Raises
-    ------
-    ValueError
-        Three points lie on a line, or the two orders differ so that a corner would lie behind the
-        camera.
+    `source`, `target`: (4, 2) each, in the same order, px. Raises ValueError: three points lie on a
+    line, or the two orders differ so that a corner would lie behind the camera.
     """
     before, after = _exact(_checked(source, "source")), _exact(_checked(target, "target"))
     coordinates, weight = _barycentric(before)

@@ -53,17 +53,10 @@ def decoded(
 ) -> tuple[Floats, Encoding]:
     """Convert a picture (H, W) or (H, W, C) to texels (H, W, C).
 
-    Parameters
-    ----------
-    linear_light
-        Take the color of `LEVELS` for sRGB-encoded; False: take all values as given. None: only
-        uint8 is encoded.
-    alpha
-        Meaning of a fourth channel, an `Alpha`; by default straight for `LEVELS`, else
-        premultiplied.
-    gaps
-        Least number of channels that mark missing values: 0, or all, if this is a part of a picture
-        with missing values.
+    `linear_light`: take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
+    None: only uint8 is encoded. `alpha`: meaning of a fourth channel, an `Alpha`; by default
+    straight for `LEVELS`, else premultiplied. `gaps`: least number of channels that mark missing
+    values: 0, or all, if this is a part of a picture with missing values.
     """
     image, mask = unmasked(image)
     check_picture(image)
@@ -118,17 +111,10 @@ def encoded(
 ) -> NDArray[Any]:
     """Return a picture of the type and shape that `decoded` was given.
 
-    Parameters
-    ----------
-    picture
-        (H, W, C) without the channels that mark missing values, multiplied by the coverage.
-    coverage
-        (H, W) or (H, W, C) share of each pixel that `picture` fills.
-    missing
-        (H, W, C) true where a covered pixel has no value.
-    behind
-        (H, W, C) background where the coverage is below 1, of the picture's type; nothing by
-        default.
+    `picture`: (H, W, C) without the channels that mark missing values, multiplied by the coverage.
+    `coverage`: (H, W) or (H, W, C) share of each pixel that `picture` fills. `missing`: (H, W, C)
+    true where a covered pixel has no value. `behind`: (H, W, C) background where the coverage is
+    below 1, of the picture's type; nothing by default.
     """
     coverage = coverage.reshape(*coverage.shape[:2], -1)
     if encoding.span is not None:
@@ -181,12 +167,7 @@ def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:
     """Convert planes (H, W, C) to float32: `LEVELS` to 0..1, others unchanged.
 
-    Parameters
-    ----------
-    is_encoded
-        Levels follow the sRGB curve.
-    has_alpha
-        The fourth channel is linear.
+    `is_encoded`: levels follow the sRGB curve. `has_alpha`: the fourth channel is linear.
     """
     from resample.engine.levels import decode, levels_of
 

@@ -145,10 +145,8 @@ def kinds_of(axes: Integers) -> frozenset[int]:
 def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[Floats, int]:
     """Pad a source where coefficients cannot be continued beyond its edges.
 
-    Returns
-    -------
-    The source, and its margin on each side. Beyond an edge that repeats the outermost texels,
-    coefficients of a prefiltered interpolation still vary.
+    Result: the source, and its margin on each side. Beyond an edge that repeats the outermost
+    texels, coefficients of a prefiltered interpolation still vary.
     """
     margin = margin_of(edge, interpolation)
     if margin == 0:
@@ -396,10 +394,7 @@ def project(
 
     With `wanted`, return only the part between left, top, right and bottom, px.
 
-    Raises
-    ------
-    ValueError
-        As `blocks_of` does.
+    Raises ValueError: as `blocks_of` does.
     """
     if isinstance(geometry, Homography):
         source, margin = widened(source, edge, cells.interpolation)

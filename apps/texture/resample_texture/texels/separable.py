@@ -179,14 +179,8 @@ def _whole_plan(
 ) -> SeparablePlan | None:
     """Plan the warp to a whole target, cached; down and across.
 
-    Parameters
-    ----------
-    scale
-        Texels from a pixel to the next.
-    start
-        Source coordinates of the target's corner.
-    size
-        Of the source: height and width.
+    `scale`: texels from a pixel to the next. `start`: source coordinates of the target's corner.
+    `size`: of the source: height and width.
     """
     sides: Doubles = np.abs(np.array(scale))
     if any(

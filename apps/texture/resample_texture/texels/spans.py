@@ -33,10 +33,7 @@ class ValueSpan(NamedTuple):
     ) -> NDArray[Any]:
         """Restore values of a type from an image (H, W, C) multiplied by its coverage.
 
-        Parameters
-        ----------
-        behind
-            Background where the coverage, (H, W, 1) or (H, W, C), is below 1.
+        `behind`: background where the coverage, (H, W, 1) or (H, W, C), is below 1.
         """
         missing = np.broadcast_to(1.0 - coverage.astype(np.float64), image.shape)
         through = np.zeros(image.shape)

@@ -132,11 +132,8 @@ def splat(
 ) -> Warped:
     """Picture (height, width) of a source (H, W, C) whose texels are splats or points.
 
-    Raises
-    ------
-    ValueError
-        The map does not fit the source or leads backward, or the frame sees more of a continued
-        source than can be drawn texel by texel.
+    Raises ValueError: the map does not fit the source or leads backward, or the frame sees more of
+    a continued source than can be drawn texel by texel.
     """
     geometry = forward_of(geometry, (source.shape[0], source.shape[1]))
     coefficient = source

@@ -38,10 +38,7 @@ LEFT_OUT = ("size", "roi", "bits", "file-quality", "total")
 class PicturePainter:
     """Painter of a picture for one page.
 
-    Parameters
-    ----------
-    path
-        File of the picture.
+    `path`: file of the picture.
     """
 
     path: Path
@@ -116,12 +113,7 @@ class PicturePainter:
 def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
     """Return what pages show of a picture.
 
-    Parameters
-    ----------
-    path
-        File of the picture.
-    begin
-        Initial options.
+    `path`: file of the picture. `begin`: initial options.
     """
     first, given = PicturePainter(path), settings_of(begin)
 
