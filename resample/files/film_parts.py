@@ -9,11 +9,10 @@ from typing import Any
 
 from resample.console import say
 from resample.files.animations import FACTS, alone, check_same, facts_of
-from resample.files.films import FilmCoding, new_film
+from resample.files.films import FilmCoding, StereoMarks, mark_stereo, new_film
 from resample.files.formats import WriteOptions
 from resample.files.pictures import Picture
 from resample.files.sequences import Frames, encoded, mux_beside, shades_of
-from resample.files.stereo_boxes import StereoMarks, mark_stereo
 from resample.files.writing import replacing, write_json
 
 PART = 250  # pictures; encoders begin anew after as many by default

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from resample.files import film_parts
-from resample.files.stereo_boxes import mark_stereo
+from resample.files.films import mark_stereo
 from resample_warp3d import cli
 from resample_warp3d.command.stereo import StereoRendering
 from tests import commands

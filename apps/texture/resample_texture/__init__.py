@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
-    from resample_texture.planning import Plan
     from resample_texture.points import warp_points
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.viewing import view
-    from resample_texture.warping import warp
+    from resample_texture.warping import Plan, warp
 
 _HOMES = {
     "BackwardMap": "geometry.mappings",
@@ -35,7 +34,7 @@ _HOMES = {
     "Homography": "geometry.mappings",
     "Hybrid": "methods.forward",
     "Paper": "methods.paper",
-    "Plan": "planning",
+    "Plan": "warping",
     "Points": "methods.forward",
     "PictureScene": "scenes",
     "Splats": "methods.forward",

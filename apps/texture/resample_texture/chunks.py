@@ -9,6 +9,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -204,7 +205,8 @@ def _chunk(box: Box, way: Drawing, light: dict[str, Any], is_partly: bool) -> _C
 def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
     """Return the target as a dask array, whose chunks depend on the parts they show."""
     try:
-        import dask.array
+        dask: Any = import_module("dask")
+        import_module("dask.array")
     except ImportError as error:
         raise ValueError(
             f"without out the result is a dask array, and {error.name} is not installed: "

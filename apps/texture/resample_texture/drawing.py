@@ -24,6 +24,7 @@ from resample_texture.geometry.shifts import (
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
     LEVELS,
+    WIDE,
     Encoding,
     check_picture,
     complex_of_parts,
@@ -50,7 +51,6 @@ from resample_texture.texels.levels import (
     spared,
     texels_in_levels,
 )
-from resample_texture.texels.spans import WIDE
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
 
 if TYPE_CHECKING:

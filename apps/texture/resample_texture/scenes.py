@@ -33,7 +33,6 @@ from resample_texture.geometry.mappings import (
 from resample_texture.stacks import given_pictures
 from resample_texture.texels.encoding import Encoding, decoded
 from resample_texture.texels.levels import curved, light_for, mixed_light, texels_in_levels
-from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import (
     AnyAlpha,
     AnyAxis,
@@ -54,6 +53,7 @@ UNUSED = {
     "total": "total",
     "detail": "quality",
 }
+MOST_CHANNELS = 4  # that OpenCV shrinks in one call
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 
 
@@ -281,3 +281,15 @@ def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:
     short = [(0, PER * count - whole) for count, whole in zip(small, places.shape, strict=True)]
     whole = np.pad(places, short, mode="edge").reshape(small[0], PER, small[1], PER)
     return np.asarray(whole.mean(axis=(1, 3)))
+
+
+def shrunk(picture: Floats, height: int, width: int) -> Floats:
+    """Shrink a picture (H, W, C) to (height, width, C) by box means."""
+    import cv2
+
+    result = np.empty((height, width, picture.shape[2]), np.float32)
+    for first in range(0, picture.shape[2], MOST_CHANNELS):
+        part = np.ascontiguousarray(picture[..., first : first + MOST_CHANNELS])
+        small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
+        result[..., first : first + MOST_CHANNELS] = small.reshape(height, width, -1)
+    return result

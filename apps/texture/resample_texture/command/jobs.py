@@ -13,8 +13,9 @@ import numpy as np
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.metadata import FileMetadata
-from resample.files.facts.palettes import has_palette
+from resample.files.facts.metadata import TIFF, FileMetadata, WrittenPage, complete, upright
+from resample.files.facts.origin import stated
+from resample.files.facts.palettes import MOST, Palette, has_palette, read_indices, write_indices
 from resample.files.formats import (
     WriteOptions,
     check_output,
@@ -23,7 +24,7 @@ from resample.files.formats import (
     holds_gaps,
     takes_alpha,
 )
-from resample.files.pictures import Picture, form_of, picture_at
+from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import (
     Frames,
@@ -34,18 +35,20 @@ from resample.files.sequences import (
     write_frames,
 )
 from resample.files.stores.opening import Place
-from resample.files.writing import check_targets, write_json
+from resample.files.writing import check_targets, replacing, write_json
 from resample.types import Floats
 from resample.words import one_line
+from resample_texture.arguments import method_named
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.palettes import palette_picture, write_palette_picture
 from resample_texture.command.rendering import check_memory, covers_all, report, warped
 from resample_texture.geometry.mappings import Homography
+from resample_texture.methods.labels import Majority, NearestTexel
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
 REDUCED = 2.5  # px of a JPEG decoded at a reduced scale, per px of the target, at least
+WRITTEN = (".png", *TIFF)  # formats with palettes
 
 
 @dataclass(frozen=True)
@@ -302,3 +305,47 @@ def _say_lost(about: FileMetadata, made: FileMetadata, output: Path, *, has_nans
     has_word = output.suffix.lower() == ".exr" or (after is not None and after.missing is not None)
     if made.number and not has_word and has_nans:
         say(f"{output.name} cannot mark missing values: pixels that are not covered are 0")
+
+
+def palette_picture(
+    source: Place, output: Path, choice: PictureWarping, look: WriteOptions
+) -> tuple[Picture, Palette] | None:
+    """Return a picture's numbers and their palette; None if it has none or must become colors."""
+    if not isinstance(source, Path) or not has_palette(source):
+        return None
+    method = method_named(
+        choice.method,
+        filter=choice.filter,
+        interpolation=choice.interpolation,
+        quality=choice.quality,
+    )
+    is_copied = isinstance(method, Majority | NearestTexel) and not choice.total
+    is_kept = look.bits in (None, 8) and look.background is None
+    is_kept = is_kept and look.quality is None and not look.in_srgb
+    found = None
+    if is_copied and is_kept and output.suffix.lower() in WRITTEN:
+        found = read_indices(source)
+    if found is None:
+        return None
+    index, palette = found
+    header = header_of(source, as_data=True)
+    about, kind = header.upright_about._replace(number="uint8"), Kind(("Y",), 32, is_encoded=False)
+    number = upright(index, header.orientation)[..., np.newaxis]
+    data = with_gaps(number.astype(np.float32), kind, about)
+    return Picture(data, kind, about), palette
+
+
+def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:
+    """Write numbers with their palette; what is missing becomes transparent, if there is room."""
+    (data, _, about), is_png = picture, path.suffix.lower() == ".png"
+    gaps = np.isnan(data[..., 0])
+    missing = None if about.geo is None else about.geo.missing
+    clear = palette.clear if missing is None else int(missing)
+    if clear is None and gaps.any() and is_png and len(palette.colors) < MOST:
+        clear, palette = len(palette.colors), palette.with_clear()
+    if clear is None and gaps.any():
+        say(f"{path.name} has no color to spare for what is not covered: that is of color 0")
+    index = np.where(gaps, clear or 0, np.nan_to_num(data[..., 0])).astype(np.uint8)
+    with replacing(path) as temporary:
+        write_indices(temporary, index, palette, **stated())
+        complete(temporary, [WrittenPage(about, (*index.shape, 1), "uint8")])
