@@ -83,9 +83,8 @@ def warp(
     from resample_texture.command.jobs import warp_all
 
     place.check()
-    images, target = everyday.separated(files, output)
     aim = partial(target_of, place)
-    warp_all(images, target, aim, warping=warping, written=written, besides=besides)
+    warp_all(files, output, aim, warping=warping, written=written, besides=besides)
 
 
 @app.command
@@ -177,8 +176,7 @@ def rectify(
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
     page = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
-    images, target = everyday.separated(files, output)
-    warp_all(images, target, lambda _: page, warping=warping, written=written, besides=BESIDES)
+    warp_all(files, output, lambda _: page, warping=warping, written=written, besides=BESIDES)
 
 
 @app.command

@@ -1,7 +1,6 @@
 """Everyday commands: resize, scale, rotate, undistort."""
 
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
@@ -10,7 +9,6 @@ from pydantic import Field
 from resample.command import flags
 from resample.command.flags import CALIBRATED, LENS, SIZE, Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, Written, height_and_width
-from resample.files.stores.opening import Address, Place
 from resample.words import numbers_in
 from resample_texture.command.choices import MATRIX, Besides, Filling, Picture, PictureWarping
 
@@ -253,9 +251,8 @@ def resize(
     from resample_texture.command.jobs import warp_all
 
     new.check()
-    images, target = separated(files, output)
     warping = new.opened(warping)
-    warp_all(images, target, new.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, new.target, warping=warping, written=written, besides=besides)
 
 
 def scale(
@@ -279,8 +276,7 @@ def scale(
     from resample_texture.command.jobs import warp_all
 
     by.check()
-    images, target = separated(files, output)
-    warp_all(images, target, by.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, by.target, warping=warping, written=written, besides=besides)
 
 
 def rotate(
@@ -303,8 +299,7 @@ def rotate(
     """
     from resample_texture.command.jobs import warp_all
 
-    images, target = separated(files, output)
-    warp_all(images, target, turn.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, turn.target, warping=warping, written=written, besides=besides)
 
 
 def undistort(
@@ -330,21 +325,5 @@ def undistort(
     """
     from resample_texture.command.jobs import warp_all
 
-    images, target = separated(files, output)
     aim = out_of.aim()
-    warp_all(images, target, aim, warping=warping, written=written, besides=besides)
-
-
-def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
-    """Separate the pictures from the output.
-
-    Raises ValueError: there is no output, or it is an address.
-    """
-    if output is not None:
-        return files, output
-    if len(files) < 2:
-        raise ValueError(f"give the output after {files[0]}, or by --output")
-    *images, target = files
-    if isinstance(target, Address):
-        raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
-    return images, target
+    warp_all(files, output, aim, warping=warping, written=written, besides=besides)

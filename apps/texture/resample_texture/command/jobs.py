@@ -34,7 +34,7 @@ from resample.files.sequences import (
     is_batch,
     write_frames,
 )
-from resample.files.stores.opening import Place
+from resample.files.stores.opening import Address, Place
 from resample.files.writing import check_targets, replacing, write_json
 from resample.types import Floats
 from resample.words import one_line
@@ -135,15 +135,19 @@ class Job:
 
 
 def warp_all(
-    images: Sequence[Place],
-    output: Path,
+    files: list[Place],
+    output: Path | None,
     aim: Aim,
     *,
     warping: PictureWarping,
     written: Written,
     besides: Besides,
 ) -> None:
-    """Warp a picture, a film or a batch of files, once the target is known."""
+    """Warp a picture, a film or a batch of files, once the target is known.
+
+    The last of the files is the output, if that is not given.
+    """
+    images, output = separated(files, output)
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
@@ -160,6 +164,21 @@ def warp_all(
         told = warp_file(Session(), images[0], output, job, coverage)
     if stats is not None:
         write_json(stats, told)
+
+
+def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
+    """Separate the pictures from the output, which is the last of the files unless given.
+
+    Raises ValueError: there is no output, or it is an address.
+    """
+    if output is not None:
+        return files, output
+    if len(files) < 2:
+        raise ValueError(f"give the output after {files[0]}, or by --output")
+    *images, target = files
+    if isinstance(target, Address):
+        raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
+    return images, target
 
 
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
@@ -313,12 +332,7 @@ def palette_picture(
     """Return a picture's numbers and their palette; None if it has none or must become colors."""
     if not isinstance(source, Path) or not has_palette(source):
         return None
-    method = method_named(
-        choice.method,
-        filter=choice.filter,
-        interpolation=choice.interpolation,
-        quality=choice.quality,
-    )
+    method = method_named(choice.method, **choice.sampling)
     is_copied = isinstance(method, Majority | NearestTexel) and not choice.total
     is_kept = look.bits in (None, 8) and look.background is None
     is_kept = is_kept and look.quality is None and not look.in_srgb

@@ -1,5 +1,6 @@
 """Pictures too large for memory as floats: kept as stored, warped in strips."""
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +23,6 @@ from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.rendering import (
     BYTES_IN_STRIP,
     WHOLE,
-    InStrips,
     as_light,
     bytes_at_once,
     covers_all,
@@ -65,24 +65,10 @@ def large_picture(
     )
     if is_small or target.draws is not None or isinstance(target.places, ForwardMap):
         return None
-    method = method_named(
-        choice.method,
-        filter=choice.filter,
-        interpolation=choice.interpolation,
-        quality=choice.quality,
-    )
+    method = method_named(choice.method, **choice.sampling)
     whole = (0, 0, target.shape[1], target.shape[0])
     large = Large(form, target, choice, method, roi or whole, written)
-    return large if large.is_gathered else None
-
-
-def most_in_strip() -> int:
-    """Return the target values per strip: more values read less of the source twice."""
-    allowed = ALLOWED.get()
-    if allowed is None:
-        return MOST_IN_STRIP
-    of_memory = allowed // (SHARE_OF_STRIP * BYTES_IN_STRIP)
-    return min(MOST_IN_STRIP, max(LEAST_IN_STRIP, of_memory))
+    return None if large.parts is None else large
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +92,12 @@ class Large:
         """Height and width of the result, px."""
         return self.roi[3], self.roi[2]
 
-    @property
-    def is_gathered(self) -> bool:
-        """Whether every part of the target can be drawn from a part of the source."""
-        return self._parts is not None
-
     @cached_property
-    def _parts(self) -> DrawnParts | None:
-        """Parts of the whole target, or of its first strip: with maps all strips are alike."""
+    def parts(self) -> DrawnParts | None:
+        """Parts of the whole target, or of its first strip: with maps all strips are alike.
+
+        None if parts of the target cannot be drawn from parts of the source.
+        """
         is_plane = isinstance(self.target.places, Homography)
         rows = (0, self.roi[3]) if is_plane else next(self._rows())
         return parts_of(self.form, self._drawing(*rows)[0])
@@ -126,13 +110,15 @@ class Large:
 
     @cached_property
     def most(self) -> int:
-        """Target values per strip."""
-        return min(most_in_strip(), (self.form.shape[2] + 1) * prod(self.shape))
+        """Target values per strip: more values read less of the source twice."""
+        of_memory = (ALLOWED.get() or sys.maxsize) // (SHARE_OF_STRIP * BYTES_IN_STRIP)
+        most = min(MOST_IN_STRIP, max(LEAST_IN_STRIP, of_memory))
+        return min(most, (self.form.shape[2] + 1) * prod(self.shape))
 
     @property
-    def in_strips(self) -> InStrips:
-        """Memory that the picture takes while it is warped in strips."""
-        return InStrips(self.form.size, max(self.most, LEAST_IN_STRIP))
+    def in_strips(self) -> tuple[int, int]:
+        """Bytes of the picture as stored, and values that are drawn at a time."""
+        return self.form.size, max(self.most, LEAST_IN_STRIP)
 
     @cached_property
     def loaded(self) -> LoadedPicture:
@@ -148,7 +134,7 @@ class Large:
     def _source_rect(self) -> Rect:
         """Part of the source that the target shows."""
         size = self.form.shape[:2]
-        if self._parts is not None and self._parts.mixed is not None:
+        if self.parts is not None and self.parts.mixed is not None:
             return Rect(0, 0, size[1], size[0])
         return Rect.around([self.bounds(first, count) for first, count in self._rows()], size)
 
@@ -224,24 +210,13 @@ class Large:
 
     def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
         """Yield first row, picture and coverage of each strip, from the top."""
+        gaps = {"keeps_gaps": self.keeps_gaps, "is_whole": not self.kind.has_alpha}
+        gaps["adds_alpha"] = takes_alpha(*self.written)
         for first, count in self._rows():
-            yield first, self.paint(first, count)
-
-    def paint(self, first: int, count: int) -> tuple[Picture, Floats]:
-        """Return picture and coverage of a strip of rows."""
-        kind, choice = self.loaded.kind, self.choice
-        image, coverage = self._drawn(first, count)
-        made = finished(
-            image,
-            coverage,
-            kind,
-            choice,
-            keeps_gaps=self.keeps_gaps,
-            is_whole=not self.kind.has_alpha,
-            adds_alpha=takes_alpha(*self.written),
-        )
-        made = as_light(made) if self._is_curved else made
-        return made._replace(about=self.about), coverage
+            image, coverage = self._drawn(first, count)
+            made = finished(image, coverage, self.loaded.kind, self.choice, **gaps)
+            made = as_light(made) if self._is_curved else made
+            yield first, (made._replace(about=self.about), coverage)
 
     def _drawn(self, first: int, count: int) -> Warped:
         """Return a strip in linear light, and its coverage."""

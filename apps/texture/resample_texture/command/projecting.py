@@ -11,7 +11,7 @@ from resample.command.flags import SIZE, Hyphen, OptionTopic
 from resample.command.settings import Choices, Written, height_and_width
 from resample.words import parts_of
 from resample_texture.command.choices import Besides, PictureFiltering, PictureWarping, Reports
-from resample_texture.command.everyday import Files, Output, separated
+from resample_texture.command.everyday import Files, Output
 
 if TYPE_CHECKING:
     from resample_texture.command.inputs import PictureTarget
@@ -123,7 +123,6 @@ def project(
     from resample_texture.command.jobs import warp_all
 
     projecting.check()
-    images, target = separated(files, output)
     warping = PictureWarping(**dict(filtering))
     besides = Besides(**dict(reports))
-    warp_all(images, target, projecting.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, projecting.target, warping=warping, written=written, besides=besides)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from math import prod
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -72,10 +72,8 @@ def _drawn(
 ) -> Warped:
     """Return texels as the target shows them."""
     filtering: dict[str, Any] = {
+        **choice.sampling,
         "method": choice.method,
-        "filter": choice.filter,
-        "interpolation": choice.interpolation,
-        "quality": choice.quality,
         "fill": "premultiplied",
         "axis": -1,
         "linear_light": linear_light,
@@ -181,13 +179,6 @@ def curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
     return np.concatenate([curve(color) * alpha, alpha], axis=2, dtype=np.float32)
 
 
-class InStrips(NamedTuple):
-    """Memory of a picture that is drawn strip by strip."""
-
-    source: int  # bytes of the picture as stored
-    strip: int  # values drawn at a time
-
-
 def check_memory(
     form: tuple[int, int, int],
     shape: tuple[int, int],
@@ -195,17 +186,18 @@ def check_memory(
     output: Path,
     *,
     has_alpha: bool = False,
-    in_strips: InStrips | None = None,
+    in_strips: tuple[int, int] | None = None,
 ) -> None:
     """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
-    `shape`: height and width of the result, px.
+    `shape`: height and width of the result, px. `in_strips`: bytes of a source as stored that is
+    drawn strip by strip, and values drawn at a time.
     """
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
     if in_strips is not None:
-        source = pages_of(in_strips.source) or in_strips.source
-        parts = {"the source": source, "a strip": BYTES_IN_STRIP * in_strips.strip}
+        stored, strip = in_strips
+        parts = {"the source": pages_of(stored) or stored, "a strip": BYTES_IN_STRIP * strip}
     else:
         opens = choice.edge == "transparent" and not (has_alpha or choice.total)
         values = form[2] + opens

@@ -4,7 +4,7 @@ Between centers a map is a cubic spline, and beyond them it goes on as it ends. 
 place is found by Newton's method from the pixel whose value lies nearest.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,20 +141,11 @@ def _spline(places: Doubles, is_known: NDArray[np.bool_]) -> _Spline:
     if not is_known.all():
         own = ndimage.distance_transform_edt(~is_known, return_distances=False, return_indices=True)
         places = places[:, own[0], own[1]]
-    wide = np.stack([_extended(one) for one in places])
+    # Beyond their sides values go on as they end there.
+    wide = np.stack([np.pad(one, MARGIN, mode="reflect", reflect_type="odd") for one in places])
     steps = np.stack([np.gradient(wide, axis=axis) for axis in (2, 1)])
     values = np.stack([ndimage.spline_filter(one, 3, mode="mirror") for one in wide])
     return _Spline(values, steps, np.pad(is_known.astype(np.float64), MARGIN, mode="edge"))
-
-
-def _extended(values: Doubles) -> Doubles:
-    """Continue values beyond their sides as they end there."""
-    for axis, size in enumerate(values.shape):
-        sides = [(0, 0), (0, 0)]
-        sides[axis] = MARGIN, MARGIN
-        mode: Any = {"mode": "reflect", "reflect_type": "odd"} if size > 1 else {"mode": "edge"}
-        values = np.pad(values, sides, **mode)
-    return values
 
 
 def _sampled(values: Doubles, place: Doubles, order: int) -> Doubles:

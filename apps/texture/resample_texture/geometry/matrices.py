@@ -183,7 +183,7 @@ def _cosine_and_sine(degrees: float) -> tuple[float, float]:
 def parse_points(text: str) -> Doubles:
     """Read four points (4, 2) from "10,20 500,30 490,700 5,680"; semicolons also separate."""
     try:
-        numbers = [float(number) for number in SEPARATOR.split(text) if number]
+        numbers = _numbers(text)
     except ValueError:
         numbers = []
     if len(numbers) != 8 or not np.isfinite(numbers).all():

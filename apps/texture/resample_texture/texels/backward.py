@@ -52,15 +52,8 @@ def collect_from(
 
 
 def extended(places: Doubles, margin: int) -> Doubles:
-    """Extrapolate a map on each side."""
-    for axis, size in enumerate(places.shape):
-        sides = [(0, 0), (0, 0)]
-        sides[axis] = margin, margin
-        if size == 1:
-            places = np.pad(places, sides, mode="edge")
-        else:
-            places = np.pad(places, sides, mode="reflect", reflect_type="odd")
-    return places
+    """Extrapolate a map on each side; a single row or column is repeated."""
+    return np.pad(places, margin, mode="reflect", reflect_type="odd")
 
 
 def tiles_of(shape: tuple[int, int], side: int) -> Integers:
