@@ -372,22 +372,15 @@ class Written(Choices):
 
         Raises ValueError: the background is not a color, or the quality is none.
         """
-        from resample.files.formats import WriteOptions
+        from resample.files.formats import NO_LOSS, WriteOptions
 
         behind = None if self.background is None else linear_color(self.background)
-        is_srgb = self.profile == "srgb"
-        return WriteOptions(self.bits, behind, quality=self._quality(), in_srgb=is_srgb)
-
-    def _quality(self) -> int | str | None:
-        """Quality of the file."""
-        from resample.files.formats import NO_LOSS
-
-        given = self.file_quality
-        if given is None or given == NO_LOSS:
-            return given
-        if not re.fullmatch(r"\d{1,3}", given, re.ASCII) or not 1 <= int(given) <= 100:
-            raise ValueError(f"--file-quality {given!r}; give 1 to 100, or {NO_LOSS}")
-        return int(given)
+        quality: int | str | None = self.file_quality
+        if isinstance(quality, str) and quality != NO_LOSS:
+            if not re.fullmatch(r"\d{1,3}", quality, re.ASCII) or not 1 <= int(quality) <= 100:
+                raise ValueError(f"--file-quality {quality!r}; give 1 to 100, or {NO_LOSS}")
+            quality = int(quality)
+        return WriteOptions(self.bits, behind, quality=quality, in_srgb=self.profile == "srgb")
 
 
 def option_of(model: type[Choices], field: str) -> str:

@@ -165,19 +165,16 @@ def at_most(count: int | None) -> "Iterator[None]":
     """
     before = {name: os.environ.get(name) for name in (*VARIABLES, OPENEXR)}
     if count is not None:
-        os.environ |= {name: str(_less(count, before[name])) for name in VARIABLES}
+        for name in VARIABLES:
+            given = before[name] or ""
+            allowed = int(given) if given.isdecimal() else 0
+            os.environ[name] = str(min(count, allowed or os.cpu_count() or 1))
         if before[OPENEXR] is None:
             os.environ[OPENEXR] = f"exr_threads={count if count > 1 else -1}"  # -1: no pool
     try:
         yield
     finally:
-        for name, given in before.items():
+        for name, kept in before.items():
             os.environ.pop(name, None)
-            if given is not None:
-                os.environ[name] = given
-
-
-def _less(count: int, given: str | None) -> int:
-    """Minimum of a count and the limit in the environment."""
-    allowed = int(given) if given and given.isdecimal() and int(given) > 0 else os.cpu_count() or 1
-    return min(count, allowed)
+            if kept is not None:
+                os.environ[name] = kept

@@ -47,7 +47,7 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
     """
     check_sharing(sharing)
     if not sharing.has_workers:
-        yield _start_no_workers
+        yield lambda: None
         return
     # Exceptions of tasks that no worker takes; older versions of dask have only one.
     from distributed import KilledWorker, scheduler
@@ -62,18 +62,14 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
             with suppress(OSError, TimeoutError):  # workers may still be starting
                 client().wait_for_workers(sharing.workers or 1, timeout=5)
             raise ChildProcessError(
-                f"a task failed because {_attempts(error)} workers ended while running it, most "
-                "likely because memory ran out; allow less --memory, or use fewer workers"
+                f"a task failed because {error.allowed_failures + 1} workers ended while running "
+                "it, most likely because memory ran out; allow less --memory, or use fewer workers"
             ) from None
         except no_worker_errors:
             raise ChildProcessError(
                 f"all workers have ended and none restarted within {PATIENCE} seconds; allow "
                 "less --memory, or use fewer workers, or none"
             ) from None
-
-
-def _start_no_workers() -> None:
-    """Start no workers."""
 
 
 def check_sharing(sharing: Sharing) -> None:
@@ -110,14 +106,20 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             raise OSError(
                 f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
             ) from None
+    # No logging, and little memory kept, as in `return_freed_memory`.
+    environment = {
+        **dask.config.get("distributed.nanny.pre-spawn-environ", {}),
+        "MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK),
+        "DASK_LOGGING__DISTRIBUTED": "critical",
+    }
     own = {
-        "distributed.nanny.pre-spawn-environ": _environment(),
+        "distributed.nanny.pre-spawn-environ": environment,
         "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
     }
     held.enter_context(dask.config.set(own))
     held.enter_context(_kept_environment())
     folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
-    with _starting(sharing.workers):
+    try:
         cluster = LocalCluster(
             n_workers=sharing.workers,
             threads_per_worker=1,
@@ -128,6 +130,11 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             local_directory=folder,
             silence_logs=logging.CRITICAL,
         )
+    except (RuntimeError, TimeoutError):  # dask's message is about its internals
+        raise ChildProcessError(
+            f"--workers {sharing.workers}: one ended before it was ready, most likely killed "
+            "because memory ran out; use fewer workers, or none"
+        ) from None
     return Client(held.enter_context(cluster), set_as_default=False)
 
 
@@ -158,27 +165,6 @@ def _kept_environment() -> Iterator[None]:
         os.environ.update(before)
 
 
-@contextmanager
-def _starting(count: int | None) -> Iterator[None]:
-    """Report in one line that workers could not be started."""
-    try:
-        yield
-    except (RuntimeError, TimeoutError):  # dask's message is about its internals
-        raise ChildProcessError(
-            f"--workers {count}: one ended before it was ready, most likely killed because "
-            "memory ran out; use fewer workers, or none"
-        ) from None
-
-
-def _environment() -> dict[str, object]:
-    """Environment of workers: no logging, little memory kept."""
-    import dask.config
-
-    own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
-    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `return_freed_memory`
-    return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
-
-
 def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:
     executor = client.get_executor(pure=False)
     if sharing.workers is not None:
@@ -201,8 +187,3 @@ def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerP
     least = min((limit for limit in limits if limit), default=None)
     memory = None if least is None else int(SHARE * least)
     return WorkerPool(executor, count, threads or 1, memory, is_local=False)
-
-
-def _attempts(error: Exception) -> int:
-    """Number of workers that ended while running a task."""
-    return int(getattr(error, "allowed_failures", 3)) + 1

@@ -31,9 +31,10 @@ def exports_of(
     words = [*command.split(), *inputs, *option_words(whole)]
     made_by = about.get("function", "picture")
     named = ", ".join(map(repr, inputs))
+    lines = "".join(f"    {key!r}: {value!r},\n" for key, value in whole.items())
     python = (
         f"from {about['package']}.viewing import {made_by}\n\n"
-        f"shown = {made_by}({named}, {_indented(whole)})\n"
+        f"shown = {made_by}({named}, {{\n{lines}}})\n"
     )
     film = {}
     if len(cameras) > 1 and "film" in about:
@@ -83,18 +84,10 @@ def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
 
 def option_words(settings: Settings) -> list[str]:
     """Arguments of a command line that set all options."""
-    return [word for key, value in settings.items() for word in _words(key, value)]
-
-
-def _words(key: str, value: Any) -> Sequence[str]:
-    """Arguments of a command line that set one option."""
-    if isinstance(value, bool):
-        return [f"--{key}" if value else f"--no-{key}"]
-    if isinstance(value, list):
-        return [f"--{key}={one}" for one in value]
-    return [f"--{key}={value}"]
-
-
-def _indented(settings: dict[str, Any]) -> str:
-    lines = [f"    {key!r}: {value!r}," for key, value in settings.items()]
-    return "{\n" + "\n".join(lines) + "\n}"
+    words: list[str] = []
+    for key, value in settings.items():
+        if isinstance(value, bool):
+            words.append(f"--{key}" if value else f"--no-{key}")
+        else:
+            words += [f"--{key}={one}" for one in (value if isinstance(value, list) else [value])]
+    return words

@@ -210,13 +210,17 @@ class Large:
 
     def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
         """Yield first row, picture and coverage of each strip, from the top."""
+        for first, count in self._rows():
+            yield first, self.paint(first, count)
+
+    def paint(self, first: int, count: int) -> tuple[Picture, Floats]:
+        """Return picture and coverage of a strip of rows."""
+        image, coverage = self._drawn(first, count)
         gaps = {"keeps_gaps": self.keeps_gaps, "is_whole": not self.kind.has_alpha}
         gaps["adds_alpha"] = takes_alpha(*self.written)
-        for first, count in self._rows():
-            image, coverage = self._drawn(first, count)
-            made = finished(image, coverage, self.loaded.kind, self.choice, **gaps)
-            made = as_light(made) if self._is_curved else made
-            yield first, (made._replace(about=self.about), coverage)
+        made = finished(image, coverage, self.loaded.kind, self.choice, **gaps)
+        made = as_light(made) if self._is_curved else made
+        return made._replace(about=self.about), coverage
 
     def _drawn(self, first: int, count: int) -> Warped:
         """Return a strip in linear light, and its coverage."""
