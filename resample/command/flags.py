@@ -200,15 +200,6 @@ Coverage = Annotated[
 ]
 Source = Annotated[Path | None, OptionTopic.SOURCE]
 Target = Annotated[Path | None, OptionTopic.TARGET]
-Json = Annotated[
-    bool,
-    OptionTopic.APPEARANCE,
-    Parameter(
-        name="--json",
-        negative="",
-        help="Print JSON instead of a table; the PSNR of equal pictures is null.",
-    ),
-]
 
 Size = Annotated[str, OptionTopic.APPEARANCE, Parameter(help=SIZE)]
 FilmBackground = Annotated[

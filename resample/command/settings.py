@@ -430,20 +430,3 @@ def as_on_a_command_line(value: Any, is_several: bool = False) -> Any:
 def height_and_width(size: str) -> tuple[int, int]:
     """Parse a size in px, 400 or 640x480."""
     return PictureFormat(size=size).height_and_width()
-
-
-def method_names(text: str, least: int = 1) -> list[str]:
-    """Split a list of methods at commas.
-
-    A part with = but no name is another parameter of the preceding method, as in
-    `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
-    """
-    names: list[str] = []
-    for part in filter(None, (word.strip() for word in text.split(","))):
-        if names and "=" in part and ":" not in part.partition("=")[0]:
-            names[-1] += f",{part}"
-        else:
-            names.append(part)
-    if len(names) < least:
-        raise ValueError("give methods to compare, such as bilinear,hybrid")
-    return list(dict.fromkeys(names))

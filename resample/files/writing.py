@@ -11,12 +11,11 @@ and elsewhere the end of the file is checked.
 import errno
 import io
 import json
-import math
 import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from hashlib import sha256
@@ -239,14 +238,6 @@ def _remove(path: Path) -> None:
 @cache
 def _machine() -> str:
     return sha256(node().encode()).hexdigest()[:6]
-
-
-def rows_as_json(rows: Sequence[Mapping[str, object]]) -> str:
-    """Format rows as JSON, where infinity becomes null."""
-    finite = [
-        {key: None if value == math.inf else value for key, value in row.items()} for row in rows
-    ]
-    return json.dumps(finite, indent=2) + "\n"
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
