@@ -6,7 +6,7 @@ category by a mark in its annotation or by its model; one without is not taken f
 
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
@@ -123,7 +123,10 @@ def marks_of(command: Callable[..., Any]) -> Marks:
             metadata = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
             found[name_of(part.name, metadata)] = _mark_in(metadata)
         else:
-            found |= _marks_of_fields(model)
+            usual = getattr(model, "about", None)
+            for field, info in model.model_fields.items():
+                own = _mark_in(info.metadata)
+                found[name_of(field, info.metadata)] = usual if own is None else own
     return found
 
 
@@ -141,13 +144,6 @@ def name_of(field: str, metadata: Any) -> str:
         if isinstance(part, Parameter) and part.name:
             return str(next(iter(part.name))).removeprefix("--")
     return field.replace("_", "-")
-
-
-def _marks_of_fields(model: "type[BaseModel]") -> Iterator[tuple[str, Mark | None]]:
-    usual = getattr(model, "about", None)
-    for field, info in model.model_fields.items():
-        own = _mark_in(info.metadata)
-        yield name_of(field, info.metadata), usual if own is None else own
 
 
 def _mark_in(metadata: Any) -> Mark | None:

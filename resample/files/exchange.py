@@ -62,7 +62,7 @@ def picture_and_encoding(
             return found.load().data, found.is_encoded
         return read_picture(found.path).data, None
     if isinstance(given, Showable):
-        return _light_or_values(given), None
+        return (given.rgba if isinstance(given, Frame) else given.image), None
     library = type(given).__module__.partition(".")[0]
     if library == "PIL":
         array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
@@ -92,12 +92,6 @@ def _array(given: Any, name: str) -> NDArray[Any]:
             raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
         # Tensors that have a gradient, or are on a device, say what to call.
         raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
-
-
-def _light_or_values(given: Any) -> NDArray[Any]:
-    """Premultiplied light of a frame; image of a warped picture."""
-    array: NDArray[Any] = given.rgba if isinstance(given, Frame) else given.image
-    return array
 
 
 def _of_labeled(given: Any, name: str) -> NDArray[Any]:

@@ -139,8 +139,13 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
         )
     if tells:
         tell_colors(path, about, is_guessed=suffix == ".exr" or (is_whole and is_light))
-    if is_whole:
-        data = _integers(picture, form, is_light)
+    if about.number and is_whole:
+        # Numbers are rounded, and clipped to the type's range; missing values become 0.
+        limits = np.iinfo(form)
+        rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
+        data = np.clip(rounded, limits.min, limits.max).astype(form)
+    elif is_whole:
+        data = levels(data, form, has_alpha=kind.has_alpha, is_light=is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
     return StoredPage(data, kind, about, look, is_light)
@@ -188,16 +193,6 @@ def _with_colors(
     is_named = suffix == ".exr" and any(name == "chromaticities" for name, _, _ in about.spoken)
     lost = "" if profile or marks or is_named else about.colors
     return about._replace(profile=profile, marks=marks, colors=lost)
-
-
-def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
-    """Convert numbers, or levels of light or fractions, to an integer type."""
-    if picture.about.number:
-        # Round numbers to an integer type, clipped to its range; missing values become 0.
-        limits = np.iinfo(form)
-        rounded = np.rint(np.nan_to_num(picture.data.astype(np.float64), nan=0.0, posinf=np.inf))
-        return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
-    return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
 
 
 def check_source(path: Path, picture: Picture, look: WriteOptions) -> None:

@@ -301,14 +301,6 @@ def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:
         raise refused(path, temporary, INCOMPLETE) from None
 
 
-def _space_of(page: StoredPage) -> str:
-    """OpenImageIO's color space of integers; "data" says nothing, as their source does."""
-    if page.is_light:
-        return "sRGB"
-    is_found = page.options.is_light and not page.about.number and not page.about.says_linear
-    return "data" if is_found else "lin_rec709_scene"
-
-
 def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     """OpenImageIO header of a page of `height` rows."""
     import OpenImageIO
@@ -324,7 +316,10 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     if is_whole:
         spec.attribute("oiio:UnassociatedAlpha", 1)
         if not has_profile:
-            spec.attribute("oiio:ColorSpace", _space_of(page))
+            # "data" says nothing, as a source of light of which nothing is said.
+            is_found = page.options.is_light and not (page.about.number or page.about.says_linear)
+            unlit = "data" if is_found else "lin_rec709_scene"
+            spec.attribute("oiio:ColorSpace", "sRGB" if page.is_light else unlit)
     if suffix in TIFF and (not is_whole or has_profile or not page.is_light):
         # OpenImageIO 3.1 cannot write an empty Exif directory.
         spec.attribute("Exif:ColorSpace", UNCALIBRATED)

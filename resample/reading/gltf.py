@@ -154,11 +154,7 @@ def _check_accessor(tree: Tree, place: str, accessor: Tree) -> None:
         )
 
 
-def _check_node(_: Tree, place: str, node: Tree) -> None:
-    _check_numbers(place, node)
-
-
-def _check_numbers(place: str, node: Tree) -> None:
+def _check_numbers(_: Tree, place: str, node: Tree) -> None:
     """Reject a node whose transformation is invalid."""
     for key, count in LENGTHS.items():
         given = node.get(key)
@@ -177,7 +173,7 @@ def _is_number(value: Any) -> bool:
 def _check_material(tree: Tree, place: str, material: Tree) -> None:
     """Reject a material with an invalid texture or number."""
     look = _object(material, "pbrMetallicRoughness", f"{place}.pbrMetallicRoughness")
-    _check_numbers(f"{place}.pbrMetallicRoughness", look)
+    _check_numbers(tree, f"{place}.pbrMetallicRoughness", look)
     cutoff = material.get("alphaCutoff", 0.5)
     if not _is_number(cutoff):
         raise ValueError(f"its {place}.alphaCutoff is {cutoff!r:.40}, not a number")
@@ -237,7 +233,7 @@ CHECKS: dict[str, Callable[[Tree, str, Tree], None]] = {
     "images": _check_uri,
     "bufferViews": _check_view,
     "accessors": _check_accessor,
-    "nodes": _check_node,
+    "nodes": _check_numbers,
     "materials": _check_material,
     "meshes": _check_mesh,
 }

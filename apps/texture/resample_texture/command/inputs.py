@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
 from resample_texture.arguments import Places, geometry_of
@@ -54,33 +53,25 @@ def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarg
         right, bottom = target.max(axis=0)
         bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
         return PictureTarget(from_corners(source, target), place.shape() or bounds)
-    return _by_flow(place, given, source_shape) if name == "flow" else _by_map(place, given)
-
-
-def _by_map(place: WarpGeometry, path: Path) -> PictureTarget:
+    from resample_texture.geometry.mappings import ForwardMap
     from resample_texture.geometry.maps import places_by_map, read_map
 
-    pairs, shift = read_map(path), 0.5 if place.convention == "opencv" else 0.0
+    pairs = read_map(given)
     shape = pairs.shape[0], pairs.shape[1]
+    if name == "flow":
+        if shape != source_shape:
+            raise ValueError(
+                f"{given} is a flow of {shape[1]} x {shape[0]} pixels, the picture "
+                f"has {source_shape[1]} x {source_shape[0]}"
+            )
+        return PictureTarget(ForwardMap.from_flow(pairs), place.shape() or source_shape)
     if place.shape() not in (None, shape):
         raise ValueError(
-            f"{path} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
+            f"{given} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
             "leave out the size"
         )
+    shift = 0.5 if place.convention == "opencv" else 0.0
     return PictureTarget(places_by_map(pairs, shift), shape)
-
-
-def _by_flow(place: WarpGeometry, path: Path, source_shape: tuple[int, int]) -> PictureTarget:
-    from resample_texture.geometry.mappings import ForwardMap
-    from resample_texture.geometry.maps import read_map
-
-    flow = ForwardMap.from_flow(read_map(path))
-    if flow.x.shape != source_shape:
-        raise ValueError(
-            f"{path} is a flow of {flow.x.shape[1]} x {flow.x.shape[0]} pixels, the picture "
-            f"has {source_shape[1]} x {source_shape[0]}"
-        )
-    return PictureTarget(flow, place.shape() or source_shape)
 
 
 def calibrated(

@@ -363,7 +363,11 @@ def source_tiles(
         return
     tiles = projection.tiles(shape)
     if len(tiles) == 1:
-        yield SourceTile(image, lambda ray: projection.places(ray, shape, 0), _everything)
+        yield SourceTile(
+            image,
+            lambda ray: projection.places(ray, shape, 0),
+            lambda ray: np.ones(ray.shape[:-1], np.bool_),
+        )
         return
     for n, tile in enumerate(tiles):
         first = np.array([tile.left, tile.top]) - _margin(tile)
@@ -375,10 +379,6 @@ def source_tiles(
             return np.asarray(face_of(ray) == n)
 
         yield SourceTile(_padded(image, projection, tiles, n), places, shows)
-
-
-def _everything(ray: Doubles) -> NDArray[np.bool_]:
-    return np.ones(ray.shape[:-1], np.bool_)
 
 
 def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:

@@ -138,7 +138,9 @@ def gather(
     make = np.empty if is_whole else np.zeros  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
     if is_far.any() and not near_only:
-        _project_far(plan, source, warped)
+        far, finer = far_of(plan), cells.finer()
+        made = project(source, far.geometry, far.shape, edge, finer, wanted=far.wanted)
+        warped.image[far.part], warped.coverage[far.part] = made
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
@@ -164,8 +166,10 @@ def far_of(plan: GatherPlan) -> Far:
     assert isinstance(geometry, Homography)
     if around is not plan.tiles:
         region = geometry.region
-    far = around.bounds[~around.is_near]
-    left, top, right, bottom = _around(far if region else plan.tiles.bounds[~plan.tiles.is_near])
+    tiles = around if region else plan.tiles
+    far = tiles.bounds[~tiles.is_near]
+    sides = *far[:, :2].min(axis=0), *far[:, 2:].max(axis=0)
+    left, top, right, bottom = (int(side) for side in sides)
     back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
     whole = region.whole if region else geometry
     moved = Homography(back @ oriented(whole, plan.size), is_signed=True)
@@ -175,14 +179,6 @@ def far_of(plan: GatherPlan) -> Far:
     wanted = first[0] + x - left, first[1] + y - top, last[0] + x - left, last[1] + y - top
     part = np.s_[first[1] : last[1], first[0] : last[0]]
     return Far(moved, (bottom - top, right - left), wanted, part)
-
-
-def _project_far(plan: GatherPlan, source: Floats, warped: Warped) -> None:
-    """Project texels to a rectangle around far tiles."""
-    far = far_of(plan)
-    cells = plan.cells.finer()
-    made = project(source, far.geometry, far.shape, plan.edge, cells, wanted=far.wanted)
-    warped.image[far.part], warped.coverage[far.part] = made
 
 
 def visible_tiles(
@@ -279,12 +275,6 @@ def _measured_once(
 ) -> TargetTiles:
     """Measure the tiles of a whole target, cached; `size` is the source's."""
     return _measured(places_of(size, geometry, shape), _view((*size, 1), edge, cells), shape)
-
-
-def _around(bounds: Integers) -> list[int]:
-    """Return left, top, right and bottom of the rectangle around others."""
-    low, high = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
-    return [int(side) for side in (*low, *high)]
 
 
 def _with_plate(

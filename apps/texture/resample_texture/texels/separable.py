@@ -154,18 +154,10 @@ def separable_plan(
         plan = _whole_plan.__wrapped__(*whole)
     if plan is None:
         return None
-    down, across = (
-        slice(first, first + count)
-        for first, count in zip((region.top, region.left), shape, strict=True)
-    )
-    return SeparablePlan(
-        plan.down.of(down),
-        plan.across.of(across),
-        plan.limits_down and plan.limits_down.of(down),
-        plan.limits_across and plan.limits_across.of(across),
-        plan.beside_down and plan.beside_down.of(down),
-        plan.beside_across and plan.beside_across.of(across),
-    )
+    rows = slice(region.top, region.top + shape[0])
+    columns = slice(region.left, region.left + shape[1])
+    parts = zip(plan, (rows, columns) * 3, strict=True)
+    return SeparablePlan._make(weights and weights.of(part) for weights, part in parts)
 
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk, and pictures one after the other
