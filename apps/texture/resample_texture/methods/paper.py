@@ -31,7 +31,7 @@ from resample_texture.texels.forward import (
     visible_polygon,
     with_margins,
 )
-from resample_texture.texels.kernels.splat_shapes import slope
+from resample_texture.texels.kernels.splats import slope
 from resample_texture.texels.splatting import (
     Forward,
     borders_of_splats,
