@@ -12,21 +12,10 @@ from resample.command.settings import Choices, as_on_a_command_line, chosen
 def run(application: str, command: str, *names: str | Path, **options: Any) -> None:
     """Run a command.
 
-    Parameters
-    ----------
-    application, command
-        Their names, such as `volume` and `animate`.
-    names
-        Its positional arguments.
-    options
-        Its options by name, with values as of `resample.command.settings.chosen`; None: left out.
-
-    Raises
-    ------
-    TypeError
-        There is no such option; it says what to give instead.
-    ValueError, OSError
-        As of the command.
+    `application`, `command`: their names, such as `volume` and `animate`. `names`: its positional
+    arguments. `options`: its options by name, with values as of `resample.command.settings.chosen`;
+    None: left out. Raises TypeError: there is no such option; it says what to give instead. Raises
+    ValueError, OSError: as of the command.
     """
     function = registry.load("apps", application)[command].default_command
     parameters = inspect.signature(function).parameters

@@ -156,28 +156,13 @@ def write_film(
 ) -> None:
     """Write an animation in the format of its suffix, or into a folder.
 
-    Parameters
-    ----------
-    path
-        Target with a suffix in `FILMS`, or a folder, whose other files are kept.
-    shots
-        Frames of one size. An interrupted run keeps those that are done, and says so.
-    fps
-        Frames per second; GIF rounds to 1/100 s, folders ignore it.
-    resume
-        Make only missing frames.
-    progress
-        Called with the fraction done after each new frame.
-    executor
-        Makes frames; processes need shots that pickle, and write frames themselves. Only this
-        process claims and cleans the folder.
-
-    Raises
-    ------
-    ValueError
-        The suffix or rate is invalid, or the existing frames belong to another animation.
-    OSError
-        The target cannot be written.
+    `path`: target with a suffix in `FILMS`, or a folder, whose other files are kept. `shots`:
+    frames of one size. An interrupted run keeps those that are done, and says so. `fps`: frames per
+    second; GIF rounds to 1/100 s, folders ignore it. `resume`: make only missing frames.
+    `progress`: called with the fraction done after each new frame. `executor`: makes frames;
+    processes need shots that pickle, and write frames themselves. Only this process claims and
+    cleans the folder. Raises ValueError: the suffix or rate is invalid, or the existing frames
+    belong to another animation. Raises OSError: the target cannot be written.
     """
     check_film(path, fps)
     target = Path(os.path.realpath(path))

@@ -92,15 +92,9 @@ def write_png(
 ) -> None:
     """Write a picture as PNG.
 
-    Parameters
-    ----------
-    rgba
-        (H, W, 4) premultiplied, linear light; clipped to 0..1.
-    bits
-        8 or 16 per channel.
-    background
-        Background, 3 values of linear light; the file is then opaque, (H, W, 3). Without it the
-        file has straight alpha, and light where alpha is 0 is lost.
+    `rgba`: (H, W, 4) premultiplied, linear light; clipped to 0..1. `bits`: 8 or 16 per channel.
+    `background`: Background, 3 values of linear light; the file is then opaque, (H, W, 3). Without
+    it the file has straight alpha, and light where alpha is 0 is lost.
     """
     if bits not in (8, 16):
         raise ValueError(f"PNG has 8 or 16 bits per channel, not {bits}")
