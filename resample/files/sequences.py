@@ -5,7 +5,9 @@ Pillow handles animated pictures, PyAV films; display times are preserved.
 
 import glob
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.console import say, say_of
-from resample.files.animations import Stored
+from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
 from resample.files.chunked import is_in_store
 from resample.files.facts.chunks import is_animated_png
 from resample.files.facts.colors import coded_colors, is_srgb, stretched
@@ -27,8 +29,10 @@ from resample.files.films import (
     FRAME_BYTES,
     PLAIN,
     FilmCoding,
+    StereoMarks,
     check_codecs,
     film_picture,
+    mark_stereo,
     new_film,
     new_stream,
     opened_film,
@@ -47,7 +51,7 @@ from resample.files.formats import (
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
 from resample.files.stores.opening import STORE, Address, Place
-from resample.files.writing import replacing
+from resample.files.writing import replacing, write_json
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
 
@@ -61,6 +65,7 @@ WEBP_ALPHA = 0x10  # bit in the flags of a WebP file
 TICKS = 90_000  # per second, unit of time in films
 OTHERS = (".avif", ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
 READ = (*SUFFIXES, *WRITTEN, *FILMS, *OTHERS)
+PART = 250  # pictures; encoders begin anew after as many by default
 
 
 class Frames(NamedTuple):
@@ -506,3 +511,91 @@ def _name(source: Place, pattern: str | None) -> str:
         return Path(source.name).with_suffix(".mp4").name if suffix not in FORMATS else source.name
     is_animated = suffix in WRITTEN and frames_of(source) is not None
     return source.name if is_animated else Path(source.name).with_suffix(".png").name
+
+
+def write_in_parts(
+    path: Path,
+    pictures: Callable[[int], Iterable[Picture]],
+    film: Frames,
+    look: WriteOptions,
+    coding: FilmCoding,
+    marks: StereoMarks,
+    job: Mapping[str, Any],
+    *,
+    resume: bool | None = None,
+) -> None:
+    """Write a film; after an interruption its finished parts are kept in a hidden folder.
+
+    `path`: target with a suffix of `resample.files.films.FORMATS`. `pictures`: function that gives
+    the pictures from a number on. `film`: display times, and the file whose sound and subtitles are
+    copied. `job`: JSON values; films of equal jobs are equal. `resume`: continue with the parts of
+    an earlier run; None: keep none after an error. Raises ValueError: the existing parts belong to
+    another film. Raises OSError: the target cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    kept = target.with_name(f".{target.name}.parts")
+    kept.mkdir(exist_ok=True)
+    starts = range(0, len(film.seconds), PART)
+    parts = [kept / f"{start:07d}.mp4" for start in starts]
+    with alone(kept, path):
+        facts = kept / FACTS
+        if resume and facts.is_file():
+            check_same(kept, facts_of(facts), job)
+        else:
+            for part in kept.glob("*.mp4"):
+                part.unlink()
+        write_json(facts, job)
+        done = next((n for n, part in enumerate(parts) if not part.is_file()), len(parts))
+        try:
+            shades = shades_of(path, pictures(done * PART), look, is_deep=coding.is_deep)
+            rate = sum(film.seconds) / len(film.seconds)
+            for start, part in zip(starts[done:], parts[done:], strict=True):
+                seconds = film.seconds[start : start + PART]
+                with replacing(part) as temporary, new_film(temporary) as made:
+                    shown = itertools.islice(shades, len(seconds))
+                    for _, packets in encoded(made, shown, seconds, coding, rate):
+                        made.mux(packets)
+        except BaseException:
+            _leave(kept, parts if resume is not None else [])
+            raise
+        with replacing(target) as temporary:
+            with new_film(temporary) as made:
+                mux_beside(made, _joined(made, parts, film.seconds, coding), film)
+            if target.suffix.lower() != ".mkv":
+                mark_stereo(temporary, marks)
+    shutil.rmtree(kept)
+
+
+def _leave(kept: Path, parts: Sequence[Path]) -> None:
+    """After an error, keep finished parts and say so; without any remove their folder."""
+    count = sum(part.is_file() for part in parts)
+    if count:
+        say(f"{count * PART} frames are kept; run the same command with --resume to continue")
+    else:
+        shutil.rmtree(kept, ignore_errors=True)
+
+
+def _joined(
+    film: Any, parts: Sequence[Path], seconds: Sequence[float], coding: FilmCoding
+) -> Iterator[tuple[float, Any]]:
+    """Packets of all parts for a film, each with its seconds; times of decoding rise."""
+    import av
+
+    begins, last = [0.0, *itertools.accumulate(seconds)], None
+    stream: Any = None
+    for n, part in enumerate(parts):
+        with av.open(str(part)) as source:
+            video = source.streams.video[0]
+            if stream is None:
+                stream = film.add_stream_from_template(video, opaque=True)
+                stream.metadata.update(coding.metadata)
+            for packet in source.demux(video):
+                if packet.size and packet.pts is not None and packet.dts is not None:
+                    late = round(begins[n * PART] / packet.time_base)
+                    packet.pts += late
+                    packet.dts += late
+                    if last is not None:
+                        packet.dts = max(packet.dts, last + 1)
+                    last, packet.stream = packet.dts, stream
+                    yield float(packet.pts * packet.time_base), packet
+    yield begins[-1], []

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 from resample.command.settings import Serving
 from resample.console import say, say_notes
-from resample.view.messages import LONGEST, message_of
-from resample.view.sessions import PageSession
+from resample.view.sessions import LONGEST, PageSession, message_of
 from resample.view.views import Viewable, Warming
 from resample.words import one_line
 

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from resample.view.exports import exports_of
-from resample.view.messages import message_of
 from resample.view.server import MOST_PAGES, PAGE, joined
-from resample.view.sessions import PageSession
+from resample.view.sessions import PageSession, message_of
 from resample.view.views import Viewable, check_page_options
 
 try:

@@ -22,6 +22,7 @@ from resample.words import check_threads
 from resample_texture.arguments import (
     REFLECT_101,
     Places,
+    axis_of,
     check_shape,
     check_sums,
     edge_named,
@@ -35,7 +36,6 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.stacks import axis_of
 from resample_texture.types import (
     FRAMES,
     AnyAlpha,

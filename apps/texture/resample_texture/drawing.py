@@ -23,24 +23,22 @@ from resample_texture.geometry.shifts import (
 )
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
+    LEAST,
     LEVELS,
     WIDE,
     Encoding,
+    Mended,
+    added,
     check_picture,
     complex_of_parts,
     decoded,
     encoded,
     has_straight_alpha,
-    parts_of_complex,
-)
-from resample_texture.texels.gaps import (
-    LEAST,
-    Mended,
-    added,
     kept,
     masked,
     mended,
     missing_in,
+    parts_of_complex,
     unmasked,
 )
 from resample_texture.texels.levels import (
@@ -343,7 +341,7 @@ class _Read:
         return self.image.shape[0], self.image.shape[1], self.channels + self.gaps
 
     def texels(self, rows: Integers, columns: Integers) -> Floats:
-        """Return texels (R, K, C), see `resample_texture.texels.partly.TexelReader`."""
+        """Return texels (R, K, C), see `resample_texture.texels.forward.TexelReader`."""
         found = np.empty((rows.size, columns.size, self.shape[2]), np.float32)
         for down, here in _stretches(rows):
             for across, there in _stretches(columns):

@@ -10,7 +10,14 @@ from resample.calling import takes
 from resample.cameras.models import Camera, LensModel
 from resample.profiles.named import plugin_of
 from resample.words import number, shortly
-from resample_texture.arguments import check_shape, whole_pair
+from resample_texture.arguments import (
+    CHANNELS,
+    GivenPictures,
+    check_shape,
+    given_pictures,
+    stacked,
+    whole_pair,
+)
 from resample_texture.geometry.cameras import places_by_lens
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
@@ -21,7 +28,6 @@ from resample_texture.geometry.matrices import (
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
 from resample_texture.sizes import AnySize, Fit, resized
-from resample_texture.stacks import CHANNELS, GivenPictures, given_pictures, stacked
 from resample_texture.texels.levels import light_for
 from resample_texture.types import (
     AnyAlpha,

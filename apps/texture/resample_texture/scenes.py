@@ -20,6 +20,7 @@ from resample_texture.arguments import (
     check_shape,
     edge_named,
     geometry_of,
+    given_pictures,
     method_named,
 )
 from resample_texture.drawing import Drawing, finished, run
@@ -30,7 +31,6 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.stacks import given_pictures
 from resample_texture.texels.encoding import Encoding, decoded
 from resample_texture.texels.levels import curved, light_for, mixed_light, texels_in_levels
 from resample_texture.types import (

@@ -10,13 +10,17 @@ from resample.cameras.models import AnyConvention
 from resample.words import check_threads
 from resample_texture.arguments import (
     Places,
+    axis_of,
     check_shape,
     check_sums,
     edge_named,
     fill_for,
     geometry_of,
+    given_pictures,
     is_pair_of_maps,
+    matrices_in,
     method_named,
+    stacked,
     warn_if_unknown,
     whole_pair,
     within,
@@ -24,7 +28,6 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
 from resample_texture.geometry.mappings import BackwardMap, Geometry
-from resample_texture.stacks import axis_of, given_pictures, matrices_in, stacked
 from resample_texture.texels.levels import light_for
 from resample_texture.types import (
     FRAMES,

@@ -53,8 +53,7 @@ def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarg
         right, bottom = target.max(axis=0)
         bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
         return PictureTarget(from_corners(source, target), place.shape() or bounds)
-    from resample_texture.geometry.mappings import ForwardMap
-    from resample_texture.geometry.maps import places_by_map, read_map
+    from resample_texture.geometry.mappings import ForwardMap, places_by_map, read_map
 
     pairs = read_map(given)
     shape = pairs.shape[0], pairs.shape[1]

@@ -41,8 +41,15 @@ from resample.words import one_line
 from resample_texture.arguments import method_named
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.inputs import Aim, PictureTarget
-from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.rendering import check_memory, covers_all, report, warped
+from resample_texture.command.rendering import (
+    Destination,
+    Large,
+    check_memory,
+    covers_all,
+    large_picture,
+    report,
+    warped,
+)
 from resample_texture.geometry.mappings import Homography
 from resample_texture.methods.labels import Majority, NearestTexel
 

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Convention
 from resample.types import Doubles
-from resample_texture.geometry.mappings import Homography
-from resample_texture.geometry.maps import read_arrays
+from resample_texture.geometry.mappings import Homography, read_arrays
 
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 SHAPES = {(3, 3): (3, 3), (2, 3): (2, 3), (1, 9): (3, 3), (1, 6): (2, 3)}  # lines × numbers

@@ -431,7 +431,7 @@ def _project(
 ) -> Warped:
     """Picture of cells, placed from the source or, where a map leads backward, from the target."""
     if isinstance(geometry, BackwardMap):
-        from resample_texture.texels.backward import collect_from
+        from resample_texture.texels.gather import collect_from
 
         return collect_from(source, geometry, shape, edge, cells)
     from resample_texture.texels.forward import project
