@@ -52,7 +52,6 @@ def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np
-    >>> from resample.reading.arrays import read_npy
     >>> with TemporaryDirectory() as folder:
     ...     np.save(f"{folder}/a.npy", np.arange(3))
     ...     read_npy(Path(folder, "a.npy")).tolist()

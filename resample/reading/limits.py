@@ -16,6 +16,7 @@ import errno
 import lzma
 import os
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -35,6 +36,8 @@ PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # methods that stop at the s
 ANY, RAW = 47, -15  # zlib's `wbits` for zlib or gzip headers, and for raw data
 PIECE = 1 << 20  # bytes unpacked at a time
 JOINED = (b"\x1f\x8b", b"BZ", b"\xfd7")  # first bytes of streams that may be followed by others
+ZSTD = 0xFD2FB528  # magic number of a frame
+ZSTD_BLOCK = 1 << 17  # largest unpacked size of a block, bytes
 
 
 class LimitError(ValueError):
@@ -57,7 +60,6 @@ def limits() -> FileLimits:
 
     Examples
     --------
-    >>> from resample.reading.limits import limits
     >>> limits().depth
     64
     """
@@ -109,7 +111,6 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
 
     Examples
     --------
-    >>> from resample.reading.limits import check_unpacked
     >>> check_unpacked("a.npz", packed=1000, unpacked=1_000_000)
     """
     check_ratio(what, packed, unpacked)
@@ -133,7 +134,6 @@ def check_animation(what: str, packed: int, frame: int, count: int) -> None:
 
     Examples
     --------
-    >>> from resample.reading.limits import check_animation
     >>> check_animation("a.gif", packed=1_000_000, frame=1_000_000, count=500)
     """
     known = limits()
@@ -159,7 +159,6 @@ def check_file(path: str | Path) -> None:
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
-    >>> from resample.reading.limits import check_file
     >>> with TemporaryDirectory() as folder:
     ...     try:
     ...         check_file(folder)
@@ -179,7 +178,6 @@ def neighbour(source: Path, name: str) -> Path:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from resample.reading.limits import neighbour
     >>> neighbour(Path("scans/head.nhdr"), "head.raw").as_posix()
     'scans/head.raw'
     """
@@ -230,8 +228,6 @@ def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator
 
     Examples
     --------
-    >>> from resample.reading.limits import limits
-    >>> from resample.reading.limits import raised
     >>> with raised("depth=90"):
     ...     limits().depth
     90
@@ -261,7 +257,6 @@ def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
     Examples
     --------
     >>> import zlib
-    >>> from resample.reading.limits import deflated
     >>> deflated(zlib.compress(b"a" * 9), most=10)
     b'aaaaaaaaa'
     """
@@ -336,3 +331,54 @@ def _unpacked(data: Buffer, most: int, new: Callable[[], Any]) -> bytes:
     except (zlib.error, lzma.LZMAError, OSError, EOFError) as error:
         raise ValueError(f"it is damaged: {error}") from None
     return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def unzstd(data: Any, most: int, size: int) -> Any:
+    """Unpack Zstandard data, whose frame states its size or whose blocks bound it.
+
+    `most`: limit in bytes. `size`: if the bound exceeds `most`, the output must have this size.
+    """
+    import numpy as np
+    from numcodecs import Zstd
+
+    data = bytes(data)
+    told, first = _head(data)
+    if told is not None:
+        check_becomes(told, most)
+        return Zstd().decode(data)
+    if _bound(data, first, most) <= most:
+        return Zstd().decode(data)
+    try:
+        return Zstd().decode(data, np.empty(size, np.uint8))
+    except RuntimeError as error:
+        raise ValueError(f"it unpacks to other than {size} bytes: {error}") from None
+
+
+def _head(data: bytes) -> tuple[int | None, int]:
+    """Unpacked size that a frame states, if any, and the position of its blocks."""
+    if len(data) < 6 or struct.unpack_from("<I", data)[0] != ZSTD:
+        raise ValueError("it is not of Zstandard")
+    flags = data[4]
+    is_single = bool(flags & 0x20)
+    start = 5 + (not is_single) + (0, 1, 2, 4)[flags & 3]
+    width = (int(is_single), 2, 4, 8)[flags >> 6]
+    if len(data) < start + width:
+        raise ValueError("it is cut off")
+    if not width:
+        return None, start
+    told = int.from_bytes(data[start : start + width], "little")
+    return told + 256 * (width == 2), start + width
+
+
+def _bound(data: bytes, place: int, most: int) -> int:
+    """Bound on the unpacked size of the only frame's blocks, or a number above `most`."""
+    count, is_last = 0, False
+    while not is_last and count <= most:
+        if place + 3 > len(data):
+            raise ValueError("it is cut off")
+        head = int.from_bytes(data[place : place + 3], "little")
+        is_last, kind, length = bool(head & 1), head >> 1 & 3, head >> 3
+        count += ZSTD_BLOCK if kind == 2 else length
+        place += 3 + (1 if kind == 1 else length)
+    is_whole = place + 4 * (data[4] >> 2 & 1) >= len(data)  # with its checksum
+    return count if is_whole else most + 1  # further frames would be unpacked, too

@@ -23,7 +23,6 @@ def plain(path: str | Path) -> str:
 
     Examples
     --------
-    >>> from resample.reading.native import plain
     >>> plain("café.png"), plain("caf\udce9.png").isascii()
     ('café.png', True)
     """

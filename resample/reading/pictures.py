@@ -29,7 +29,6 @@ def size_of(frame: bytes) -> tuple[int, int] | None:
 
     Examples
     --------
-    >>> from resample.reading.pictures import size_of
     >>> size_of(bytes.fromhex("ffd8 ffc0 000b 08 0010 0020 01 011100"))
     (16, 32)
     """

@@ -33,7 +33,6 @@ def json_of(text: str) -> Any:
 
     Examples
     --------
-    >>> from resample.reading.texts import json_of
     >>> json_of('{"fov": 30}')
     {'fov': 30}
     """
@@ -51,7 +50,6 @@ def toml_of(text: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from resample.reading.texts import toml_of
     >>> toml_of("fov = 30")
     {'fov': 30}
     """
@@ -80,7 +78,6 @@ def yaml_of(text: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from resample.reading.texts import yaml_of
     >>> yaml_of("fov: 30")
     {'fov': 30.0}
     """
@@ -189,7 +186,6 @@ def check_xml(
 
     Examples
     --------
-    >>> from resample.reading.texts import check_xml
     >>> check_xml("a.xml", [b"<a><b/></a>"])
     2
     """

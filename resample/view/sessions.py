@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from resample.measuring.quality import psnr
-from resample.view.exports import exports_of
 from resample.view.files import file_of
 from resample.view.views import (
     Comparing,
@@ -25,6 +24,7 @@ from resample.view.views import (
     Slicing,
     Viewable,
     check_page_options,
+    exports_of,
 )
 from resample.watching import Cancel, CancelledError, cancellable
 from resample.words import one_line

@@ -21,11 +21,10 @@ if TYPE_CHECKING:
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
-    from resample_texture.points import warp_points
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.viewing import view
-    from resample_texture.warping import Plan, warp
+    from resample_texture.warping import Plan, warp, warp_points
 
 _HOMES = {
     "BackwardMap": "geometry.mappings",
@@ -50,7 +49,7 @@ _HOMES = {
     "warp": "warping",
     "warp_chunks": "chunks",
     "warp_like_opencv": "like.opencv",
-    "warp_points": "points",
+    "warp_points": "warping",
 }
 
 __all__ = [

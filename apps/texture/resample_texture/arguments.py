@@ -1,4 +1,4 @@
-"""Check a warp's arguments: sizes, edge modes, methods, geometries and regions."""
+"""Check a warp's arguments: sizes, edge modes, methods, geometries, regions and stacks."""
 
 import dataclasses
 import math

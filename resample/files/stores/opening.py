@@ -92,7 +92,6 @@ def place_of(name: "str | PathLike[str] | Address") -> Place:
 
     Examples
     --------
-    >>> from resample.files.stores.opening import place_of
     >>> place_of("s3://bucket/slide.zarr"), place_of("slide.zarr").name
     (Address(url='s3://bucket/slide.zarr'), 'slide.zarr')
     """
@@ -106,7 +105,6 @@ def is_address(name: object) -> bool:
 
     Examples
     --------
-    >>> from resample.files.stores.opening import is_address
     >>> is_address("https://a.org/heart.ome.zarr"), is_address("heart.ome.zarr")
     (True, False)
     """

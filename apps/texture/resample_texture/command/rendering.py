@@ -1,4 +1,7 @@
-"""Warp a picture for the command line, in linear light or as encoded."""
+"""Warp a picture for the command line, in linear light or as encoded.
+
+Pictures too large for memory as floats are kept as stored, and warped in strips.
+"""
 
 import sys
 from collections.abc import Callable, Iterator

@@ -2,7 +2,8 @@
 
 Continuous pixel coordinates: pixel (row i, column j) has its center at (j + 0.5, i + 0.5), in the
 source as in the target. OpenCV counts from pixel centers; its maps are converted here, its matrices
-in `matrices`.
+in `matrices`. Files of maps do not say whether their numbers are coordinates in the source or
+displacements of texels; the caller decides by the class that it makes of them.
 """
 
 from collections.abc import Callable

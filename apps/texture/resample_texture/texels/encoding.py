@@ -3,6 +3,10 @@
 Texels are float32, linear light or plain values, multiplied by alpha and by whether a value exists,
 so that transparent or missing texels do not affect the color of neighbours. Only uint8 and uint16
 may be sRGB-encoded pictures, uint16 only where that is said; all other types are plain values.
+
+Channels that mark where values exist are warped like any other; a pixel's mean is then that of the
+existing values. Where less than half of a pixel's part of the source has a value, the value is
+missing in the result, so that gaps keep their size.
 """
 
 import math

@@ -3,7 +3,8 @@
 Each cell of the source (a texel, a part of one, or several) is one point: its value, spread by the
 pixel filter, with the area |det J| that it covers as its mass. Masses and kernels of unit mass sum
 to 1 wherever the source covers the target, so the sum of weights is the coverage (THEORY, section
-2).
+2). A source larger than memory is projected part by part: its blocks are added in the same order,
+each from the texels that it reads, so that sums are bit-identical.
 """
 
 import math
