@@ -83,7 +83,12 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
         return visible(f'Unknown command "{given}". {remedy}')
     if isinstance(error, UnknownOptionError):
-        return _of_unknown(error)
+        given = (error.token.keyword or error.token.value).partition("=")[0]
+        names = [name for argument in error.argument_collection for name in argument.names]
+        known = [name[2:] for name in names if name.startswith("--")]
+        option = meant(given.lstrip("-"), known)
+        remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
+        return visible(f"Unknown option: {given}. {remedy}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         return _of_missing(error)
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
@@ -148,15 +153,6 @@ def _within(error: IsADirectoryError) -> str:
     except (OSError, TypeError):
         return ""
     return f", such as {visible(str(there[0]))}" if there else " (it holds none)"
-
-
-def _of_unknown(error: UnknownOptionError) -> str:
-    given = (error.token.keyword or error.token.value).partition("=")[0]
-    names = [name for argument in error.argument_collection for name in argument.names]
-    known = [name[2:] for name in names if name.startswith("--")]
-    option = meant(given.lstrip("-"), known)
-    remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
-    return visible(f"Unknown option: {given}. {remedy}")
 
 
 def _of_missing(error: MissingArgumentError) -> str:

@@ -73,7 +73,15 @@ def picture_and_encoding(
             raise ValueError(f"an image of {given.GetDimension()} dimensions; a {name} has 2")
         array = np.asarray(SimpleITK.GetArrayFromImage(given))
     elif hasattr(given, "dims") and hasattr(given, "coords"):
-        array = _of_labeled(given, name)
+        dims = {str(dim).lower(): dim for dim in given.dims}
+        rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
+        columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
+        if rows is None or columns is None or len(dims) > 1:
+            raise ValueError(
+                f"a {name} has the dimensions y and x, and one of channels if need be, not "
+                f"{', '.join(map(str, given.dims))}"
+            )
+        array = np.asarray(given.transpose(rows, columns, *dims.values()).values)
     else:
         array = _array(given, name)
     if array.dtype.kind not in kinds:
@@ -92,19 +100,6 @@ def _array(given: Any, name: str) -> NDArray[Any]:
             raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
         # Tensors that have a gradient, or are on a device, say what to call.
         raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
-
-
-def _of_labeled(given: Any, name: str) -> NDArray[Any]:
-    """Array of an xarray object, rows first, channels last."""
-    dims = {str(dim).lower(): dim for dim in given.dims}
-    rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
-    columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
-    if rows is None or columns is None or len(dims) > 1:
-        raise ValueError(
-            f"a {name} has the dimensions y and x, and one of channels if need be, not "
-            f"{', '.join(map(str, given.dims))}"
-        )
-    return np.asarray(given.transpose(rows, columns, *dims.values()).values)
 
 
 def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:

@@ -64,7 +64,20 @@ def check_gltf(tree: Tree) -> None:
     for key, check in CHECKS.items():
         for place, thing in _things(tree, key):
             check(tree, place, thing)
-    _check_depth(tree)
+    # Nodes are trees, of no more levels than allowed, without a cycle.
+    nodes = tree.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    level, depth = [n for n in range(len(nodes)) if n not in below], 0
+    reached = len(level)
+    while level:
+        level = [child for n in level for child in nodes[n].get("children", [])]
+        reached, depth = reached + len(level), depth + 1
+        if depth > limits().depth:
+            raise refused("too deep", "nodes below each other", "depth")
+        if reached > len(nodes):
+            raise ValueError("its nodes are below several others; each is below one at most")
+    if reached < len(nodes):
+        raise ValueError("its nodes are below each other in a ring")
 
 
 def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]:
@@ -182,23 +195,6 @@ def _check_material(tree: Tree, place: str, material: Tree) -> None:
             if key in holder:
                 named = _object(holder, key, f"{place}.{key}")
                 _index(tree, "textures", named.get("index"), f"{place}.{key}.index")
-
-
-def _check_depth(tree: Tree) -> None:
-    """Reject node trees that are too deep or contain a cycle."""
-    nodes = tree.get("nodes", [])
-    below = {child for node in nodes for child in node.get("children", [])}
-    level, depth = [n for n in range(len(nodes)) if n not in below], 0
-    reached = len(level)
-    while level:
-        level = [child for n in level for child in nodes[n].get("children", [])]
-        reached, depth = reached + len(level), depth + 1
-        if depth > limits().depth:
-            raise refused("too deep", "nodes below each other", "depth")
-        if reached > len(nodes):
-            raise ValueError("its nodes are below several others; each is below one at most")
-    if reached < len(nodes):
-        raise ValueError("its nodes are below each other in a ring")
 
 
 def _check_mesh(tree: Tree, place: str, mesh: Tree) -> None:

@@ -122,9 +122,14 @@ def within(
         raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     if isinstance(geometry, BackwardMap) or callable(geometry):
         margin = MARGIN + math.ceil(getattr(getattr(chosen, "filter", None), "radius", 0.0))
-        sides, part = _around(roi, shape, margin, tile)
-        around = _places_in(geometry, sides)
-        return around, around.x.shape, part
+        (left, top, right, bottom), part = _around(roi, shape, margin, tile)
+        form = bottom - top, right - left
+        if isinstance(geometry, BackwardMap):
+            seen = np.s_[top:bottom, left:right]
+            return BackwardMap(geometry.x[seen], geometry.y[seen]), form, part
+        places = geometry
+        around = BackwardMap.from_function(lambda x, y: places(x + left, y + top), form)
+        return around, form, part
     if isinstance(geometry, ForwardMap):
         return ForwardMap(geometry.x - left, geometry.y - top), (height, width), np.s_[:, :]
     (left, top, right, bottom), part = _around(roi, shape, 0, tile)
@@ -148,17 +153,6 @@ def _around(
     right = min(-(-(left + width + margin) // tile) * tile, shape[1])
     bottom = min(-(-(top + height + margin) // tile) * tile, shape[0])
     return (x, y, right, bottom), np.s_[top - y : top - y + height, left - x : left - x + width]
-
-
-def _places_in(geometry: BackwardMap | Places, sides: tuple[int, int, int, int]) -> BackwardMap:
-    """Map of the pixels between left, top, right and bottom."""
-    left, top, right, bottom = sides
-    if isinstance(geometry, BackwardMap):
-        seen = np.s_[top:bottom, left:right]
-        return BackwardMap(geometry.x[seen], geometry.y[seen])
-    return BackwardMap.from_function(
-        lambda x, y: geometry(x + left, y + top), (bottom - top, right - left)
-    )
 
 
 def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.poses import look_at
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
-from resample.types import Doubles, Floats
+from resample.types import Floats
 from resample_texture.drawing import Drawing, drawn
 from resample_texture.geometry.cameras import plane_homography
 from resample_texture.types import AnyLight, Edge, Method
@@ -35,21 +35,17 @@ class Flyover:
 
     def camera(self, n: int) -> AnyCamera:
         """Return the camera of frame `n`."""
-        eye, target = self._fly(n) if self.path == "fly" else self._turn(n)
+        phase = 2.0 * np.pi * n / self.frames
+        if self.path == "fly":
+            eye = np.array([0.12 * np.sin(phase), -0.35 - 0.2 * np.cos(phase), 0.16])
+            target = eye + np.array([0.06 * np.sin(phase + 0.5), 0.4, -0.18])
+        else:
+            elevation, target = np.radians(35.0), np.zeros(3)
+            around = np.array([np.sin(phase), -np.cos(phase)]) * np.cos(elevation)
+            eye = 1.3 * np.array([*around, np.sin(elevation)])
         height, width = self.size
         pose = look_at(eye, target)
         return Camera.from_fov(FOV, height=height, width=width, world_to_camera=pose)
-
-    def _fly(self, n: int) -> tuple[Doubles, Doubles]:
-        phase = 2.0 * np.pi * n / self.frames
-        eye = np.array([0.12 * np.sin(phase), -0.35 - 0.2 * np.cos(phase), 0.16])
-        ahead = np.array([0.06 * np.sin(phase + 0.5), 0.4, -0.18])
-        return eye, eye + ahead
-
-    def _turn(self, n: int) -> tuple[Doubles, Doubles]:
-        angle, elevation = 2.0 * np.pi * n / self.frames, np.radians(35.0)
-        around = np.array([np.sin(angle), -np.cos(angle)]) * np.cos(elevation)
-        return 1.3 * np.array([*around, np.sin(elevation)]), np.zeros(3)
 
 
 @dataclass(frozen=True)

@@ -198,7 +198,20 @@ def control_points(
     if name == "polynomial":
         function = _polynomial(before, after, options)
         return BackwardMap.from_function(function, shape)
-    return coarsely(_thin_plate(before, after, smoothing), shape, EXACT, exact=after)
+    from scipy.interpolate import RBFInterpolator
+
+    if not (smoothing >= 0.0 and math.isfinite(smoothing)):
+        raise ValueError(f"smoothing is 0 or more, not {smoothing}")
+    _check_count(after, 3, "a thin plate", "target")
+    if len(np.unique(after, axis=0)) < len(after) and not smoothing:
+        raise ValueError("two target points coincide; leave one out, or give smoothing")
+    plate = RBFInterpolator(after, before, kernel="thin_plate_spline", smoothing=smoothing)
+
+    def places(x: Any, y: Any) -> tuple[Doubles, Doubles]:
+        found = plate(np.column_stack([x, y]))
+        return found[:, 0], found[:, 1]
+
+    return coarsely(places, shape, EXACT, exact=after)
 
 
 def _parsed(kind: str) -> tuple[str, int]:
@@ -303,22 +316,5 @@ def _polynomial(
             one += first * term
             two += second * term
         return one, two
-
-    return places
-
-
-def _thin_plate(before: Doubles, after: Doubles, smoothing: float) -> PlaceFunction:
-    from scipy.interpolate import RBFInterpolator
-
-    if not (smoothing >= 0.0 and math.isfinite(smoothing)):
-        raise ValueError(f"smoothing is 0 or more, not {smoothing}")
-    _check_count(after, 3, "a thin plate", "target")
-    if len(np.unique(after, axis=0)) < len(after) and not smoothing:
-        raise ValueError("two target points coincide; leave one out, or give smoothing")
-    plate = RBFInterpolator(after, before, kernel="thin_plate_spline", smoothing=smoothing)
-
-    def places(x: Any, y: Any) -> tuple[Doubles, Doubles]:
-        found = plate(np.column_stack([x, y]))
-        return found[:, 0], found[:, 1]
 
     return places
