@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_free, check_items, check_unpacked
+from resample.reading.native import damage, lacking
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 FIRST = (0, 512, 1024, 2048)  # bytes at which it may be

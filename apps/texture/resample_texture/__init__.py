@@ -26,31 +26,20 @@ if TYPE_CHECKING:
     from resample_texture.viewing import view
     from resample_texture.warping import Plan, warp, warp_points
 
-_HOMES = {
-    "BackwardMap": "geometry.mappings",
-    "Edge": "types",
-    "ForwardMap": "geometry.mappings",
-    "Homography": "geometry.mappings",
-    "Hybrid": "methods.forward",
-    "Paper": "methods.paper",
-    "Plan": "warping",
-    "Points": "methods.forward",
-    "PictureScene": "scenes",
-    "Splats": "methods.forward",
-    "Supersample": "methods.forward",
-    "Warped": "types",
-    "control_points": "geometry.control",
-    "project": "everyday",
-    "resize": "everyday",
-    "rotate": "everyday",
-    "scale": "everyday",
-    "undistort": "everyday",
-    "view": "viewing",
-    "warp": "warping",
-    "warp_chunks": "chunks",
-    "warp_like_opencv": "like.opencv",
-    "warp_points": "warping",
+_NAMES = {  # by the module that has them
+    "chunks": "warp_chunks",
+    "everyday": "project resize rotate scale undistort",
+    "geometry.control": "control_points",
+    "geometry.mappings": "BackwardMap ForwardMap Homography",
+    "like.opencv": "warp_like_opencv",
+    "methods.forward": "Hybrid Points Splats Supersample",
+    "methods.paper": "Paper",
+    "scenes": "PictureScene",
+    "types": "Edge Warped",
+    "viewing": "view",
+    "warping": "Plan warp warp_points",
 }
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
     "BackwardMap",

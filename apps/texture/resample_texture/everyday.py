@@ -12,9 +12,12 @@ from resample.profiles.named import plugin_of
 from resample.words import number, shortly
 from resample_texture.arguments import (
     CHANNELS,
+    AnySize,
+    Fit,
     GivenPictures,
     check_shape,
     given_pictures,
+    resized,
     stacked,
     whole_pair,
 )
@@ -27,7 +30,6 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.sizes import AnySize, Fit, resized
 from resample_texture.texels.levels import light_for
 from resample_texture.types import (
     AnyAlpha,

@@ -21,8 +21,8 @@ from resample.reading.hdf5 import (
     numbers_of,
     opened,
 )
-from resample.reading.libraries import damage
 from resample.reading.limits import check_file, check_items, neighbour
+from resample.reading.native import damage
 from resample.types import Doubles
 from resample_particles.particles import Particles, is_named, particles_of
 from resample_particles.smoothing import KERNELS

@@ -13,8 +13,8 @@ from resample.words import numbers_in
 from resample_texture.command.choices import MATRIX, Besides, Filling, Picture, PictureWarping
 
 if TYPE_CHECKING:
+    from resample_texture.arguments import AnySize
     from resample_texture.command.inputs import Aim, PictureTarget
-    from resample_texture.sizes import AnySize
 
 PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
@@ -71,8 +71,8 @@ class NewSize(Choices):
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
+        from resample_texture.arguments import resized
         from resample_texture.command.inputs import PictureTarget
-        from resample_texture.sizes import resized
 
         size = None if self.size is None else size_of(self.size)
         sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
