@@ -98,14 +98,11 @@ def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argum
     required = [name for name, one in options.items() if one.required]
     first = [f"--{name}" for name in ("output", *getattr(root, "first", "").split())]
     for name in dict.fromkeys([*required, *first, *options]):
-        if name in options and not _is_rare(options[name]):
+        if name not in options:
+            continue
+        groups = to_tuple_converter(options[name].parameter.group)
+        if not any(getattr(group, "name", group) in (SETTINGS, LIMITS) for group in groups):
             yield options[name]
-
-
-def _is_rare(option: "Argument") -> bool:
-    """Whether an option is one that all commands have."""
-    groups = to_tuple_converter(option.parameter.group)
-    return any(getattr(group, "name", group) in (SETTINGS, LIMITS) for group in groups)
 
 
 def _option(argument: "Argument", text: str) -> tuple[str, str, str]:

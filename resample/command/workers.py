@@ -106,14 +106,8 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             raise OSError(
                 f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
             ) from None
-    # No logging, and little memory kept, as in `return_freed_memory`.
-    environment = {
-        **dask.config.get("distributed.nanny.pre-spawn-environ", {}),
-        "MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK),
-        "DASK_LOGGING__DISTRIBUTED": "critical",
-    }
     own = {
-        "distributed.nanny.pre-spawn-environ": environment,
+        "distributed.nanny.pre-spawn-environ": _environment(),
         "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
     }
     held.enter_context(dask.config.set(own))
@@ -163,6 +157,15 @@ def _kept_environment() -> Iterator[None]:
         for name in os.environ.keys() - before.keys():
             del os.environ[name]
         os.environ.update(before)
+
+
+def _environment() -> dict[str, object]:
+    """Environment of workers: no logging, little memory kept."""
+    import dask.config
+
+    own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
+    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `return_freed_memory`
+    return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:

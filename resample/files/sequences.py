@@ -395,7 +395,9 @@ def encoded(
     iterator = iter(frames)
     first = next(iterator)
     begins = [0.0, *itertools.accumulate(seconds)]
-    rate = _rate(seconds if usual is None else [usual])
+    shown = list(seconds if usual is None else [usual])
+    total = float(sum(shown))
+    rate = min(1000.0, len(shown) / total) if total > 0.0 else 1.0 / USUAL
     stream = new_stream(film, rate, first.shape[:2], coding)
     stream.codec_context.time_base = Fraction(1, TICKS)
     for n, shades in enumerate(itertools.chain([first], iterator)):
@@ -422,12 +424,6 @@ def mux_beside(film: Any, packets: Iterable[tuple[float, Any]], source: Frames) 
             waiting = next(beside, None)
 
 
-def _rate(seconds: Sequence[float]) -> float:
-    """Average frames per second."""
-    total = float(sum(seconds))
-    return min(1000.0, len(seconds) / total) if total > 0.0 else 1.0 / USUAL
-
-
 _ANIMATED = {
     ".gif": _write_gif,
     ".webp": _write_webp,
@@ -440,7 +436,9 @@ def is_batch(images: Sequence[Place], output: Path) -> bool:
     """Whether results go to a folder: for several files, a folder or a pattern, or if it is one."""
     is_folder = "*" in output.name
     is_folder |= output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
-    return len(images) > 1 or is_folder or _is_of_files(images[0])
+    if len(images) > 1 or is_folder or isinstance(images[0], Address) or is_in_store(images[0]):
+        return len(images) > 1 or is_folder
+    return images[0].is_dir() or _is_pattern(images[0])
 
 
 def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
@@ -475,12 +473,6 @@ def files_of(images: Sequence[Place]) -> list[Place]:
             "that holds some, or a quoted pattern such as 'photos/*.jpg'"
         )
     return found
-
-
-def _is_of_files(place: Place) -> bool:
-    if isinstance(place, Address) or is_in_store(place):
-        return False
-    return place.is_dir() or _is_pattern(place)
 
 
 def _is_pattern(path: Path) -> bool:

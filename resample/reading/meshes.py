@@ -97,7 +97,10 @@ def _check_parts(source: Path, told: dict[str, Any]) -> None:
     """
     unpacked = 0
     with suppress(ValueError, LookupError, AttributeError, TypeError):  # reported by the reader
-        sizes = [_bytes_of(each) for each in told.get("accessors", [])]
+        sizes = [
+            int(each["count"]) * SIZES[each["componentType"]] * PARTS[each["type"]]
+            for each in told.get("accessors", [])
+        ]
         meshes = [
             sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
             for mesh in told.get("meshes", [])
@@ -106,12 +109,6 @@ def _check_parts(source: Path, told: dict[str, Any]) -> None:
         unpacked = max(sum(shown), sum(meshes))
     files = [source, *(file for file, _ in _named(source) if file.is_file())]
     check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
-
-
-def _bytes_of(accessor: dict[str, Any]) -> int:
-    """Bytes of an accessor's numbers."""
-    width = SIZES[accessor["componentType"]] * PARTS[accessor["type"]]
-    return int(accessor["count"]) * width
 
 
 def _numbers_of(part: dict[str, Any]) -> list[int]:

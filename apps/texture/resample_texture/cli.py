@@ -15,7 +15,7 @@ from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_texture.command import everyday, projecting
+from resample_texture.command import everyday
 from resample_texture.command.choices import (
     Besides,
     Edges,
@@ -131,7 +131,7 @@ for change in (
     everyday.scale,
     everyday.rotate,
     everyday.undistort,
-    projecting.project,
+    everyday.project,
 ):
     app.command(change)
 

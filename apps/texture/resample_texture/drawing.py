@@ -299,7 +299,9 @@ def drawn_in_parts(
         source = _Read(image, drawing, linear_light, alpha)
         there = parts.mixed.far.part
         result.image[there], result.coverage[there] = source.projected(parts.mixed)
-        is_near = _pixels_of(parts.mixed, drawing.shape)
+        is_near = np.zeros(drawing.shape, np.bool_)
+        for left, top, right, bottom in parts.mixed.near.tiles[parts.mixed.is_near].tolist():
+            is_near[top:bottom, left:right] = True
         drawing = drawing._replace(method=drawing.method.near)  # type: ignore[attr-defined]
     for window in windows_of(parts.windows, size, max(1, MOST_IN_WINDOW // channels)):
         there = window.target.part
@@ -312,14 +314,6 @@ def drawn_in_parts(
         result.image[there][wanted] = drawn.image[inner][wanted]
         result.coverage[there][wanted] = drawn.coverage[inner][wanted]
     return result
-
-
-def _pixels_of(mixed: "MixedTiles", shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Mark the pixels (height, width) of near tiles."""
-    is_near = np.zeros(shape, np.bool_)
-    for left, top, right, bottom in mixed.near.tiles[mixed.is_near].tolist():
-        is_near[top:bottom, left:right] = True
-    return is_near
 
 
 class _Read:

@@ -326,7 +326,8 @@ def project(
     choices["axis"] = given.axis
     shape = whole_pair(shape, "height", "width")
     check_shape(shape)
-    before, after = _projection(source), _projection(target)
+    before: PictureProjection = plugin_of("projections", source)
+    after: PictureProjection = plugin_of("projections", target)
     before.check((picture.shape[0], picture.shape[1]))
     after.check(shape)
     turned = rotation(turn)
@@ -346,12 +347,6 @@ def project(
         made.coverage[here][is_shown] = part.coverage[is_shown]
     assert made is not None
     return made
-
-
-def _projection(given: str | PictureProjection) -> PictureProjection:
-    """Return a projection by name, or as given."""
-    found: PictureProjection = plugin_of("projections", given)
-    return found
 
 
 def _background(part: Warped, shape: tuple[int, int]) -> Warped:

@@ -136,7 +136,10 @@ class PictureScene(AnyScene):
         with self._rendering(quality, cancel) as is_preview:
             if is_preview:
                 convention, inverse = choices.get("convention", "corner"), choices.get("inverse")
-                _check_unused(method, choices)
+                if "roi" in choices:
+                    raise ValueError("a preview has no roi; leave it out")
+                unused = {UNUSED[name]: of for name, of in choices.items() if name in UNUSED}
+                method_named(method, **unused)
                 check_shape(shape)
                 geometry = geometry_of(matrix, shape, convention, bool(inverse))
                 return self._preview(geometry, shape, edge)
@@ -234,14 +237,6 @@ class PictureScene(AnyScene):
             return 0
         per = PER * _texels_per_pixel(geometry, shape, (self.image.shape[0], self.image.shape[1]))
         return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
-
-
-def _check_unused(method: str | Method, choices: PictureSceneOptions) -> None:
-    """Refuse options that previews do not have, or methods do not."""
-    if "roi" in choices:
-        raise ValueError("a preview has no roi; leave it out")
-    given = {UNUSED[name]: value for name, value in choices.items() if name in UNUSED}
-    method_named(method, **given)
 
 
 def _texels_per_pixel(
