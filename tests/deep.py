@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO
 
-from resample.files.painted import CHANNELS
+from resample.files.saving import CHANNELS
 from resample.types import Floats
 
 

@@ -146,7 +146,7 @@ def opened(path: str | Path, page: int = 0) -> Any:
     check_file(path)
     check_unopened(path)
     if is_avif(path):
-        from resample.reading.avif import AvifInput
+        from resample.reading.displayed import AvifInput
 
         with decoding(path):
             return AvifInput(path)

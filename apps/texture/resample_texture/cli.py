@@ -79,8 +79,8 @@ def warp(
     """
     from functools import partial
 
-    from resample_texture.command.inputs import target_of
     from resample_texture.command.jobs import warp_all
+    from resample_texture.command.rendering import target_of
 
     place.check()
     aim = partial(target_of, place)
@@ -163,8 +163,8 @@ def rectify(
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
     """
-    from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import warp_all
+    from resample_texture.command.rendering import PictureTarget
     from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,

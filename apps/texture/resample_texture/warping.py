@@ -30,8 +30,14 @@ from resample_texture.arguments import (
     without_nodata,
 )
 from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
-from resample_texture.geometry.inverting import points_along, points_back
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Geometry,
+    Homography,
+    points_along,
+    points_back,
+)
 from resample_texture.texels.levels import light_for
 from resample_texture.types import (
     FRAMES,

@@ -29,7 +29,7 @@ from resample.files.facts.tags import (
     text,
     text_tag,
 )
-from resample.reading.avif import exif_block
+from resample.reading.displayed import exif_block
 from resample.reading.pictures import is_avif
 from resample.types import Doubles
 

@@ -23,7 +23,7 @@ from resample_texture.command.choices import (
 
 if TYPE_CHECKING:
     from resample_texture.arguments import AnySize
-    from resample_texture.command.inputs import Aim, PictureTarget
+    from resample_texture.command.rendering import Aim, PictureTarget
 
 PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
@@ -81,7 +81,7 @@ class NewSize(Choices):
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample_texture.arguments import resized
-        from resample_texture.command.inputs import PictureTarget
+        from resample_texture.command.rendering import PictureTarget
 
         size = None if self.size is None else size_of(self.size)
         sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
@@ -122,7 +122,7 @@ class Factor(Choices):
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import PictureTarget
+        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import scaled_shape, scaling
 
         factor = self.pair()
@@ -149,7 +149,7 @@ class Rotation(Choices):
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import PictureTarget
+        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import turned_shape, turning
 
         shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
@@ -201,7 +201,7 @@ class Undistortion(Choices):
 
         Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
         """
-        from resample_texture.command.inputs import calibrated, rectified
+        from resample_texture.command.rendering import calibrated, rectified
 
         size = None if self.size is None else height_and_width(self.size)
         calibration = calibrated(self.lens, self.new_matrix, self.rectify, fisheye=self.fisheye)
@@ -405,7 +405,7 @@ class BetweenProjections(Choices):
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
         from resample import registry
-        from resample_texture.command.inputs import PictureTarget
+        from resample_texture.command.rendering import PictureTarget
         from resample_texture.everyday import project
         from resample_texture.geometry.matrices import resizing
 

@@ -44,10 +44,11 @@ from resample.types import Floats
 from resample.words import one_line
 from resample_texture.arguments import method_named
 from resample_texture.command.choices import Besides, PictureWarping, region
-from resample_texture.command.inputs import Aim, PictureTarget
 from resample_texture.command.rendering import (
+    Aim,
     Destination,
     Large,
+    PictureTarget,
     check_memory,
     covers_all,
     large_picture,

@@ -15,8 +15,8 @@ from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
-from resample_texture.command.inputs import PictureTarget, target_of
 from resample_texture.command.jobs import Job, warp_file
+from resample_texture.command.rendering import PictureTarget, target_of
 from resample_texture.geometry.mappings import Homography
 from resample_texture.scenes import PictureScene
 
