@@ -163,18 +163,14 @@ def at_most(count: int | None) -> "Iterator[None]":
 
     A lower limit set in the environment is kept.
     """
-    before = {name: os.environ.get(name) for name in (*VARIABLES, OPENEXR)}
-    if count is not None:
-        for name in VARIABLES:
-            given = before[name] or ""
-            allowed = int(given) if given.isdecimal() else 0
-            os.environ[name] = str(min(count, allowed or os.cpu_count() or 1))
-        if before[OPENEXR] is None:
-            os.environ[OPENEXR] = f"exr_threads={count if count > 1 else -1}"  # -1: no pool
-    try:
+    from resample.reading.limits import restored
+
+    with restored(*VARIABLES, OPENEXR):
+        if count is not None:
+            for name in VARIABLES:
+                given = os.environ.get(name, "")
+                allowed = int(given) if given.isdecimal() else 0
+                os.environ[name] = str(min(count, allowed or os.cpu_count() or 1))
+            pool = count if count > 1 else -1  # -1: none
+            os.environ.setdefault(OPENEXR, f"exr_threads={pool}")
         yield
-    finally:
-        for name, kept in before.items():
-            os.environ.pop(name, None)
-            if kept is not None:
-                os.environ[name] = kept

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from resample.command.settings import Sharing
 from resample.memory import ALLOWED, GIVEN_BACK, allow
+from resample.reading.limits import restored
 from resample.watching import WorkerPool
 from resample.words import one_line
 
@@ -111,7 +112,7 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
         "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
     }
     held.enter_context(dask.config.set(own))
-    held.enter_context(_kept_environment())
+    held.enter_context(restored())  # dask sets variables for its workers there
     folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
     try:
         cluster = LocalCluster(
@@ -145,18 +146,6 @@ async def _meet(address: str) -> None:
             raise ValueError(f"it is a {kind}")
     finally:
         comm.abort()
-
-
-@contextmanager
-def _kept_environment() -> Iterator[None]:
-    """Restore the environment afterwards: dask sets variables for its workers there."""
-    before = dict(os.environ)
-    try:
-        yield
-    finally:
-        for name in os.environ.keys() - before.keys():
-            del os.environ[name]
-        os.environ.update(before)
 
 
 def _environment() -> dict[str, object]:

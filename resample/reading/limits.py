@@ -232,21 +232,27 @@ def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator
     ...     limits().depth
     90
     """
-    names = (SETTING, OUTSIDE)
-    before = {name: os.environ.get(name) for name in names}
-    if limit is not None:
-        os.environ[SETTING] = ",".join(filter(None, (before[SETTING], limit)))
-    if allow_outside:
-        os.environ[OUTSIDE] = "1"
-    try:
+    with restored(SETTING, OUTSIDE):
+        if limit is not None:
+            os.environ[SETTING] = ",".join(filter(None, (os.environ.get(SETTING), limit)))
+        if allow_outside:
+            os.environ[OUTSIDE] = "1"
         limits()
         yield
+
+
+@contextmanager
+def restored(*names: str) -> Iterator[None]:
+    """Restore variables of the environment after the block; all without names."""
+    before = dict(os.environ)
+    try:
+        yield
     finally:
-        for name, value in before.items():
-            if value is None:
+        for name in names or {*before, *os.environ}:
+            if name not in before:
                 os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+            elif os.environ.get(name) != before[name]:
+                os.environ[name] = before[name]
 
 
 def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
