@@ -38,9 +38,7 @@ from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
 from resample_texture.types import (
     FRAMES,
-    AnyAlpha,
     AnyEdge,
-    AnyLight,
     ChunkOptions,
     Method,
     Warped,
@@ -151,10 +149,10 @@ def warp_chunks(
     chosen = method_named(method, total=total)
     check_sums(kept.dtype, chosen)
     filling = fill_for(options.get("fill"), kept, alpha, chosen)
-    way = Drawing(chosen, geometry, shape, border, threads, fill=filling)
     light: dict[str, Any] = {"linear_light": options.get("linear_light"), "alpha": alpha}
+    way = Drawing(chosen, geometry, shape, border, threads, fill=filling, **light)
     is_partly, boxes = _is_read_in_parts(kept, way), boxes_of(shape, sides)
-    chunk = partial(_chunk, way=way, light=light, is_partly=is_partly)
+    chunk = partial(_chunk, way=way, is_partly=is_partly)
     if out is None:
         return _lazy(source, kept, boxes, chunk)
     shown: Any = kept if is_partly else kept.whole()
@@ -168,7 +166,6 @@ class _Chunk(NamedTuple):
 
     drawing: Drawing
     part: tuple[slice, slice]  # of the drawing
-    light: dict[str, Any]
     is_partly: bool  # whether it reads a part of the source
 
     def bounds(self, source: _LazyPicture) -> Rect:
@@ -190,16 +187,16 @@ class _Chunk(NamedTuple):
 
     def paint(self, source: Any) -> Warped:
         """Warp it from a source, of which it reads its part."""
-        warped = _drawn(source, self.drawing, **self.light)
+        warped = _drawn(source, self.drawing)
         return type(warped)(warped.image[self.part], warped.coverage[self.part])
 
 
-def _chunk(box: Box, way: Drawing, light: dict[str, Any], is_partly: bool) -> _Chunk:
+def _chunk(box: Box, way: Drawing, is_partly: bool) -> _Chunk:
     """Return the chunk of rows and columns of the target."""
     rows, columns = box
     roi = columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
     geometry, form, part = within(way.geometry, way.shape, roi, way.method)
-    return _Chunk(way._replace(geometry=geometry, shape=form), part, light, is_partly)
+    return _Chunk(way._replace(geometry=geometry, shape=form), part, is_partly)
 
 
 def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
@@ -248,14 +245,10 @@ def _is_read_in_parts(source: _LazyPicture, way: Drawing) -> bool:
     return parts_of(source, way) is not None
 
 
-def _drawn(
-    source: Any, drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
-) -> Warped:
+def _drawn(source: Any, drawing: Drawing) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None
     if isinstance(source, _LazyPicture):
         parts = parts_of(source, drawing)
         source = source if parts else source.whole()
-    if parts is None:
-        return drawn(source, drawing, linear_light=linear_light, alpha=alpha)
-    return drawn_in_parts(source, drawing, parts, linear_light=linear_light, alpha=alpha)
+    return drawn(source, drawing) if parts is None else drawn_in_parts(source, drawing, parts)

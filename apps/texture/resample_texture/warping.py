@@ -192,11 +192,12 @@ def warp(
         if roi is not None:
             geometry, form, part = within(geometry, shape, roi, chosen)
         check_shape(form)
-        return Drawing(chosen, geometry, form, border, options.get("threads"), fill=filling), part
+        drawing = Drawing(chosen, geometry, form, border, options.get("threads"), fill=filling)
+        return drawing._replace(linear_light=linear_light, alpha=alpha), part
 
     def one(picture: NDArray[Any], way: tuple[Drawing, tuple[slice, slice]]) -> Warped:
         drawing, part = way
-        warped = drawn(picture, drawing, linear_light=linear_light, alpha=alpha)
+        warped = drawn(picture, drawing)
         return type(warped)(warped.image[part], warped.coverage[part])
 
     if matrices is not None:
@@ -298,9 +299,9 @@ class Plan:
         values = pictures[0].size + channels * self.shape[0] * self.shape[1]
         drawing = self._quick if values <= MOST_AT_ONCE else self._drawing
         filling = fill_for(fill, pictures[0], alpha, self._drawing.method)
-        drawing = drawing._replace(threads=threads, fill=filling)
         light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
-        each = [drawn(picture, drawing, **light) for picture in pictures]
+        drawing = drawing._replace(threads=threads, fill=filling, **light)
+        each = [drawn(picture, drawing) for picture in pictures]
         warped = stacked(each, image) if is_stack else each[0]
         if nodata is not None:
             warped = with_nodata(warped, nodata, fill)

@@ -79,8 +79,8 @@ def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Leve
     """
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
-    drawing = Drawing(paint.method, geometry, flight.size, paint.edge)
-    image = drawn(source, drawing, linear_light=paint.light, alpha=None).image
+    drawing = Drawing(paint.method, geometry, flight.size, paint.edge, linear_light=paint.light)
+    image = drawn(source, drawing).image
     return screen_levels(image, background=paint.background)
 
 

@@ -526,7 +526,7 @@ class Large:
         """Return a strip in linear light, and its coverage."""
         loaded, choice = self.loaded, self.choice
         drawing, part = self._drawing(first, count)
-        drawing = drawing._replace(has_gaps=loaded.has_gaps)
         light: AnyLight = "pixels" if choice.linear and loaded.kind.is_encoded else False
-        image, coverage = drawn(loaded.data, drawing, linear_light=light, alpha=None)
+        drawing = drawing._replace(has_gaps=loaded.has_gaps, linear_light=light)
+        image, coverage = drawn(loaded.data, drawing)
         return Warped(image[part], coverage[part])

@@ -154,7 +154,7 @@ def draw(image: NDArray[Any], drawing: Drawing, *, linear_light: bool = False) -
         Filter linear light, not the encoded levels.
     """
     check_shape(drawing.shape)
-    return drawn(image, drawing, linear_light=linear_light, alpha="none").image
+    return drawn(image, drawing._replace(linear_light=linear_light, alpha="none")).image
 
 
 def tiles_drawn(
