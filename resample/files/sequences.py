@@ -20,10 +20,9 @@ from resample.colors import from_srgb
 from resample.console import say, say_of
 from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
 from resample.files.chunked import is_in_store
-from resample.files.facts.chunks import is_animated_png
 from resample.files.facts.colors import coded_colors, is_srgb, stretched
 from resample.files.facts.metadata import TIFF, page_tags
-from resample.files.facts.tags import Directory, Tag
+from resample.files.facts.tags import Directory, Tag, is_animated_png
 from resample.files.films import (
     FORMATS,
     FRAME_BYTES,

@@ -14,17 +14,19 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.facts.chunks import PNG_START, chunks, put_into_png
 from resample.files.facts.colors import assumed_of, colors_of, marks_of
 from resample.files.facts.geotiff import TAGS, Geo, geo_of, tags_of
 from resample.files.facts.tags import (
     LONG,
+    PNG_START,
     SHORT,
     Directory,
     Tag,
     add_tags,
     block_of,
     block_tags,
+    chunks,
+    put_into_png,
     read_tags,
     text,
     text_tag,

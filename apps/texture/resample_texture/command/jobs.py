@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.chunks import PNG_START
 from resample.files.facts.metadata import TIFF, FileMetadata, WrittenPage, complete, upright
 from resample.files.facts.origin import stated
-from resample.files.facts.tags import Tag, read_tags
+from resample.files.facts.tags import PNG_START, Tag, read_tags
 from resample.files.formats import (
     WriteOptions,
     check_output,
