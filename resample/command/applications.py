@@ -1,13 +1,15 @@
 """Commands that pass their arguments on to another application, which is a plugin."""
 
+import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from cyclopts import App, Parameter
 
 from resample import registry
+from resample.calling import understood
 from resample.command.flags import DemoOutput, OptionTopic, Target, about, marks_of
 from resample.console import say
 
@@ -115,3 +117,32 @@ def check_added(app: App, words: Sequence[str], option: str, value: str) -> None
     if topic is not OptionTopic.APPEARANCE and not is_own:
         raise ValueError(f"a sample adds {option}={value:.60}, which is not about the look")
     return None
+
+
+def run(application: str, command: str, *names: str | Path, **options: Any) -> None:
+    """Run a command.
+
+    `application`, `command`: their names, such as `volume` and `animate`. `names`: its positional
+    arguments. `options`: its options by name, with values as of `resample.command.settings.chosen`;
+    None: left out. Raises TypeError: there is no such option; it says what to give instead. Raises
+    ValueError, OSError: as of the command.
+    """
+    from resample.command.settings import Choices, as_on_a_command_line, chosen
+
+    function = registry.load("apps", application)[command].default_command
+    parameters = inspect.signature(function).parameters
+    hints = get_type_hints(function)
+    own = [name for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY]
+    classes = {name: hints[name] for name in own if isinstance(hints[name], type)}
+    groups = [name for name, kind in classes.items() if issubclass(kind, Choices)]
+    models = [hints[name] for name in groups]
+    single = [name for name in own if name not in groups]
+    known = [*single, *(field for model in models for field in model.model_fields)]
+    given = {name: value for name, value in options.items() if value is not None}
+    given = understood(command, given, known)
+    plain = {name: given.pop(name) for name in single if name in given}
+    plain = {
+        name: value if isinstance(value, Path) else as_on_a_command_line(value)
+        for name, value in plain.items()
+    }
+    function(*names, **plain, **dict(zip(groups, chosen(given, models), strict=True)))

@@ -2,7 +2,8 @@
 
 import re
 import sys
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from errno import ENOENT
 from itertools import takewhile
@@ -22,7 +23,7 @@ from resample.command.flags import described
 from resample.words import one_line, visible
 
 if TYPE_CHECKING:
-    from cyclopts.argument import Argument
+    pass
 
 NEAR = 0.7  # likeness of two names, from which one is taken for the other
 MOST = 3  # names of files that a complaint lists
@@ -84,7 +85,12 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
         return visible(f'Unknown command "{given}". {remedy}')
     if isinstance(error, UnknownOptionError):
-        return _of_unknown(error)
+        given = (error.token.keyword or error.token.value).partition("=")[0]
+        names = [name for argument in error.argument_collection for name in argument.names]
+        known = [name[2:] for name in names if name.startswith("--")]
+        option = meant(given.lstrip("-"), known)
+        remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
+        return visible(f"Unknown option: {given}. {remedy}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         return _of_missing(error)
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
@@ -127,26 +133,18 @@ def meant(given: str, known: Collection[str]) -> str | None:
     return near[0] if near else None
 
 
-def near_files(name: str) -> list[str]:
-    """Files in the folder of a missing one whose names are like its own."""
-    path = Path(name)
-    try:
-        there = sorted(entry.name for entry in path.parent.iterdir())
-    except OSError:
-        return []
-    alike = get_close_matches(path.name, there, n=MOST, cutoff=NEAR)
-    return [str(path.parent / one) for one in alike]
-
-
 def _remedy(error: FileNotFoundError) -> str:
     """Return what to do about a missing file, to be appended to what is wrong."""
     text = str(error)
     name = error.filename or (text.partition(GONE)[0] if GONE in text else "")
     if not isinstance(name, str) or not name:
         return ""
-    if near := near_files(name):
-        return f"; did you mean {visible(' or '.join(near))}?"
-    folder = Path(name).parent
+    path, folder = Path(name), Path(name).parent
+    with suppress(OSError):
+        there = sorted(entry.name for entry in folder.iterdir())
+        alike = get_close_matches(path.name, there, n=MOST, cutoff=NEAR)
+        if near := [str(folder / one) for one in alike]:
+            return f"; did you mean {visible(' or '.join(near))}?"
     return "" if folder.is_dir() else f"; there is no folder {visible(str(folder))} either"
 
 
@@ -159,19 +157,12 @@ def _within(error: IsADirectoryError) -> str:
     return f", such as {visible(str(there[0]))}" if there else " (it holds none)"
 
 
-def _of_unknown(error: UnknownOptionError) -> str:
-    given = (error.token.keyword or error.token.value).partition("=")[0]
-    known = list(_option_names(error.argument_collection))
-    option = meant(given.lstrip("-"), known)
-    remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
-    return visible(f"Unknown option: {given}. {remedy}")
-
-
 def _of_missing(error: MissingArgumentError) -> str:
     """Describe a missing value, or a missing option or input."""
     argument = error.argument
     assert argument is not None
-    text = _clause(argument)
+    # The first clause of an argument's help says enough.
+    text = re.split(r"[;.](?:\s|$)", described(argument)[0].removeprefix("Written to: "))[0]
     if error.keyword is not None:
         return visible(f"{error.keyword} needs a value{': ' * bool(text)}{text}")
     name = argument.names[0]
@@ -203,14 +194,3 @@ def _command(error: CycloptsError) -> str:
         return str(called)
     package = getattr(error.target, "__module__", "resample").partition(".")[0]
     return " ".join([package.replace("_", "-"), *(error.command_chain or ())])
-
-
-def _clause(argument: "Argument") -> str:
-    """Return the first clause of an argument's help."""
-    text = described(argument)[0].removeprefix("Written to: ")
-    return re.split(r"[;.](?:\s|$)", text)[0]
-
-
-def _option_names(arguments: "Iterable[Argument]") -> Iterator[str]:
-    for argument in arguments:
-        yield from (name[2:] for name in argument.names if name.startswith("--"))

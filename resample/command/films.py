@@ -43,12 +43,7 @@ def is_file_of_path(path: str, known: Sequence[str], holds: str = "keyframes or 
 def tour_of(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
     """Path through a file's keyframes, all of whose frames can be made; says what is left out.
 
-    Parameters
-    ----------
-    frames
-        Number of frames; None: as the keyframes' times (s) require.
-    fps
-        Frames per second.
+    `frames`: number of frames; None: as the keyframes' times (s) require. `fps`: frames per second.
     """
     from resample.cameras.keyframes import keyframes_of, left_out_of
 
@@ -78,12 +73,8 @@ def write_shared(
 ) -> None:
     """Write a film with a progress bar; workers share its frames, if there are any.
 
-    Parameters
-    ----------
-    again
-        Function from a number of threads to the frames, for workers; None: there are none.
-    bar
-        Text of the progress bar.
+    `again`: function from a number of threads to the frames, for workers; None: there are none.
+    `bar`: text of the progress bar.
     """
     with progress_bar(bar) as progress:
         made, executor = made_by(crew, shots, again)

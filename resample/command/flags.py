@@ -6,7 +6,7 @@ category by a mark in its annotation or by its model; one without is not taken f
 
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from importlib import import_module
 from pathlib import Path
@@ -24,12 +24,19 @@ from typing import (
 
 from cyclopts import Group, Parameter
 
+from resample.words import numbers_in
+
 if TYPE_CHECKING:
     from cyclopts.argument import Argument
     from pydantic import BaseModel
 
+    from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.models import AnyConvention
     from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
+
+Shape = tuple[int, int]  # height and width, px
+FILES = "a file of Open3D (.json), ROS (.yaml) or OpenCV (.yml, .xml)"
 
 
 class OptionTopic(Enum):
@@ -123,7 +130,10 @@ def marks_of(command: Callable[..., Any]) -> Marks:
             metadata = get_args(kind)[1:] if get_origin(kind) is Annotated else ()
             found[name_of(part.name, metadata)] = _mark_in(metadata)
         else:
-            found |= _marks_of_fields(model)
+            usual = getattr(model, "about", None)
+            for field, info in model.model_fields.items():
+                own = _mark_in(info.metadata)
+                found[name_of(field, info.metadata)] = usual if own is None else own
     return found
 
 
@@ -141,13 +151,6 @@ def name_of(field: str, metadata: Any) -> str:
         if isinstance(part, Parameter) and part.name:
             return str(next(iter(part.name))).removeprefix("--")
     return field.replace("_", "-")
-
-
-def _marks_of_fields(model: "type[BaseModel]") -> Iterator[tuple[str, Mark | None]]:
-    usual = getattr(model, "about", None)
-    for field, info in model.model_fields.items():
-        own = _mark_in(info.metadata)
-        yield name_of(field, info.metadata), usual if own is None else own
 
 
 def _mark_in(metadata: Any) -> Mark | None:
@@ -200,15 +203,6 @@ Coverage = Annotated[
 ]
 Source = Annotated[Path | None, OptionTopic.SOURCE]
 Target = Annotated[Path | None, OptionTopic.TARGET]
-Json = Annotated[
-    bool,
-    OptionTopic.APPEARANCE,
-    Parameter(
-        name="--json",
-        negative="",
-        help="Print JSON instead of a table; the PSNR of equal pictures is null.",
-    ),
-]
 
 Size = Annotated[str, OptionTopic.APPEARANCE, Parameter(help=SIZE)]
 FilmBackground = Annotated[
@@ -259,3 +253,29 @@ Steady = Annotated[
         "cloud to the picture."
     ),
 ]
+
+
+def intrinsic_numbers(name: str, text: str) -> list[float]:
+    """Read the numbers fx, fy, cx, cy and skew from a text."""
+    numbers = numbers_in(name, text)
+    if len(numbers) not in (4, 5):
+        raise ValueError(f"{name} {text!r}; give fx,fy,cx,cy or fx,fy,cx,cy,skew")
+    return [*numbers, 0.0][:5]
+
+
+def check_intrinsics(name: str, text: str) -> None:
+    """Refuse anything but numbers for `intrinsic_numbers` or a camera file."""
+    with_intrinsics(name, text, "corner")
+
+
+def with_intrinsics(name: str, text: str, convention: "AnyConvention") -> "Calibration":
+    """Read intrinsics from numbers, or from a file in its own program's convention."""
+    from resample.cameras.calibrations.lens_files import Calibration, is_file, read_intrinsics
+    from resample.cameras.models import Camera
+
+    if is_file(text):
+        return read_intrinsics(text)
+    fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
+    return Calibration(
+        Camera.from_intrinsics(fx, fy, cx, cy, skew=skew, convention=convention),
+    )

@@ -1,20 +1,30 @@
 """Command lines with two lengths of help: `-h` in 15 lines, `--help` with all options."""
 
 import inspect
+import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from copy import copy
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any
+from textwrap import shorten, wrap
+from typing import TYPE_CHECKING, Any, NamedTuple, get_origin
 
 from cyclopts import App, Parameter
+from cyclopts.command_spec import CommandSpec
+from cyclopts.utils import to_tuple_converter
 
-from resample.command.flags import FULL, described
+from resample import registry
+from resample.command.flags import FULL, LIMITS, SETTINGS, described
 
 if TYPE_CHECKING:
     from cyclopts import ArgumentCollection
     from cyclopts.argument import Argument
 
 BRIEF = "-h"
+LINES, COLUMNS = 15, 80  # at most
+MOST_OPTIONS = 6
+LONGEST = 24  # characters of a default, where there is no room for more
+MORE = "show all options, by task, with their defaults"
 
 
 class CommandLine(App):
@@ -31,13 +41,9 @@ class CommandLine(App):
         given = sys.argv[1:] if tokens is None else tokens
         words = given.split() if isinstance(given, str) else list(given)
         if words and not words[0].startswith("-") and words[0] not in self:
-            from resample.command.additions import add_found
-
             add_found(self, words[0])
         if BRIEF not in takewhile(lambda word: word != "--", words):
             return super().parse_args(words, **rules)
-        from resample.command.brief import asked_for, brief
-
         asked = asked_for(self, words)
         if asked is None:  # says which commands there are
             return super().parse_args([FULL if word == BRIEF else word for word in words], **rules)
@@ -51,12 +57,160 @@ class CommandLine(App):
         """Collect the arguments of a command; for the help each states its default."""
         found = super().assemble_argument_collection(**rules)
         for argument in found if rules.get("parse_docstring") else ():
-            state_default(argument)
+            text, default = described(argument)
+            more = Parameter(help=text, show_default=default if default else False)
+            argument.parameter = Parameter.combine(argument.parameter, more)
         return found
 
 
-def state_default(argument: "Argument") -> None:
-    """Move the default that a help text ends with to where other defaults are shown."""
-    text, default = described(argument)
-    more = Parameter(help=text, show_default=default if default else False)
-    argument.parameter = Parameter.combine(argument.parameter, more)
+class Asked(NamedTuple):
+    """A command that help is asked for."""
+
+    root: App
+    name: str  # with its application, as in resample-volume render
+    command: App
+
+
+def asked_for(root: App, words: Sequence[str]) -> Asked | None:
+    """Command that a command line names, where it is now; None if there is none of that name."""
+    found = Asked(root, root.name[0], root)
+    for word in words:
+        if word.startswith("-"):
+            continue
+        if word not in list(found.command):
+            return found if found.command.default_command else None
+        command = found.command[word]
+        now = getattr(command.default_command, "now", None)
+        if now is None:
+            found = Asked(found.root, f"{found.name} {word}", command)
+            continue
+        home = registry.load("apps", now)
+        found = Asked(home, home.name[0], home)
+    return found
+
+
+def brief(asked: Asked) -> list[str]:
+    """Return the lines of brief help."""
+    if asked.command.default_command is None:
+        return [*_opening(asked, str(asked.command.help), "COMMAND"), *_commands(asked)]
+    text = inspect.getdoc(asked.command.default_command) or ""
+    found = asked.command.assemble_argument_collection()
+    arguments = {one.names[0]: one for one in found if one.names and one.names[0] != "*"}
+    given, named, has_options = [], [], False
+    for argument in arguments.values():
+        name = argument.names[0]
+        has_options |= name.startswith("--") and not argument.required
+        if name.startswith("--"):
+            named += [f"{name} {name.rpartition('-')[2].upper()}"] if argument.required else []
+        else:
+            several = "..." if get_origin(argument.hint) is list else ""
+            given.append(f"{name}{several}" if argument.required else f"[{name}{several}]")
+    usage = [*given, *named, *(["[OPTIONS]"] if has_options else [])]
+    lines = _opening(asked, text, " ".join(usage))
+    count = min(MOST_OPTIONS, LINES - len(lines) - 1)
+    shown = list(_most_needed(arguments, asked.root))[:count]
+    return [*lines, *_table([_option(one, text) for one in shown])]
+
+
+def examples_in(text: str) -> list[str]:
+    """Return the lines of the examples in a text."""
+    block = text.partition("For example:\n\n")[2].partition("\n\n")[0]
+    return [line[4:] for line in block.splitlines()]
+
+
+def _opening(asked: Asked, text: str, usage: str) -> list[str]:
+    """Return what a command does, its usage and its examples."""
+    summary = " ".join(text.partition("\n\n")[0].split())
+    lines = [*wrap(summary, COLUMNS), ""]
+    lines += wrap(f"Usage: {asked.name} {usage}", COLUMNS, subsequent_indent=" " * 7)
+    found = [f"  {line}" for line in examples_in(text)]
+    return [*lines, "", *(["Examples:", *found, ""] if found else [])]
+
+
+def _commands(asked: Asked) -> list[str]:
+    """Return the names of commands."""
+    named = ", ".join(name for name in asked.command if not name.startswith("-"))
+    lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
+    return [*lines, "COMMAND -h explains a command; --help says what each of them does."]
+
+
+def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argument"]:
+    """Yield options: those that are required, those that are needed first, then all others."""
+    options = {name: one for name, one in arguments.items() if name.startswith("--")}
+    required = [name for name, one in options.items() if one.required]
+    first = [f"--{name}" for name in ("output", *getattr(root, "first", "").split())]
+    for name in dict.fromkeys([*required, *first, *options]):
+        if name not in options:
+            continue
+        groups = to_tuple_converter(options[name].parameter.group)
+        if not any(getattr(group, "name", group) in (SETTINGS, LIMITS) for group in groups):
+            yield options[name]
+
+
+def _option(argument: "Argument", text: str) -> tuple[str, str, str]:
+    """Return the names of an option, its meaning and its default."""
+    from docstring_parser import parse
+
+    if argument.parameter.help is None:
+        name = argument.field_info.name
+        documented = {part.arg_name: part.description for part in parse(text).params}
+        argument.parameter = Parameter.combine(
+            argument.parameter, Parameter(help=documented.get(name) or "")
+        )
+    return ", ".join(sorted(argument.names[:2], key=len)), *described(argument)
+
+
+def _table(options: list[tuple[str, str, str]]) -> list[str]:
+    """Return a line per option."""
+    width = max(len(names) for names, _, _ in [*options, (FULL, "", "")]) + 4
+    rows = [(f"  {names}".ljust(width), text, default) for names, text, default in options]
+    lines = [
+        f"{start}{_fitted(text, default, COLUMNS - width)}".rstrip()
+        for start, text, default in rows
+    ]
+    return [*lines, f"  {FULL}".ljust(width) + MORE]
+
+
+def _fitted(text: str, default: str, room: int) -> str:
+    """Return as much of a help text as there is room for, with a short default."""
+    sentence = re.split(r"[.;](?:\s|$)", text)[0]
+    ending = "" if default in ("", "none") else f" [default: {default}]"
+    if len(sentence + ending) > room and len(ending) > LONGEST:
+        ending = ""
+    return f"{shorten(sentence, room - len(ending), placeholder=' ...')}{ending}".strip()
+
+
+class AddedCommand(CommandSpec):
+    """A command of another package, which help lists without a search for packages."""
+
+    def resolve(self, parent_app: App) -> App:
+        """Find the command's function, and add the options that all commands have.
+
+        Raises LookupError: the package is not installed, or cannot be imported.
+        """
+        if self._resolved is None:
+            from resample.command.settings_files import keeping_settings
+
+            function = registry.load("commands", self.import_path)
+            owner = copy(parent_app)
+            owner._commands = {}
+            command = keeping_settings(f"{parent_app.name[0]} {self.name}", function)
+            owner.command(command, name=self.name)
+            self._resolved = owner[str(self.name)]
+        return self._resolved
+
+
+def add_command(app: App, entry: str, purpose: str) -> None:
+    """Add a command by its entry point, such as `volume.compare`.
+
+    `app`: what it is added to, after `with_settings`. `purpose`: what help says of it in a list.
+    """
+    name = entry.rpartition(".")[2]
+    app._commands[name] = AddedCommand(entry, name, help=purpose)
+
+
+def add_found(app: App, name: str) -> None:
+    """Add a command that any package has for an application, if there is one of this name."""
+    entry = f"{app.name[0].removeprefix('resample-')}.{name}"
+    if entry in registry.names("commands"):
+        add_command(app, entry, "")

@@ -28,10 +28,7 @@ AS_FLOATS = 10  # bytes per value of a picture that is written as it is
 def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and end the process.
 
-    Parameters
-    ----------
-    arguments
-        Arguments; None takes those of the process.
+    `arguments`: of the command line; None takes those of the process.
     """
     from cyclopts import CycloptsError
 
@@ -74,19 +71,6 @@ def _broken_opencv(error: ImportError) -> str | None:
     )
 
 
-def _flush() -> None:
-    """Flush stdout, so that a full disk is reported here and not after the end."""
-    try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        give_up(sys.stdout)
-        raise OSError(
-            error.errno, f"cannot be written: {error.strerror}", "standard output"
-        ) from None
-
-
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     if any("sample:" in word for word in words):
@@ -96,7 +80,16 @@ def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:
         arguments = expanded(words, partial(check_added, app, words))
     result = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     LOG.debug("peak memory: %s", amount(peak_memory()))
-    _flush()
+    # Flush stdout, so that a full disk is reported here and not after the end.
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        give_up(sys.stdout)
+        raise OSError(
+            error.errno, f"cannot be written: {error.strerror}", "standard output"
+        ) from None
     return result if isinstance(result, int) else 0
 
 
@@ -118,14 +111,8 @@ class Session:
     def stage(self, name: str, bar: str | None = None) -> Iterator[Progress | None]:
         """Measure the time of a block and add it to a named stage.
 
-        Parameters
-        ----------
-        bar
-            Text of the progress bar on the terminal; None shows no bar.
-
-        Yields
-        ------
-        The callback that updates the bar with the fraction done, if there is a bar.
+        `bar`: text of the progress bar on the terminal; None shows no bar. Yields: the callback
+        that updates the bar with the fraction done, if there is a bar.
         """
         shown: AbstractContextManager[Progress | None]
         shown = nullcontext() if bar is None or self.is_quiet else progress_bar(bar)
@@ -157,12 +144,8 @@ def require_picture(
 ) -> None:
     """Reject a picture (height, width) too large for this machine, before any work is done.
 
-    Parameters
-    ----------
-    shape
-        Height and width, px.
-    others
-        Other memory that is held at the same time, bytes by name.
+    `shape`: height and width, px. `others`: other memory that is held at the same time, bytes by
+    name.
     """
     height, width = shape
     picture = {"the picture": bytes_per_pixel * height * width}

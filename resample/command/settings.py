@@ -192,17 +192,9 @@ class Resampling(Choices):
     def resampler(self, *, of_field: bool = False, quality: str = "best") -> "Resampler":
         """Renderer with these choices; fields are cast along rays unless an order was chosen.
 
-        Parameters
-        ----------
-        of_field
-            Whether values are colored after reconstruction.
-        quality
-            Quality of rays, if no order was chosen.
-
-        Raises
-        ------
-        ValueError, LookupError
-            A plugin is unknown or rejects its parameters.
+        `of_field`: whether values are colored after reconstruction. `quality`: quality of rays, if
+        no order was chosen. Raises ValueError, LookupError: a plugin is unknown or rejects its
+        parameters.
         """
         from resample import registry
         from resample.painting.choices import Footprint, Opacity, Primitive, Projection
@@ -255,10 +247,7 @@ class PictureFormat(Choices):
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
 
-        Raises
-        ------
-        ValueError
-            It is not one or two positive integers, or exceeds the largest picture.
+        Raises ValueError: it is not one or two positive integers, or exceeds the largest picture.
         """
         from resample.painting.scenes.plans import check_size
 
@@ -287,10 +276,7 @@ class FrameFormat(Choices):
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
 
-        Raises
-        ------
-        ValueError
-            The size or the background is invalid.
+        Raises ValueError: the size or the background is invalid.
         """
         self.behind()
         return height_and_width(self.size)
@@ -384,27 +370,17 @@ class Written(Choices):
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
 
-        Raises
-        ------
-        ValueError
-            The background is not a color, or the quality is none.
+        Raises ValueError: the background is not a color, or the quality is none.
         """
-        from resample.files.formats import WriteOptions
+        from resample.files.formats import NO_LOSS, WriteOptions
 
         behind = None if self.background is None else linear_color(self.background)
-        is_srgb = self.profile == "srgb"
-        return WriteOptions(self.bits, behind, quality=self._quality(), in_srgb=is_srgb)
-
-    def _quality(self) -> int | str | None:
-        """Quality of the file."""
-        from resample.files.formats import NO_LOSS
-
-        given = self.file_quality
-        if given is None or given == NO_LOSS:
-            return given
-        if not re.fullmatch(r"\d{1,3}", given, re.ASCII) or not 1 <= int(given) <= 100:
-            raise ValueError(f"--file-quality {given!r}; give 1 to 100, or {NO_LOSS}")
-        return int(given)
+        quality: int | str | None = self.file_quality
+        if isinstance(quality, str) and quality != NO_LOSS:
+            if not re.fullmatch(r"\d{1,3}", quality, re.ASCII) or not 1 <= int(quality) <= 100:
+                raise ValueError(f"--file-quality {quality!r}; give 1 to 100, or {NO_LOSS}")
+            quality = int(quality)
+        return WriteOptions(self.bits, behind, quality=quality, in_srgb=self.profile == "srgb")
 
 
 def option_of(model: type[Choices], field: str) -> str:
@@ -418,12 +394,8 @@ def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list
     Values may be those of the command line, or Python's: several numbers as a sequence, a path, one
     of what may be given repeatedly without a list.
 
-    Raises
-    ------
-    TypeError
-        There is no such option; it says which are alike.
-    ValueError
-        A value is not allowed.
+    Raises TypeError: there is no such option; it says which are alike. Raises ValueError: a value
+    is not allowed.
     """
     parts: list[dict[str, Any]] = [{} for _ in models]
     fields = {
@@ -458,20 +430,3 @@ def as_on_a_command_line(value: Any, is_several: bool = False) -> Any:
 def height_and_width(size: str) -> tuple[int, int]:
     """Parse a size in px, 400 or 640x480."""
     return PictureFormat(size=size).height_and_width()
-
-
-def method_names(text: str, least: int = 1) -> list[str]:
-    """Split a list of methods at commas.
-
-    A part with = but no name is another parameter of the preceding method, as in
-    `oiio:filter=cubic,opencv-supersample:n=4,kernel=linear`.
-    """
-    names: list[str] = []
-    for part in filter(None, (word.strip() for word in text.split(","))):
-        if names and "=" in part and ":" not in part.partition("=")[0]:
-            names[-1] += f",{part}"
-        else:
-            names.append(part)
-    if len(names) < least:
-        raise ValueError("give methods to compare, such as bilinear,hybrid")
-    return list(dict.fromkeys(names))

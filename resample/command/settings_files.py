@@ -7,7 +7,7 @@ options are in `resample.command.flags`.
 import inspect
 import json
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial, wraps
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, get_args, get_type_hints
@@ -173,14 +173,24 @@ def read_settings(
         if owner != name:
             raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")
         for key, value in list(content.items()):
-            _check_name(key, options)
+            if key not in options:
+                from resample.command.complaints import meant
+
+                near = meant(key, options)
+                hint = f"did you mean {near}?" if near else "--help lists what there is"
+                raise ValueError(f"there is no option {key!r:.60}; {hint}")
             if not _may_say(about(marks.get(key), value), is_trusted=is_trusted):
                 left_out.append(key)
                 del content[key]
                 continue
-            _check(key, value, options)
+            adapter: TypeAdapter[Any] = TypeAdapter(options[key].field_info.annotation)
+            with naming(key):
+                adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
     if left_out:
-        LOG.warning("%s: %s", path, _left_out(left_out, is_picture=is_picture))
+        instead = "" if is_picture else ", or trust your own file by --settings-trusted"
+        why = "as settings only say how a picture looks, not what is read, written, used or trusted"
+        remedy = f"give these on the command line{instead}"
+        LOG.warning("%s: %s left out, %s; %s", path, ", ".join(left_out), why, remedy)
     return content
 
 
@@ -194,15 +204,6 @@ def _may_say(subject: OptionTopic | None, *, is_trusted: bool = False) -> bool:
     if is_trusted:
         return subject is not None and subject is not OptionTopic.TRUST
     return subject is OptionTopic.APPEARANCE
-
-
-def _left_out(keys: list[str], *, is_picture: bool) -> str:
-    """Warning about options that a file must not set."""
-    instead = "" if is_picture else ", or trust your own file by --settings-trusted"
-    return (
-        f"{', '.join(keys)} left out, as settings only say how a picture looks, not what is read, "
-        f"written, used or trusted; give these on the command line{instead}"
-    )
 
 
 def as_toml(name: str, settings: Settings) -> str:
@@ -248,23 +249,6 @@ def _take(
     Dict(content, source=str(path))(app, commands, given)
 
 
-def _check_name(key: str, options: Mapping[str, Argument]) -> None:
-    """Reject an unknown option."""
-    if key not in options:
-        from resample.command.complaints import meant
-
-        near = meant(key, options)
-        hint = f"did you mean {near}?" if near else "--help lists what there is"
-        raise ValueError(f"there is no option {key!r:.60}; {hint}")
-
-
-def _check(key: str, value: object, options: Mapping[str, Argument]) -> None:
-    """Reject a value of the wrong type."""
-    adapter: TypeAdapter[Any] = TypeAdapter(options[key].field_info.annotation)
-    with naming(key):
-        adapter.validate_json(json.dumps(value, default=_refuse_time), strict=True)
-
-
 def _refuse_time(value: object) -> NoReturn:
     """Reject a value that TOML has and JSON lacks."""
     raise ValueError(f"no option takes a date or time (got {value})")
@@ -301,7 +285,8 @@ def keeping_settings(name: str, command: Command) -> Command:
         with replacing(save_settings) as temporary:
             temporary.write_bytes(text.encode())
         if read := [key for key in chosen if about(marks[key], chosen[key]) is OptionTopic.SOURCE]:
-            LOG.warning("%s: %s", save_settings, _warning_of_unsaved(read))
+            why = "not kept, as settings do not say what is read; give these again"
+            LOG.warning("%s: %s %s", save_settings, ", ".join(read), why)
         return result
 
     _sign(run, command, signature)
@@ -309,21 +294,19 @@ def keeping_settings(name: str, command: Command) -> Command:
     return run
 
 
-def _warning_of_unsaved(keys: list[str]) -> str:
-    """Warning about options of this run that are not saved."""
-    return f"{', '.join(keys)} not kept, as settings do not say what is read; give these again"
-
-
 def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
     """Give a wrapper the options of its command and the common ones."""
     hints = get_type_hints(command, include_extras=True)
-    kinds = {name: _headed(kind) for name, kind in hints.items()}
+    kinds, models = dict(hints), {name: model_in(kind) for name, kind in hints.items()}
+    for name, model in models.items():
+        if model is not None and issubclass(model, Choices):
+            kinds[name] = Annotated[hints[name], under(model.heading)]
     own: dict[str, tuple[Any, object]] = {
         "settings": (Given, None),
         "settings_trusted": (Trusted, None),
         "save_settings": (Saved, None),
     }
-    if not any("memory" in _fields_of(kind) for kind in hints.values()):
+    if not any(model is not None and "memory" in model.model_fields for model in models.values()):
         own["memory"] = Memory, None
     own |= {"limit": (Limit, None), "allow_outside": (Outside, False)}
     run.__annotations__ = {**kinds, **{key: kind for key, (kind, _) in own.items()}}
@@ -333,20 +316,6 @@ def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
         for key, (kind, usual) in own.items()
     ]
     vars(run)["__signature__"] = signature.replace(parameters=[*given, *more])
-
-
-def _fields_of(kind: Any) -> Iterable[str]:
-    """Names of the options that a model in a signature defines."""
-    model = model_in(kind)
-    return () if model is None else model.model_fields
-
-
-def _headed(kind: Any) -> Any:
-    """Annotation of an argument; that of a model gets its heading in the help."""
-    model = model_in(kind)
-    if model is not None and issubclass(model, Choices):
-        return Annotated[kind, under(model.heading)]
-    return kind
 
 
 def _chosen(

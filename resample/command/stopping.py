@@ -103,7 +103,12 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
             last = -ONCE
             _signal_again_soon(number)
             return
-        _end_at_last(128 + number)
+        # End the process after a while if Python still waits for one of its threads.
+        from threading import Timer
+
+        timer = Timer(AT_LAST, os._exit, (128 + number,))
+        timer.daemon = True
+        timer.start()
         raise StoppedError(number)
 
     def again(unraisable: Any) -> None:
@@ -117,15 +122,6 @@ def _stopping() -> "Callable[[int, FrameType | None], None]":
 
     sys.unraisablehook = again
     return stop
-
-
-def _end_at_last(status: int) -> None:
-    """End the process after a while if Python still waits for one of its threads."""
-    from threading import Timer
-
-    timer = Timer(AT_LAST, os._exit, (status,))
-    timer.daemon = True
-    timer.start()
 
 
 def _is_in_native_import(frame: "FrameType | None") -> bool:
@@ -167,21 +163,14 @@ def at_most(count: int | None) -> "Iterator[None]":
 
     A lower limit set in the environment is kept.
     """
-    before = {name: os.environ.get(name) for name in (*VARIABLES, OPENEXR)}
-    if count is not None:
-        os.environ |= {name: str(_less(count, before[name])) for name in VARIABLES}
-        if before[OPENEXR] is None:
-            os.environ[OPENEXR] = f"exr_threads={count if count > 1 else -1}"  # -1: no pool
-    try:
+    from resample.reading.limits import restored
+
+    with restored(*VARIABLES, OPENEXR):
+        if count is not None:
+            for name in VARIABLES:
+                given = os.environ.get(name, "")
+                allowed = int(given) if given.isdecimal() else 0
+                os.environ[name] = str(min(count, allowed or os.cpu_count() or 1))
+            pool = count if count > 1 else -1  # -1: none
+            os.environ.setdefault(OPENEXR, f"exr_threads={pool}")
         yield
-    finally:
-        for name, given in before.items():
-            os.environ.pop(name, None)
-            if given is not None:
-                os.environ[name] = given
-
-
-def _less(count: int, given: str | None) -> int:
-    """Minimum of a count and the limit in the environment."""
-    allowed = int(given) if given and given.isdecimal() and int(given) > 0 else os.cpu_count() or 1
-    return min(count, allowed)

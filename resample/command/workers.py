@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from resample.command.settings import Sharing
 from resample.memory import ALLOWED, GIVEN_BACK, allow
+from resample.reading.limits import restored
 from resample.watching import WorkerPool
 from resample.words import one_line
 
@@ -42,18 +43,18 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
 
     It returns the same workers each time; they end with the block. None: none were asked for.
 
-    Parameters
-    ----------
-    threads
-        Threads of each task; None: the local cores are divided, and remote tasks take one each.
+    `threads`: threads of each task; None: the local cores are divided, and remote tasks take one
+    each.
     """
     check_sharing(sharing)
     if not sharing.has_workers:
-        yield _start_no_workers
+        yield lambda: None
         return
-    from distributed import KilledWorker
+    # Exceptions of tasks that no worker takes; older versions of dask have only one.
+    from distributed import KilledWorker, scheduler
 
-    no_worker_errors = _no_worker_errors()
+    names = ("NoWorkerError", "NoValidWorkerError")
+    no_worker_errors = tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
     with ExitStack() as held:
         client = cache(lambda: held.enter_context(_client(sharing, held)))
         try:
@@ -62,26 +63,14 @@ def worker_pools(sharing: Sharing, threads: int | None = None) -> Iterator[Start
             with suppress(OSError, TimeoutError):  # workers may still be starting
                 client().wait_for_workers(sharing.workers or 1, timeout=5)
             raise ChildProcessError(
-                f"a task failed because {_attempts(error)} workers ended while running it, most "
-                "likely because memory ran out; allow less --memory, or use fewer workers"
+                f"a task failed because {error.allowed_failures + 1} workers ended while running "
+                "it, most likely because memory ran out; allow less --memory, or use fewer workers"
             ) from None
         except no_worker_errors:
             raise ChildProcessError(
                 f"all workers have ended and none restarted within {PATIENCE} seconds; allow "
                 "less --memory, or use fewer workers, or none"
             ) from None
-
-
-def _no_worker_errors() -> tuple[type[Exception], ...]:
-    """Exceptions of tasks that no worker takes; older versions of dask have only one."""
-    from distributed import scheduler
-
-    names = ("NoWorkerError", "NoValidWorkerError")
-    return tuple(getattr(scheduler, name) for name in names if hasattr(scheduler, name))
-
-
-def _start_no_workers() -> None:
-    """Start no workers."""
 
 
 def check_sharing(sharing: Sharing) -> None:
@@ -123,9 +112,9 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
         "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
     }
     held.enter_context(dask.config.set(own))
-    held.enter_context(_kept_environment())
+    held.enter_context(restored())  # dask sets variables for its workers there
     folder = held.enter_context(tempfile.TemporaryDirectory(prefix="resample-workers-"))
-    with _starting(sharing.workers):
+    try:
         cluster = LocalCluster(
             n_workers=sharing.workers,
             threads_per_worker=1,
@@ -136,6 +125,11 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
             local_directory=folder,
             silence_logs=logging.CRITICAL,
         )
+    except (RuntimeError, TimeoutError):  # dask's message is about its internals
+        raise ChildProcessError(
+            f"--workers {sharing.workers}: one ended before it was ready, most likely killed "
+            "because memory ran out; use fewer workers, or none"
+        ) from None
     return Client(held.enter_context(cluster), set_as_default=False)
 
 
@@ -154,30 +148,6 @@ async def _meet(address: str) -> None:
         comm.abort()
 
 
-@contextmanager
-def _kept_environment() -> Iterator[None]:
-    """Restore the environment afterwards: dask sets variables for its workers there."""
-    before = dict(os.environ)
-    try:
-        yield
-    finally:
-        for name in os.environ.keys() - before.keys():
-            del os.environ[name]
-        os.environ.update(before)
-
-
-@contextmanager
-def _starting(count: int | None) -> Iterator[None]:
-    """Report in one line that workers could not be started."""
-    try:
-        yield
-    except (RuntimeError, TimeoutError):  # dask's message is about its internals
-        raise ChildProcessError(
-            f"--workers {count}: one ended before it was ready, most likely killed because "
-            "memory ran out; use fewer workers, or none"
-        ) from None
-
-
 def _environment() -> dict[str, object]:
     """Environment of workers: no logging, little memory kept."""
     import dask.config
@@ -190,21 +160,11 @@ def _environment() -> dict[str, object]:
 def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:
     executor = client.get_executor(pure=False)
     if sharing.workers is not None:
-        own = threads or max(1, (os.cpu_count() or 1) // sharing.workers)
-        return WorkerPool(executor, sharing.workers, own, None, is_local=True)
+        each = threads or max(1, (os.cpu_count() or 1) // sharing.workers)
+        return WorkerPool(executor, sharing.workers, each, None, is_local=True)
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     if not workers:
         raise OSError(f"the scheduler at {sharing.scheduler} has no workers; start some")
-    _check_versions(client)
-    count = sum(worker["nthreads"] for worker in workers)
-    limits = [worker["memory_limit"] / worker["nthreads"] for worker in workers]
-    least = min((limit for limit in limits if limit), default=None)
-    memory = None if least is None else int(SHARE * least)
-    return WorkerPool(executor, count, threads or 1, memory, is_local=False)
-
-
-def _check_versions(client: "Client") -> None:
-    """Reject workers whose version may give different bits."""
     from importlib.metadata import PackageNotFoundError, version
 
     own = version(PACKAGE)
@@ -214,8 +174,8 @@ def _check_versions(client: "Client") -> None:
         raise ValueError(f"workers do not have {PACKAGE}; install {own} there") from None
     if others:
         raise ValueError(f"workers have {PACKAGE} {', '.join(others)} and this is {own}")
-
-
-def _attempts(error: Exception) -> int:
-    """Number of workers that ended while running a task."""
-    return int(getattr(error, "allowed_failures", 3)) + 1
+    count = sum(worker["nthreads"] for worker in workers)
+    limits = [worker["memory_limit"] / worker["nthreads"] for worker in workers]
+    least = min((limit for limit in limits if limit), default=None)
+    memory = None if least is None else int(SHARE * least)
+    return WorkerPool(executor, count, threads or 1, memory, is_local=False)

@@ -53,17 +53,13 @@ Levels = NDArray[np.uint8]
 Frames = Callable[[int], Levels]  # by number
 
 
-def _has_no_more(_: int) -> bool:
-    return True
-
-
 class Shots(NamedTuple):
     """Frames to make."""
 
     total: int
     frame: Callable[[int], Levels]  # (H, W, 3) display levels of frames 0 to total − 1
     job: Mapping[str, Any]  # JSON values; frames of equal jobs are equal
-    has_more: Callable[[int], bool] = _has_no_more  # whether the frame's other outputs exist
+    has_more: Callable[[int], bool] = lambda _: True  # whether the frame's other outputs exist
 
 
 def check_film(path: Path, fps: float) -> None:
@@ -156,28 +152,13 @@ def write_film(
 ) -> None:
     """Write an animation in the format of its suffix, or into a folder.
 
-    Parameters
-    ----------
-    path
-        Target with a suffix in `FILMS`, or a folder, whose other files are kept.
-    shots
-        Frames of one size. An interrupted run keeps those that are done, and says so.
-    fps
-        Frames per second; GIF rounds to 1/100 s, folders ignore it.
-    resume
-        Make only missing frames.
-    progress
-        Called with the fraction done after each new frame.
-    executor
-        Makes frames; processes need shots that pickle, and write frames themselves. Only this
-        process claims and cleans the folder.
-
-    Raises
-    ------
-    ValueError
-        The suffix or rate is invalid, or the existing frames belong to another animation.
-    OSError
-        The target cannot be written.
+    `path`: target with a suffix in `FILMS`, or a folder, whose other files are kept. `shots`:
+    frames of one size. An interrupted run keeps those that are done, and says so. `fps`: frames per
+    second; GIF rounds to 1/100 s, folders ignore it. `resume`: make only missing frames.
+    `progress`: called with the fraction done after each new frame. `executor`: makes frames;
+    processes need shots that pickle, and write frames themselves. Only this process claims and
+    cleans the folder. Raises ValueError: the suffix or rate is invalid, or the existing frames
+    belong to another animation. Raises OSError: the target cannot be written.
     """
     check_film(path, fps)
     target = Path(os.path.realpath(path))
@@ -338,40 +319,29 @@ class Stored:
                 yield image.convert(self.mode)
 
 
-def _write_gif(path: Path, frames: list[Path], fps: float) -> None:
-    duration = max(20, 10 * round(100.0 / fps))
-    _write_animated(path, frames, {"format": "GIF", "duration": duration, "optimize": False})
-
-
-def _write_apng(path: Path, frames: list[Path], fps: float) -> None:
-    _write_animated(path, frames, {"format": "PNG", "duration": 1000.0 / fps})
-
-
-def _write_webp(path: Path, frames: list[Path], fps: float) -> None:
+def _write_animated(path: Path, frames: list[Path], fps: float) -> None:
     ends = [round(1000.0 * n / fps) for n in range(len(frames) + 1)]  # errors do not add up
     durations = [end - begin for begin, end in pairwise(ends)]
-    _write_animated(path, frames, {"format": "WEBP", "duration": durations, "quality": 90})
-
-
-def _write_animated(path: Path, frames: list[Path], choices: dict[str, Any]) -> None:
+    every: dict[str, dict[str, Any]] = {
+        ".gif": {"format": "GIF", "duration": max(20, 10 * round(100.0 / fps)), "optimize": False},
+        ".apng": {"format": "PNG", "duration": 1000.0 / fps},
+        ".webp": {"format": "WEBP", "duration": durations, "quality": 90},
+    }
+    choices = every[path.suffix.lower()]
     first = next(iter(Stored(frames[:1], "RGB")))
     first.save(path, save_all=True, loop=0, append_images=Stored(frames[1:], "RGB"), **choices)
 
 
 def _write_film(path: Path, frames: list[Path], fps: float) -> None:
+    from PIL import Image
+
+    with Image.open(frames[0]) as first:
+        size = first.height, first.width
     with new_film(path) as film:
-        stream = new_stream(film, fps, _size(frames[0]))
+        stream = new_stream(film, fps, size)
         for image in Stored(frames, "RGB"):
             film.mux(stream.encode(film_picture(np.asarray(image), stream)))
         film.mux(stream.encode(None))
 
 
-def _size(path: Path) -> tuple[int, int]:
-    """Height and width, px."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        return image.height, image.width
-
-
-_WRITERS = {".mp4": _write_film, ".webp": _write_webp, ".gif": _write_gif, ".apng": _write_apng}
+_WRITERS = {".mp4": _write_film, **dict.fromkeys((".webp", ".gif", ".apng"), _write_animated)}

@@ -185,7 +185,18 @@ class StoreRows:
     def put(self, data: NDArray[Any]) -> None:
         """Write the next rows (N, W, C)."""
         if self.array is None:
-            self.array = self._created(data)
+            import zarr
+
+            _, width, count = data.shape
+            shape = (self.height, width, count)[: 2 + (count > 1)]
+            self.array = zarr.create_array(
+                self.temporary,
+                shape=shape,
+                chunks=tuple(map(min, (SIDE, SIDE, count), shape)),
+                dtype=data.dtype,
+                dimension_names=["y", "x", "c"][: len(shape)],
+                zarr_format=3,
+            )
         self.waiting.append(data)
         held = np.concatenate(self.waiting) if len(self.waiting) > 1 else data
         whole = len(held) // SIDE * SIDE
@@ -204,17 +215,3 @@ class StoreRows:
         if len(rows):
             self.array[self.done : last] = rows[..., 0] if self.array.ndim == 2 else rows
         self.done = last
-
-    def _created(self, data: NDArray[Any]) -> Any:
-        import zarr
-
-        _, width, count = data.shape
-        shape = (self.height, width, count)[: 2 + (count > 1)]
-        return zarr.create_array(
-            self.temporary,
-            shape=shape,
-            chunks=tuple(map(min, (SIDE, SIDE, count), shape)),
-            dtype=data.dtype,
-            dimension_names=["y", "x", "c"][: len(shape)],
-            zarr_format=3,
-        )

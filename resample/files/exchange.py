@@ -54,33 +54,40 @@ def picture_and_encoding(
     `kinds`: NumPy's letters of the kinds of values that are taken.
     """
     if isinstance(given, str | PathLike | Address):
-        return _read(given)
+        from resample.files.pictures import picture_at, read_picture
+
+        found = picture_at(place_of(given))
+        if found.is_plain:
+            found.tell_colors()
+            return found.load().data, found.is_encoded
+        return read_picture(found.path).data, None
     if isinstance(given, Showable):
-        return _light_or_values(given), None
+        return (given.rgba if isinstance(given, Frame) else given.image), None
     library = type(given).__module__.partition(".")[0]
     if library == "PIL":
         array = np.asarray(given.convert(MODES[given.mode]) if given.mode in MODES else given)
     elif library == "SimpleITK":
-        array = _of_itk(given, name)
+        import SimpleITK
+
+        if given.GetDimension() != 2:
+            raise ValueError(f"an image of {given.GetDimension()} dimensions; a {name} has 2")
+        array = np.asarray(SimpleITK.GetArrayFromImage(given))
     elif hasattr(given, "dims") and hasattr(given, "coords"):
-        array = _of_labeled(given, name)
+        dims = {str(dim).lower(): dim for dim in given.dims}
+        rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
+        columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
+        if rows is None or columns is None or len(dims) > 1:
+            raise ValueError(
+                f"a {name} has the dimensions y and x, and one of channels if need be, not "
+                f"{', '.join(map(str, given.dims))}"
+            )
+        array = np.asarray(given.transpose(rows, columns, *dims.values()).values)
     else:
         array = _array(given, name)
     if array.dtype.kind not in kinds:
         numbers = "real or complex numbers" if "c" in kinds else "real numbers"
         raise TypeError(f"a {name} of {array.dtype}; its values must be {numbers}")
     return array, None
-
-
-def _read(path: str | PathLike[str] | Address) -> tuple[NDArray[Any], bool | None]:
-    """Read levels of 8- and 16-bit pictures as stored; linear light of all others."""
-    from resample.files.pictures import picture_at, read_picture
-
-    found = picture_at(place_of(path))
-    if found.is_plain:
-        found.tell_colors()
-        return found.load().data, found.is_encoded
-    return read_picture(found.path).data, None
 
 
 def _array(given: Any, name: str) -> NDArray[Any]:
@@ -93,33 +100,6 @@ def _array(given: Any, name: str) -> NDArray[Any]:
             raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
         # Tensors that have a gradient, or are on a device, say what to call.
         raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
-
-
-def _light_or_values(given: Any) -> NDArray[Any]:
-    """Premultiplied light of a frame; image of a warped picture."""
-    array: NDArray[Any] = given.rgba if isinstance(given, Frame) else given.image
-    return array
-
-
-def _of_itk(image: Any, name: str) -> NDArray[Any]:
-    import SimpleITK
-
-    if image.GetDimension() != 2:
-        raise ValueError(f"an image of {image.GetDimension()} dimensions; a {name} has 2")
-    return np.asarray(SimpleITK.GetArrayFromImage(image))
-
-
-def _of_labeled(given: Any, name: str) -> NDArray[Any]:
-    """Array of an xarray object, rows first, channels last."""
-    dims = {str(dim).lower(): dim for dim in given.dims}
-    rows = next((dims.pop(dim) for dim in ROWS if dim in dims), None)
-    columns = next((dims.pop(dim) for dim in COLUMNS if dim in dims), None)
-    if rows is None or columns is None or len(dims) > 1:
-        raise ValueError(
-            f"a {name} has the dimensions y and x, and one of channels if need be, not "
-            f"{', '.join(map(str, given.dims))}"
-        )
-    return np.asarray(given.transpose(rows, columns, *dims.values()).values)
 
 
 def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:

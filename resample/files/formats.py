@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from resample.colors import to_srgb
 from resample.console import Color, say
+from resample.files.facts.colors import converted
 from resample.files.facts.metadata import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
-from resample.files.facts.profiles import converted
 from resample.files.films import FORMATS
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
@@ -38,8 +38,8 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
     if suffix not in (*SUFFIXES, *BY_PILLOW, STORE):
         known = ", ".join((*SUFFIXES, *BY_PILLOW))
         raise ValueError(f"{path}: pictures are written as {known} or {STORE}")
-    if suffix in BY_PILLOW:
-        _check_pillow(path)
+    if suffix in BY_PILLOW and not can_be_written(suffix):
+        raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
     if look.quality is not None:
         _check_quality(path, look.quality)
     if suffix == STORE:
@@ -63,11 +63,6 @@ def can_be_written(suffix: str) -> bool:
     from PIL import features
 
     return suffix in BY_PILLOW and BY_PILLOW[suffix] in features.get_supported()
-
-
-def _check_pillow(path: Path) -> None:
-    if not can_be_written(path.suffix.lower()):
-        raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
 
 
 def _check_quality(path: Path, quality: int | str) -> None:
@@ -144,8 +139,13 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
         )
     if tells:
         tell_colors(path, about, is_guessed=suffix == ".exr" or (is_whole and is_light))
-    if is_whole:
-        data = _integers(picture, form, is_light)
+    if about.number and is_whole:
+        # Numbers are rounded, and clipped to the type's range; missing values become 0.
+        limits = np.iinfo(form)
+        rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
+        data = np.clip(rounded, limits.min, limits.max).astype(form)
+    elif is_whole:
+        data = levels(data, form, has_alpha=kind.has_alpha, is_light=is_light)
     if about.geo is not None and about.geo.missing is not None and not kind.has_alpha:
         data = with_word(data, picture.data, about.geo.missing, as_whole=kind.bits < 32)
     return StoredPage(data, kind, about, look, is_light)
@@ -154,10 +154,8 @@ def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = T
 def as_srgb(picture: Picture) -> Picture:
     """Convert the colors of a picture's ICC profile to those of sRGB.
 
-    Raises
-    ------
-    ValueError
-        The picture says otherwise what its colors are, or its profile cannot be converted.
+    Raises ValueError: the picture says otherwise what its colors are, or its profile cannot be
+    converted.
     """
     data, kind, about = picture
     if not about.colors:
@@ -195,13 +193,6 @@ def _with_colors(
     is_named = suffix == ".exr" and any(name == "chromaticities" for name, _, _ in about.spoken)
     lost = "" if profile or marks or is_named else about.colors
     return about._replace(profile=profile, marks=marks, colors=lost)
-
-
-def _integers(picture: Picture, form: str, is_light: bool) -> NDArray[Any]:
-    """Convert numbers, or levels of light or fractions, to an integer type."""
-    if picture.about.number:
-        return whole_numbers(picture.data, form)
-    return levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=is_light)
 
 
 def check_source(path: Path, picture: Picture, look: WriteOptions) -> None:
@@ -264,13 +255,6 @@ def coverage_picture(coverage: Floats) -> Picture:
     """Gray picture of fractions, which stay numbers in every format."""
     share = np.clip(coverage, 0.0, 1.0)[..., None]
     return Picture(np.asarray(share, np.float32), Kind(("Y",), 32, is_encoded=False))
-
-
-def whole_numbers(data: Floats, form: str) -> NDArray[Any]:
-    """Round numbers to an integer type, clipped to its range; missing values become 0."""
-    limits = np.iinfo(form)
-    rounded = np.rint(np.nan_to_num(data.astype(np.float64), nan=0.0, posinf=np.inf))
-    return np.asarray(np.clip(rounded, limits.min, limits.max).astype(form))
 
 
 def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArray[Any]:

@@ -184,12 +184,7 @@ class BufferedJpeg:
     If the system has no in-memory files (other than Linux) or limits the size of files, it is
     rejected beforehand if it might not fit.
 
-    Parameters
-    ----------
-    path
-        Existing file to write to.
-    spec
-        OpenImageIO header of the picture.
+    `path`: existing file to write to. `spec`: OpenImageIO header of the picture.
     """
 
     def __init__(self, path: Path, spec: Any) -> None:
@@ -199,7 +194,12 @@ class BufferedJpeg:
         self._memory = memory = _memory()
         if memory is not None:
             self._held.callback(os.close, memory)
-        _check_space(path, _most(spec), is_on_disk=memory is None)
+        # Reject a file that might not fit.
+        most, limit = _most(spec), _limit()
+        if limit is not None and most > limit:
+            raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+        if memory is None and shutil.disk_usage(path.parent).free < most:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         self._file = self._held.enter_context(path.open("wb"))
         jpeg: Any = OpenImageIO.ImageOutput.create("jpeg")
         self._target = jpeg
@@ -247,14 +247,8 @@ class BufferedJpeg:
 class PillowOutput:
     """Output for formats of Pillow, with the methods of OpenImageIO's; encodes when it is closed.
 
-    Parameters
-    ----------
-    path
-        File to write to.
-    spec
-        OpenImageIO header of the picture.
-    choices
-        Options of `PIL.Image.Image.save`.
+    `path`: file to write to. `spec`: OpenImageIO header of the picture. `choices`: options of
+    `PIL.Image.Image.save`.
     """
 
     has_error = False
@@ -308,15 +302,6 @@ def _most(spec: Any) -> int:
     """Upper bound on the size of the JPEG in bytes."""
     told = sum(np.asarray(attribute.value).nbytes for attribute in spec.extra_attribs)
     return MOST_BYTES * int(spec.width) * int(spec.height) * int(spec.nchannels) + told + HEAD
-
-
-def _check_space(path: Path, most: int, *, is_on_disk: bool) -> None:
-    """Reject a file that might not fit."""
-    limit = _limit()
-    if limit is not None and most > limit:
-        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
-    if is_on_disk and shutil.disk_usage(path.parent).free < most:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
 
 def _limit() -> int | None:

@@ -6,12 +6,11 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
+from resample.console import Progress, progress_bar, say
 from resample.files.writing import replacing
 from resample.memory import amount
 from resample.samples.finding import FOLDER_VARIABLE
@@ -22,8 +21,6 @@ SLOWEST = 10_000  # bytes per second on average, after the first minute
 PATIENCE = 60.0  # seconds
 CHUNK = 1 << 16  # bytes
 BARE = {"Accept-Encoding": "identity"}  # no compressed transfer
-
-Advance = Callable[[int], object]
 
 
 class WrongFileError(ValueError):
@@ -44,8 +41,8 @@ def download(url: str, target: Path, size: int, digest: str) -> None:
         raise OSError(f"{target.parent} has {amount(free)} left, and {target.name} {amount(size)}")
     for attempt in range(TRIES):
         try:
-            with replacing(target) as temporary, _progress(target.name, size) as advance:
-                _receive(url, temporary, size, advance)
+            with replacing(target) as temporary, progress_bar(target.name) as progress:
+                _receive(url, temporary, size, progress)
                 if _digest(temporary, digest) != digest:
                     raise WrongFileError(
                         f"{url} gave another file than the collection lists (wrong "
@@ -58,7 +55,7 @@ def download(url: str, target: Path, size: int, digest: str) -> None:
             time.sleep(attempt + 1)
 
 
-def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
+def _receive(url: str, target: Path, size: int, progress: Progress | None) -> None:
     """Write a response, which must have `size` bytes."""
     import requests
     from urllib3.exceptions import HTTPError
@@ -75,7 +72,8 @@ def _receive(url: str, target: Path, size: int, advance: Advance) -> None:
                 if count > size:
                     break
                 file.write(chunk)
-                advance(len(chunk))
+                if progress is not None:
+                    progress(count / size)
                 passed = time.monotonic() - begin
                 if passed > PATIENCE and count < SLOWEST * passed:
                     raise ConnectionError(
@@ -103,20 +101,6 @@ def _digest(path: Path, like: str) -> str:
     """Digest of a file, with the algorithm of another digest."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, _kind(like).replace("-", "")).hexdigest()
-
-
-@contextmanager
-def _progress(name: str, size: int) -> Iterator[Advance]:
-    """Progress bar on a terminal, advanced by bytes."""
-    if sys.stderr is None or not sys.stderr.isatty():
-        yield int
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True)) as progress:
-        task = progress.add_task(name, total=size)
-        yield lambda count: progress.advance(task, count)
 
 
 class PublicFile(NamedTuple):
@@ -174,8 +158,6 @@ def fetch(
 
 def print_sets(package: str, name: str | None, folder: Path | None) -> None:
     """Print the results of a `fetch` command: the sets, or a set's folder and terms."""
-    from resample.console import say
-
     if name is None:
         lines = [f"{key}  {each.description}\n" for key, each in available(package).items()]
         sys.stdout.write("".join(lines))

@@ -5,7 +5,9 @@ Pillow handles animated pictures, PyAV films; display times are preserved.
 
 import glob
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,19 +18,20 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.console import say, say_of
-from resample.files.animations import Stored
+from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
 from resample.files.chunked import is_in_store
-from resample.files.facts.chunks import is_animated_png
 from resample.files.facts.colors import coded_colors, is_srgb, stretched
 from resample.files.facts.metadata import TIFF, page_tags
-from resample.files.facts.tags import Directory, Tag
+from resample.files.facts.tags import Directory, Tag, is_animated_png
 from resample.files.films import (
     FORMATS,
     FRAME_BYTES,
     PLAIN,
     FilmCoding,
+    StereoMarks,
     check_codecs,
     film_picture,
+    mark_stereo,
     new_film,
     new_stream,
     opened_film,
@@ -47,7 +50,7 @@ from resample.files.formats import (
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
 from resample.files.stores.opening import STORE, Address, Place
-from resample.files.writing import replacing
+from resample.files.writing import replacing, write_json
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
 
@@ -61,6 +64,7 @@ WEBP_ALPHA = 0x10  # bit in the flags of a WebP file
 TICKS = 90_000  # per second, unit of time in films
 OTHERS = (".avif", ".bmp", ".hdr", ".jp2", ".jxl", ".pgm", ".ppm", ".pfm", ".tga")
 READ = (*SUFFIXES, *WRITTEN, *FILMS, *OTHERS)
+PART = 250  # pictures; encoders begin anew after as many by default
 
 
 class Frames(NamedTuple):
@@ -78,10 +82,7 @@ class Frames(NamedTuple):
     def part(self, start: float, end: float) -> "Frames":
         """Return the pictures that are first shown between two times, s.
 
-        Raises
-        ------
-        ValueError
-            There is none.
+        Raises ValueError: there is none.
         """
         begins = [0.0, *itertools.accumulate(self.seconds)]
         chosen = [n for n, at in enumerate(begins[:-1]) if start <= at + SHORTEST / 2 < end]
@@ -393,7 +394,9 @@ def encoded(
     iterator = iter(frames)
     first = next(iterator)
     begins = [0.0, *itertools.accumulate(seconds)]
-    rate = _rate(seconds if usual is None else [usual])
+    shown = list(seconds if usual is None else [usual])
+    total = float(sum(shown))
+    rate = min(1000.0, len(shown) / total) if total > 0.0 else 1.0 / USUAL
     stream = new_stream(film, rate, first.shape[:2], coding)
     stream.codec_context.time_base = Fraction(1, TICKS)
     for n, shades in enumerate(itertools.chain([first], iterator)):
@@ -420,12 +423,6 @@ def mux_beside(film: Any, packets: Iterable[tuple[float, Any]], source: Frames) 
             waiting = next(beside, None)
 
 
-def _rate(seconds: Sequence[float]) -> float:
-    """Average frames per second."""
-    total = float(sum(seconds))
-    return min(1000.0, len(seconds) / total) if total > 0.0 else 1.0 / USUAL
-
-
 _ANIMATED = {
     ".gif": _write_gif,
     ".webp": _write_webp,
@@ -438,7 +435,9 @@ def is_batch(images: Sequence[Place], output: Path) -> bool:
     """Whether results go to a folder: for several files, a folder or a pattern, or if it is one."""
     is_folder = "*" in output.name
     is_folder |= output.is_dir() and output.suffix.lower() not in (*SUFFIXES, STORE)
-    return len(images) > 1 or is_folder or _is_of_files(images[0])
+    if len(images) > 1 or is_folder or isinstance(images[0], Address) or is_in_store(images[0]):
+        return len(images) > 1 or is_folder
+    return images[0].is_dir() or _is_pattern(images[0])
 
 
 def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
@@ -475,12 +474,6 @@ def files_of(images: Sequence[Place]) -> list[Place]:
     return found
 
 
-def _is_of_files(place: Place) -> bool:
-    if isinstance(place, Address) or is_in_store(place):
-        return False
-    return place.is_dir() or _is_pattern(place)
-
-
 def _is_pattern(path: Path) -> bool:
     return not path.exists() and glob.has_magic(str(path))
 
@@ -509,3 +502,91 @@ def _name(source: Place, pattern: str | None) -> str:
         return Path(source.name).with_suffix(".mp4").name if suffix not in FORMATS else source.name
     is_animated = suffix in WRITTEN and frames_of(source) is not None
     return source.name if is_animated else Path(source.name).with_suffix(".png").name
+
+
+def write_in_parts(
+    path: Path,
+    pictures: Callable[[int], Iterable[Picture]],
+    film: Frames,
+    look: WriteOptions,
+    coding: FilmCoding,
+    marks: StereoMarks,
+    job: Mapping[str, Any],
+    *,
+    resume: bool | None = None,
+) -> None:
+    """Write a film; after an interruption its finished parts are kept in a hidden folder.
+
+    `path`: target with a suffix of `resample.files.films.FORMATS`. `pictures`: function that gives
+    the pictures from a number on. `film`: display times, and the file whose sound and subtitles are
+    copied. `job`: JSON values; films of equal jobs are equal. `resume`: continue with the parts of
+    an earlier run; None: keep none after an error. Raises ValueError: the existing parts belong to
+    another film. Raises OSError: the target cannot be written.
+    """
+    target = Path(os.path.realpath(path))
+    kept = target.with_name(f".{target.name}.parts")
+    kept.mkdir(exist_ok=True)
+    starts = range(0, len(film.seconds), PART)
+    parts = [kept / f"{start:07d}.mp4" for start in starts]
+    with alone(kept, path):
+        facts = kept / FACTS
+        if resume and facts.is_file():
+            check_same(kept, facts_of(facts), job)
+        else:
+            for part in kept.glob("*.mp4"):
+                part.unlink()
+        write_json(facts, job)
+        done = next((n for n, part in enumerate(parts) if not part.is_file()), len(parts))
+        try:
+            shades = shades_of(path, pictures(done * PART), look, is_deep=coding.is_deep)
+            rate = sum(film.seconds) / len(film.seconds)
+            for start, part in zip(starts[done:], parts[done:], strict=True):
+                seconds = film.seconds[start : start + PART]
+                with replacing(part) as temporary, new_film(temporary) as made:
+                    shown = itertools.islice(shades, len(seconds))
+                    for _, packets in encoded(made, shown, seconds, coding, rate):
+                        made.mux(packets)
+        except BaseException:
+            _leave(kept, parts if resume is not None else [])
+            raise
+        with replacing(target) as temporary:
+            with new_film(temporary) as made:
+                mux_beside(made, _joined(made, parts, film.seconds, coding), film)
+            if target.suffix.lower() != ".mkv":
+                mark_stereo(temporary, marks)
+    shutil.rmtree(kept)
+
+
+def _leave(kept: Path, parts: Sequence[Path]) -> None:
+    """After an error, keep finished parts and say so; without any remove their folder."""
+    count = sum(part.is_file() for part in parts)
+    if count:
+        say(f"{count * PART} frames are kept; run the same command with --resume to continue")
+    else:
+        shutil.rmtree(kept, ignore_errors=True)
+
+
+def _joined(
+    film: Any, parts: Sequence[Path], seconds: Sequence[float], coding: FilmCoding
+) -> Iterator[tuple[float, Any]]:
+    """Packets of all parts for a film, each with its seconds; times of decoding rise."""
+    import av
+
+    begins, last = [0.0, *itertools.accumulate(seconds)], None
+    stream: Any = None
+    for n, part in enumerate(parts):
+        with av.open(str(part)) as source:
+            video = source.streams.video[0]
+            if stream is None:
+                stream = film.add_stream_from_template(video, opaque=True)
+                stream.metadata.update(coding.metadata)
+            for packet in source.demux(video):
+                if packet.size and packet.pts is not None and packet.dts is not None:
+                    late = round(begins[n * PART] / packet.time_base)
+                    packet.pts += late
+                    packet.dts += late
+                    if last is not None:
+                        packet.dts = max(packet.dts, last + 1)
+                    last, packet.stream = packet.dts, stream
+                    yield float(packet.pts * packet.time_base), packet
+    yield begins[-1], []

@@ -11,12 +11,11 @@ and elsewhere the end of the file is checked.
 import errno
 import io
 import json
-import math
 import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from hashlib import sha256
@@ -181,12 +180,6 @@ def _start_of(lock: Path) -> str:
     return LOCK.sub(r"\1.tmp-\2\3", lock.name)
 
 
-def _release(opened: int, lock: Path) -> None:
-    os.close(opened)
-    with suppress(OSError):
-        lock.unlink()
-
-
 def take_lock(opened: int, path: Path) -> None:
     """Lock an open file or folder until it is closed or the process ends; Windows has no locks.
 
@@ -210,7 +203,9 @@ def remove_left(folder: Path) -> None:
     for opened, lock, names in _left(folder):
         for name in names:
             _remove(folder / name)
-        _release(opened, lock)
+        os.close(opened)
+        with suppress(OSError):
+            lock.unlink()
 
 
 def _left(folder: Path) -> Iterator[tuple[int, Path, list[str]]]:
@@ -243,14 +238,6 @@ def _remove(path: Path) -> None:
 @cache
 def _machine() -> str:
     return sha256(node().encode()).hexdigest()[:6]
-
-
-def rows_as_json(rows: Sequence[Mapping[str, object]]) -> str:
-    """Format rows as JSON, where infinity becomes null."""
-    finite = [
-        {key: None if value == math.inf else value for key, value in row.items()} for row in rows
-    ]
-    return json.dumps(finite, indent=2) + "\n"
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

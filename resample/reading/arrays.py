@@ -2,7 +2,7 @@
 
 import math
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -52,7 +52,6 @@ def read_npy(path: Path, *, mapped: bool = False) -> NDArray[Any]:
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> import numpy as np
-    >>> from resample.reading.arrays import read_npy
     >>> with TemporaryDirectory() as folder:
     ...     np.save(f"{folder}/a.npy", np.arange(3))
     ...     read_npy(Path(folder, "a.npy")).tolist()
@@ -90,7 +89,11 @@ def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
         members = {_name(info.filename): info for info in packed.infolist()}
         check_members(str(path), packed.infolist(), "arrays")
         wanted = names or tuple(members)
-        _check_sizes(path, members, wanted)
+        missing = [name for name in wanted if name not in members]
+        if missing:
+            raise LookupError(f"{path} has no array {missing[0]!r}; it has {', '.join(members)}")
+        unpacked = sum(members[name].file_size for name in wanted)
+        check_unpacked(str(path), path.stat().st_size, unpacked)
         for name in wanted:
             with _damage(path), packed.open(members[name]) as file:
                 needed, start = _declared_bytes(file), file.tell()
@@ -104,17 +107,6 @@ def read_npz(path: Path, *names: str) -> dict[str, NDArray[Any]]:
 
 def _name(member: str) -> str:
     return member.removesuffix(".npy")
-
-
-def _check_sizes(
-    path: Path, members: Mapping[str, zipfile.ZipInfo], wanted: tuple[str, ...]
-) -> None:
-    """Reject missing arrays and zip bombs."""
-    missing = [name for name in wanted if name not in members]
-    if missing:
-        raise LookupError(f"{path} has no array {missing[0]!r}; it has {', '.join(members)}")
-    unpacked = sum(members[name].file_size for name in wanted)
-    check_unpacked(str(path), path.stat().st_size, unpacked)
 
 
 def _declared_bytes(file: IO[bytes]) -> int:

@@ -58,17 +58,26 @@ def check_gltf(tree: Tree) -> None:
         _index(tree, "scenes", tree["scene"], "scene")
     for key, names in NAMED.items():
         for place, thing in _things(tree, key):
-            _check_named(tree, place, thing, names)
+            for name, others in names.items():
+                for one in _several(thing, name, f"{place}.{name}"):
+                    _index(tree, others, one, f"{place}.{name}")
     for key, check in CHECKS.items():
         for place, thing in _things(tree, key):
             check(tree, place, thing)
-    _check_depth(tree)
-
-
-def _check_named(tree: Tree, place: str, thing: Tree, names: dict[str, str]) -> None:
-    for name, others in names.items():
-        for one in _several(thing, name, f"{place}.{name}"):
-            _index(tree, others, one, f"{place}.{name}")
+    # Nodes are trees, of no more levels than allowed, without a cycle.
+    nodes = tree.get("nodes", [])
+    below = {child for node in nodes for child in node.get("children", [])}
+    level, depth = [n for n in range(len(nodes)) if n not in below], 0
+    reached = len(level)
+    while level:
+        level = [child for n in level for child in nodes[n].get("children", [])]
+        reached, depth = reached + len(level), depth + 1
+        if depth > limits().depth:
+            raise refused("too deep", "nodes below each other", "depth")
+        if reached > len(nodes):
+            raise ValueError("its nodes are below several others; each is below one at most")
+    if reached < len(nodes):
+        raise ValueError("its nodes are below each other in a ring")
 
 
 def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]:
@@ -158,11 +167,7 @@ def _check_accessor(tree: Tree, place: str, accessor: Tree) -> None:
         )
 
 
-def _check_node(_: Tree, place: str, node: Tree) -> None:
-    _check_numbers(place, node)
-
-
-def _check_numbers(place: str, node: Tree) -> None:
+def _check_numbers(_: Tree, place: str, node: Tree) -> None:
     """Reject a node whose transformation is invalid."""
     for key, count in LENGTHS.items():
         given = node.get(key)
@@ -181,7 +186,7 @@ def _is_number(value: Any) -> bool:
 def _check_material(tree: Tree, place: str, material: Tree) -> None:
     """Reject a material with an invalid texture or number."""
     look = _object(material, "pbrMetallicRoughness", f"{place}.pbrMetallicRoughness")
-    _check_numbers(f"{place}.pbrMetallicRoughness", look)
+    _check_numbers(tree, f"{place}.pbrMetallicRoughness", look)
     cutoff = material.get("alphaCutoff", 0.5)
     if not _is_number(cutoff):
         raise ValueError(f"its {place}.alphaCutoff is {cutoff!r:.40}, not a number")
@@ -190,23 +195,6 @@ def _check_material(tree: Tree, place: str, material: Tree) -> None:
             if key in holder:
                 named = _object(holder, key, f"{place}.{key}")
                 _index(tree, "textures", named.get("index"), f"{place}.{key}.index")
-
-
-def _check_depth(tree: Tree) -> None:
-    """Reject node trees that are too deep or contain a cycle."""
-    nodes = tree.get("nodes", [])
-    below = {child for node in nodes for child in node.get("children", [])}
-    level, depth = [n for n in range(len(nodes)) if n not in below], 0
-    reached = len(level)
-    while level:
-        level = [child for n in level for child in nodes[n].get("children", [])]
-        reached, depth = reached + len(level), depth + 1
-        if depth > limits().depth:
-            raise refused("too deep", "nodes below each other", "depth")
-        if reached > len(nodes):
-            raise ValueError("its nodes are below several others; each is below one at most")
-    if reached < len(nodes):
-        raise ValueError("its nodes are below each other in a ring")
 
 
 def _check_mesh(tree: Tree, place: str, mesh: Tree) -> None:
@@ -241,7 +229,7 @@ CHECKS: dict[str, Callable[[Tree, str, Tree], None]] = {
     "images": _check_uri,
     "bufferViews": _check_view,
     "accessors": _check_accessor,
-    "nodes": _check_node,
+    "nodes": _check_numbers,
     "materials": _check_material,
     "meshes": _check_mesh,
 }

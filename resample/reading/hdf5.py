@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_free, check_items, check_unpacked
+from resample.reading.native import damage, lacking
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-LONGEST = 200  # characters of a text
 FIRST = (0, 512, 1024, 2048)  # bytes at which it may be
 
 
@@ -104,21 +103,6 @@ def dataset_in(path: Path, group: Any, name: str) -> Any:
     return found
 
 
-def array_in(path: Path, group: Any, name: str, shape: tuple[int, ...] | None = None) -> Any:
-    """Return an array of a group; None if there is none.
-
-    `shape`: what it must have, where None stands for any number.
-    """
-    found = dataset_in(path, group, name)
-    if found is None:
-        return None
-    if shape is not None and found.shape != shape:
-        raise ValueError(f"has {name!r:.80} of the shape {found.shape}; it must be {shape}")
-    with damage(path):
-        values: NDArray[Any] = found[()]
-    return values
-
-
 def numbers_of(path: Path, owner: Any, name: str) -> NDArray[np.float64] | None:
     """Return an attribute as numbers (N,); None if there is none, or it is text."""
     with damage(path):
@@ -128,20 +112,3 @@ def numbers_of(path: Path, owner: Any, name: str) -> NDArray[np.float64] | None:
     if values.dtype.kind not in "iufb" or values.ndim != 1 or not len(values):
         return None
     return values.astype(np.float64)
-
-
-def number_of(path: Path, owner: Any, name: str) -> float | None:
-    """Return an attribute as one number; None if there is none."""
-    values = numbers_of(path, owner, name)
-    return None if values is None else float(values[0])
-
-
-def text_of(path: Path, owner: Any, name: str) -> str:
-    """Return an attribute as text; empty if there is none."""
-    with damage(path):
-        if name not in owner.attrs:
-            return ""
-        value = owner.attrs[name]
-    value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
-    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-    return text[:LONGEST]

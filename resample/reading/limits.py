@@ -16,6 +16,7 @@ import errno
 import lzma
 import os
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -35,6 +36,8 @@ PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # methods that stop at the s
 ANY, RAW = 47, -15  # zlib's `wbits` for zlib or gzip headers, and for raw data
 PIECE = 1 << 20  # bytes unpacked at a time
 JOINED = (b"\x1f\x8b", b"BZ", b"\xfd7")  # first bytes of streams that may be followed by others
+ZSTD = 0xFD2FB528  # magic number of a frame
+ZSTD_BLOCK = 1 << 17  # largest unpacked size of a block, bytes
 
 
 class LimitError(ValueError):
@@ -57,7 +60,6 @@ def limits() -> FileLimits:
 
     Examples
     --------
-    >>> from resample.reading.limits import limits
     >>> limits().depth
     64
     """
@@ -109,7 +111,6 @@ def check_unpacked(what: str, packed: int, unpacked: int) -> None:
 
     Examples
     --------
-    >>> from resample.reading.limits import check_unpacked
     >>> check_unpacked("a.npz", packed=1000, unpacked=1_000_000)
     """
     check_ratio(what, packed, unpacked)
@@ -127,23 +128,12 @@ def check_ratio(what: str, packed: int, unpacked: int) -> None:
 def check_animation(what: str, packed: int, frame: int, count: int) -> None:
     """Reject an animation with implausibly many pixels for its file.
 
-    Parameters
-    ----------
-    what
-        Name for the message.
-    packed
-        Bytes in the file. Similar frames compress well, so the limit is higher than for a picture.
-    frame, count
-        Bytes of a frame in memory, and number of frames.
-
-    Raises
-    ------
-    ValueError
-        There are too many.
+    `what`: name for the message. `packed`: bytes in the file. Similar frames compress well, so the
+    limit is higher than for a picture. `frame`, `count`: bytes of a frame in memory, and number of
+    frames. Raises ValueError: there are too many.
 
     Examples
     --------
-    >>> from resample.reading.limits import check_animation
     >>> check_animation("a.gif", packed=1_000_000, frame=1_000_000, count=500)
     """
     known = limits()
@@ -169,7 +159,6 @@ def check_file(path: str | Path) -> None:
     Examples
     --------
     >>> from tempfile import TemporaryDirectory
-    >>> from resample.reading.limits import check_file
     >>> with TemporaryDirectory() as folder:
     ...     try:
     ...         check_file(folder)
@@ -189,7 +178,6 @@ def neighbour(source: Path, name: str) -> Path:
     Examples
     --------
     >>> from pathlib import Path
-    >>> from resample.reading.limits import neighbour
     >>> neighbour(Path("scans/head.nhdr"), "head.raw").as_posix()
     'scans/head.raw'
     """
@@ -235,50 +223,46 @@ def _refusal(source: Path, name: str, reason: str) -> ValueError:
 def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator[None]:
     """Raise limits, or allow files to refer to others outside their folder, in this block.
 
-    Parameters
-    ----------
-    limit
-        As in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
-    allow_outside
-        As `RESAMPLE_ALLOW_OUTSIDE=1`.
+    `limit`: as in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
+    `allow_outside`: as `RESAMPLE_ALLOW_OUTSIDE=1`.
 
     Examples
     --------
-    >>> from resample.reading.limits import limits
-    >>> from resample.reading.limits import raised
     >>> with raised("depth=90"):
     ...     limits().depth
     90
     """
-    names = (SETTING, OUTSIDE)
-    before = {name: os.environ.get(name) for name in names}
-    if limit is not None:
-        os.environ[SETTING] = ",".join(filter(None, (before[SETTING], limit)))
-    if allow_outside:
-        os.environ[OUTSIDE] = "1"
-    try:
+    with restored(SETTING, OUTSIDE):
+        if limit is not None:
+            os.environ[SETTING] = ",".join(filter(None, (os.environ.get(SETTING), limit)))
+        if allow_outside:
+            os.environ[OUTSIDE] = "1"
         limits()
         yield
+
+
+@contextmanager
+def restored(*names: str) -> Iterator[None]:
+    """Restore variables of the environment after the block; all without names."""
+    before = dict(os.environ)
+    try:
+        yield
     finally:
-        for name, value in before.items():
-            if value is None:
+        for name in names or {*before, *os.environ}:
+            if name not in before:
                 os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+            elif os.environ.get(name) != before[name]:
+                os.environ[name] = before[name]
 
 
 def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
     """Unpack zlib or gzip data of one or more streams.
 
-    Parameters
-    ----------
-    most
-        Limit in bytes.
+    `most`: limit in bytes.
 
     Examples
     --------
     >>> import zlib
-    >>> from resample.reading.limits import deflated
     >>> deflated(zlib.compress(b"a" * 9), most=10)
     b'aaaaaaaaa'
     """
@@ -353,3 +337,54 @@ def _unpacked(data: Buffer, most: int, new: Callable[[], Any]) -> bytes:
     except (zlib.error, lzma.LZMAError, OSError, EOFError) as error:
         raise ValueError(f"it is damaged: {error}") from None
     return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+def unzstd(data: Any, most: int, size: int) -> Any:
+    """Unpack Zstandard data, whose frame states its size or whose blocks bound it.
+
+    `most`: limit in bytes. `size`: if the bound exceeds `most`, the output must have this size.
+    """
+    import numpy as np
+    from numcodecs import Zstd
+
+    data = bytes(data)
+    told, first = _head(data)
+    if told is not None:
+        check_becomes(told, most)
+        return Zstd().decode(data)
+    if _bound(data, first, most) <= most:
+        return Zstd().decode(data)
+    try:
+        return Zstd().decode(data, np.empty(size, np.uint8))
+    except RuntimeError as error:
+        raise ValueError(f"it unpacks to other than {size} bytes: {error}") from None
+
+
+def _head(data: bytes) -> tuple[int | None, int]:
+    """Unpacked size that a frame states, if any, and the position of its blocks."""
+    if len(data) < 6 or struct.unpack_from("<I", data)[0] != ZSTD:
+        raise ValueError("it is not of Zstandard")
+    flags = data[4]
+    is_single = bool(flags & 0x20)
+    start = 5 + (not is_single) + (0, 1, 2, 4)[flags & 3]
+    width = (int(is_single), 2, 4, 8)[flags >> 6]
+    if len(data) < start + width:
+        raise ValueError("it is cut off")
+    if not width:
+        return None, start
+    told = int.from_bytes(data[start : start + width], "little")
+    return told + 256 * (width == 2), start + width
+
+
+def _bound(data: bytes, place: int, most: int) -> int:
+    """Bound on the unpacked size of the only frame's blocks, or a number above `most`."""
+    count, is_last = 0, False
+    while not is_last and count <= most:
+        if place + 3 > len(data):
+            raise ValueError("it is cut off")
+        head = int.from_bytes(data[place : place + 3], "little")
+        is_last, kind, length = bool(head & 1), head >> 1 & 3, head >> 3
+        count += ZSTD_BLOCK if kind == 2 else length
+        place += 3 + (1 if kind == 1 else length)
+    is_whole = place + 4 * (data[4] >> 2 & 1) >= len(data)  # with its checksum
+    return count if is_whole else most + 1  # further frames would be unpacked, too

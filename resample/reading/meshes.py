@@ -40,7 +40,14 @@ def check_mesh(source: Path) -> None:
         check_members(source.name, infos, "members")
         unpacked = sum(info.file_size for info in infos)
         check_unpacked(source.name, source.stat().st_size, unpacked)
-        _check_members(source, infos)
+        members = [info for info in infos if info.filename.lower().endswith(MARKUP_MEMBERS)]
+        try:
+            with zipfile.ZipFile(source) as packed:
+                for info in members:
+                    with packed.open(info) as member:
+                        check_xml_member(f"{source.name}: {info.filename}", member)
+        except (zipfile.BadZipFile, RuntimeError, EOFError, zlib.error) as error:  # or encrypted
+            raise ValueError(f"{source.name} is damaged: {error}") from None
     elif kind in MARKUP:
         check_xml_file(source)
     with suppress(FileNotFoundError):  # matters only if textures are needed
@@ -51,18 +58,6 @@ def check_mesh(source: Path) -> None:
             told = header_of(source)
             check_gltf(told)
         _check_parts(source, told)
-
-
-def _check_members(source: Path, infos: list[zipfile.ZipInfo]) -> None:
-    """Reject an archive with XML that is nested too deep."""
-    members = [info for info in infos if info.filename.lower().endswith(MARKUP_MEMBERS)]
-    try:
-        with zipfile.ZipFile(source) as packed:
-            for info in members:
-                with packed.open(info) as member:
-                    check_xml_member(f"{source.name}: {info.filename}", member)
-    except (zipfile.BadZipFile, RuntimeError, EOFError, zlib.error) as error:  # or encrypted
-        raise ValueError(f"{source.name} is damaged: {error}") from None
 
 
 def named_textures(source: Path) -> Iterator[Path]:
@@ -77,7 +72,11 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
         for library in _values(source, "mtllib"):
             file = neighbour(source, library)
             yield file, False
-            names = _material_textures(file, source)
+            if not file.is_file():
+                message = f"is missing; {source.name} names it for its textures"
+                raise FileNotFoundError(errno.ENOENT, message, str(file))
+            values = _values(file, "map_kd")
+            names = [value.split()[-1] if value.startswith("-") else value for value in values]
             check_items(file.name, len(names), "textures")
             yield from ((neighbour(file, name), True) for name in names)
     elif kind == ".ply":
@@ -98,7 +97,10 @@ def _check_parts(source: Path, told: dict[str, Any]) -> None:
     """
     unpacked = 0
     with suppress(ValueError, LookupError, AttributeError, TypeError):  # reported by the reader
-        sizes = [_bytes_of(each) for each in told.get("accessors", [])]
+        sizes = [
+            int(each["count"]) * SIZES[each["componentType"]] * PARTS[each["type"]]
+            for each in told.get("accessors", [])
+        ]
         meshes = [
             sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
             for mesh in told.get("meshes", [])
@@ -107,12 +109,6 @@ def _check_parts(source: Path, told: dict[str, Any]) -> None:
         unpacked = max(sum(shown), sum(meshes))
     files = [source, *(file for file, _ in _named(source) if file.is_file())]
     check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
-
-
-def _bytes_of(accessor: dict[str, Any]) -> int:
-    """Bytes of an accessor's numbers."""
-    width = SIZES[accessor["componentType"]] * PARTS[accessor["type"]]
-    return int(accessor["count"]) * width
 
 
 def _numbers_of(part: dict[str, Any]) -> list[int]:
@@ -137,14 +133,6 @@ def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
     for name, is_texture in told:
         if isinstance(name, str) and not name.startswith("data:"):
             yield neighbour(source, unquote(name)), is_texture
-
-
-def _material_textures(library: Path, source: Path) -> list[str]:
-    if not library.is_file():
-        message = f"is missing; {source.name} names it for its textures"
-        raise FileNotFoundError(errno.ENOENT, message, str(library))
-    values = _values(library, "map_kd")
-    return [value.split()[-1] if value.startswith("-") else value for value in values]
 
 
 def _values(file: Path, key: str) -> list[str]:

@@ -15,17 +15,16 @@ from hashlib import sha256
 from pathlib import Path
 from threading import Lock
 
+from resample.words import one_line
+
 
 def plain(path: str | Path) -> str:
     r"""Name of a file for any library: its own, or a temporary link if it is not valid text.
 
-    Returns
-    -------
-    Links keep the suffix, are in the folder for temporary files, and are removed at exit.
+    Result: links keep the suffix, are in the folder for temporary files, and are removed at exit.
 
     Examples
     --------
-    >>> from resample.reading.native import plain
     >>> plain("café.png"), plain("caf\udce9.png").isascii()
     ('café.png', True)
     """
@@ -106,3 +105,27 @@ def suppressed_output() -> Iterator[None]:
         yield
     finally:
         _SILENCE.end()
+
+
+def lacking(name: str, reader: str, error: ImportError, extra: str) -> ValueError:
+    """Return the error for a file whose reader is not installed."""
+    return ValueError(
+        f"{name} is read by {reader}, and {error.name} is not installed: "
+        f"pip install 'hybrid-resample[{extra}]'"
+    )
+
+
+@contextmanager
+def damage(path: Path) -> Iterator[None]:
+    """Turn the many errors that damaged files raise into one kind."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        message = one_line(error).partition(" ****")[0]  # libE57 appends its sources' lines
+        raise OSError(f"{path} is damaged: {message:.200}") from None
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # of Rust
+            raise
+        raise OSError(f"{path} is damaged: it cannot be unpacked") from None

@@ -29,13 +29,15 @@ def size_of(frame: bytes) -> tuple[int, int] | None:
 
     Examples
     --------
-    >>> from resample.reading.pictures import size_of
     >>> size_of(bytes.fromhex("ffd8 ffc0 000b 08 0010 0020 01 011100"))
     (16, 32)
     """
     if not frame.startswith(START):
         at = frame[:NEAR].find(SIZED)
-        return None if at < 0 else _of_jpeg_2000(frame[at + 8 : at + 24])
+        if at < 0 or len(frame) < at + 24:
+            return None
+        across, down, left, top = struct.unpack_from(">4I", frame, at + 8)
+        return down - top, across - left
     place = 2
     while place + 9 <= len(frame) and frame[place] == 0xFF:
         mark, length = frame[place + 1], int.from_bytes(frame[place + 2 : place + 4], "big")
@@ -59,13 +61,6 @@ def size_at_once(path: Path) -> tuple[int, int] | None:
         if head.startswith((BARE_XL, BOXED_XL)):
             return _of_jpeg_xl(_codestream(file, head))
     return None
-
-
-def _of_jpeg_2000(sizes: bytes) -> tuple[int, int] | None:
-    if len(sizes) < 16:
-        return None
-    across, down, left, top = struct.unpack(">4I", sizes)
-    return down - top, across - left
 
 
 def _codestream(file: BinaryIO, head: bytes) -> bytes:
@@ -151,7 +146,7 @@ def opened(path: str | Path, page: int = 0) -> Any:
     check_file(path)
     check_unopened(path)
     if is_avif(path):
-        from resample.reading.avif import AvifInput
+        from resample.reading.displayed import AvifInput
 
         with decoding(path):
             return AvifInput(path)

@@ -33,7 +33,6 @@ def json_of(text: str) -> Any:
 
     Examples
     --------
-    >>> from resample.reading.texts import json_of
     >>> json_of('{"fov": 30}')
     {'fov': 30}
     """
@@ -51,7 +50,6 @@ def toml_of(text: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from resample.reading.texts import toml_of
     >>> toml_of("fov = 30")
     {'fov': 30}
     """
@@ -75,14 +73,11 @@ def yaml_of(text: str) -> dict[str, Any]:
     Values are numbers, texts, None, lists and dictionaries. Tags are ignored; anchors, which can
     multiply what a file holds, are rejected.
 
-    Raises
-    ------
-    ValueError
-        It is not YAML, has no names, is too large or nested too deep; the message names the line.
+    Raises ValueError: it is not YAML, has no names, is too large or nested too deep; the message
+    names the line.
 
     Examples
     --------
-    >>> from resample.reading.texts import yaml_of
     >>> yaml_of("fov: 30")
     {'fov': 30.0}
     """
@@ -186,20 +181,11 @@ def check_xml(
 
     Malformed XML is left to the actual reader, which reports the error.
 
-    Parameters
-    ----------
-    blocks
-        Its bytes, in pieces.
-    encoding
-        Encoding of the bytes; None: as declared.
-
-    Returns
-    -------
-    Number of elements.
+    `blocks`: its bytes, in pieces. `encoding`: encoding of the bytes; None: as declared. Result:
+    number of elements.
 
     Examples
     --------
-    >>> from resample.reading.texts import check_xml
     >>> check_xml("a.xml", [b"<a><b/></a>"])
     2
     """

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import re
 import secrets
 import socket
 import sys
@@ -11,13 +12,12 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from resample.command.settings import Serving
 from resample.console import say, say_notes
-from resample.view.messages import LONGEST, message_of
-from resample.view.modules import PAGE, TYPES, parts
-from resample.view.sessions import PageSession
+from resample.view.sessions import LONGEST, PageSession, message_of
 from resample.view.views import Viewable, Warming
 from resample.words import one_line
 
@@ -43,6 +43,37 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
+PAGE = Path(__file__).parent / "page"
+TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+NOTEBOOK = PAGE / "notebook.js"  # entry point in a notebook cell
+_IMPORT = re.compile(r'^import \{[^}]*\} from "\./(?P<name>[\w-]+\.js)";\n', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?!default)", re.MULTILINE)
+
+
+def parts() -> frozenset[str]:
+    """Names of the files that a page loads: its modules and style sheet."""
+    return frozenset(path.name for path in PAGE.iterdir() if path.suffix in (".js", ".css"))
+
+
+def joined(entry: Path = NOTEBOOK) -> str:
+    """Join a module and all its imports, dependencies first, to one module.
+
+    Names are unique across the page's modules, and their only imports are of the form
+    `import { a, b } from "./c.js"`; so their text without imports and exports is a module as well.
+    """
+    texts: dict[Path, str] = {}
+    _gather(entry, texts)
+    return "\n".join(texts.values())
+
+
+def _gather(path: Path, texts: dict[Path, str]) -> None:
+    """Add a module after its imports."""
+    text = path.read_text(encoding="utf-8")
+    for found in _IMPORT.finditer(text):
+        wanted = path.with_name(found["name"])
+        if wanted not in texts:
+            _gather(wanted, texts)
+    texts[path] = _EXPORT.sub("", _IMPORT.sub("", text))
 
 
 def application(

@@ -1,5 +1,8 @@
 """Interfaces that applications implement to show a page, and shared functions."""
 
+import json
+import math
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -8,14 +11,14 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from cyclopts import App, Group
-from cyclopts.argument import Argument
 from numpy.typing import ArrayLike, NDArray
 
 from resample import registry
 from resample.cameras.models import Camera, LensModel, Orthographic
+from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.command.flags import Marks, OptionTopic, about, marks_of
 from resample.command.settings import Choices, option_of
-from resample.command.settings_files import options_of, schema_of
+from resample.command.settings_files import appearance_settings, as_toml, options_of, schema_of
 from resample.types import View
 from resample.watching import Cancel, Progress
 
@@ -23,6 +26,9 @@ Settings = Mapping[str, Any]  # options by name, as settings files have them
 Size = tuple[int, int]  # width and height, px
 Point = tuple[float, float, float]  # scene units
 C = TypeVar("C", bound=Choices)
+KEYFRAMES = "keyframes.toml"
+ORBITING = {"file": KEYFRAMES, "steered": ["camera", "fov", "up"]}  # films that orbit
+STEP = 2.0  # seconds from one keyframe to the next
 
 
 class PagePicture(NamedTuple):
@@ -141,23 +147,18 @@ def controls_of(name: str, left_out: Sequence[str] = ()) -> list[dict[str, Any]]
         described = dict(schema[key])
         if OptionTopic.APPEARANCE.value not in described.pop("about"):
             continue
+        given = option.parameter.group
+        groups = [given] if isinstance(given, str | Group) else list(given or ())
         found.append(
             {
                 "key": key,
-                "heading": _heading(option),
+                "heading": str(getattr(groups[0], "name", groups[0])) if groups else "",
                 "help": described.pop("description", ""),
                 "default": described.pop("default", None),
                 "schema": described,
             }
         )
     return found
-
-
-def _heading(option: Argument) -> str:
-    """Heading of an option in the help."""
-    given = option.parameter.group
-    groups = [given] if isinstance(given, str | Group) else list(given or ())
-    return str(getattr(groups[0], "name", groups[0])) if groups else ""
 
 
 @cache
@@ -229,3 +230,81 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return list(value)
     return str(value) if isinstance(value, Path) else value
+
+
+def exports_of(
+    about: dict[str, Any],
+    settings: Settings,
+    size: Size,
+    cameras: Sequence[str] = (),
+    keyframes: str = "",
+) -> dict[str, str]:
+    """Texts that reproduce the picture, and a film through keyframes.
+
+    `size`: width and height, px.
+    """
+    command, inputs = about["command"], about["inputs"]
+    whole = {**about.get("fixed", {}), **settings, "size": f"{size[0]}x{size[1]}"}
+    words = [*command.split(), *inputs, *option_words(whole)]
+    made_by = about.get("function", "picture")
+    named = ", ".join(map(repr, inputs))
+    lines = "".join(f"    {key!r}: {value!r},\n" for key, value in whole.items())
+    python = (
+        f"from {about['package']}.viewing import {made_by}\n\n"
+        f"shown = {made_by}({named}, {{\n{lines}}})\n"
+    )
+    film = {}
+    if len(cameras) > 1 and "film" in about:
+        film = {"keyframes": keyframes, "film": _film(about, whole, len(cameras))}
+    return {
+        "command": shlex.join([*words, "-o", "picture.png"]),
+        "settings": as_toml(command, appearance_settings(whole, marks_in(command))),
+        "python": python + 'shown.save("picture.png")\n',
+        "notebook": python + "shown\n",
+        **film,
+    }
+
+
+def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
+    """Write keyframes as TOML, `STEP` apart, each along the shorter rotation from the previous."""
+    tables, last = [], 0.0
+    for n, text in enumerate(cameras):
+        orbit = viewpoint_of(text)
+        if not isinstance(orbit, Orbit):
+            raise ValueError(
+                f"keyframe {text!r:.60} is not azimuth,elevation,zoom; films need such cameras"
+            )
+        azimuth = orbit.azimuth if n == 0 else last + math.remainder(orbit.azimuth - last, 360.0)
+        last = azimuth
+        tables.append(
+            f"[[camera]]\ntime = {n * STEP:g}\nazimuth = {azimuth!r}\n"
+            f"elevation = {orbit.elevation!r}\nzoom = {orbit.zoom!r}\npan = {list(orbit.pan)!r}\n"
+            f"fov = {float(settings.get('fov', orbit.fov))!r}\n"
+            f"up = {json.dumps(settings.get('up', orbit.up))}\n"
+        )
+    return "\n".join(tables)
+
+
+def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
+    """Command that makes a film through `count` keyframes."""
+    film = about["film"]
+    known = film.get("options", settings)
+    still = {
+        key: value for key, value in settings.items() if key in known and key not in film["steered"]
+    }
+    words = [*film["command"].split(), *about["inputs"], *option_words(still)]
+    words.append(f"--path={film['file']}")
+    if "each" in film:
+        words.append(f"--frames={film['each'] * (count - 1) + 1}")
+    return shlex.join([*words, "-o", "film.mp4"])
+
+
+def option_words(settings: Settings) -> list[str]:
+    """Arguments of a command line that set all options."""
+    words: list[str] = []
+    for key, value in settings.items():
+        if isinstance(value, bool):
+            words.append(f"--{key}" if value else f"--no-{key}")
+        else:
+            words += [f"--{key}={one}" for one in (value if isinstance(value, list) else [value])]
+    return words

@@ -12,12 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from resample.view.exports import exports_of
-from resample.view.messages import message_of
-from resample.view.modules import PAGE, joined
-from resample.view.server import MOST_PAGES
-from resample.view.sessions import PageSession
-from resample.view.views import Viewable, check_page_options
+from resample.view.server import MOST_PAGES, PAGE, joined
+from resample.view.sessions import PageSession, message_of
+from resample.view.views import Viewable, check_page_options, exports_of
 
 try:
     import anywidget

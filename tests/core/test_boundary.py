@@ -22,8 +22,15 @@ from resample.cameras.calibrations.lens_files import read_calibration
 from resample.cameras.files import viewpoint
 from resample.command import flags
 from resample.command.applications import check_added
-from resample.command.flags import ANGLES, LENS, Inline, OptionTopic, about, marks_of
-from resample.command.intrinsics import with_intrinsics
+from resample.command.flags import (
+    ANGLES,
+    LENS,
+    Inline,
+    OptionTopic,
+    about,
+    marks_of,
+    with_intrinsics,
+)
 from resample.command.settings_files import OWN, as_toml, options_of, read_settings
 from resample.files.facts.origin import KEY
 from resample.view.views import check_page_options

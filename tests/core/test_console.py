@@ -8,8 +8,9 @@ import pytest
 
 from resample.command.session import Session, libraries, require_picture, run
 from resample.console import listening, progress_bar, say
-from resample.files.writing import check_targets, rows_as_json
+from resample.files.writing import check_targets
 from resample.memory import require_memory
+from resample_comparisons.options import rows_as_json
 
 
 def test_targets_are_tried_and_left_alone(tmp_path):

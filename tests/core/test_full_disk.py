@@ -18,9 +18,15 @@ from resample.files.facts.metadata import FileMetadata
 from resample.files.facts.tags import ASCII, Tag
 from resample.files.formats import WriteOptions, page_of
 from resample.files.images import BufferedJpeg
-from resample.files.painted import DepthSlab, write_deep
 from resample.files.pictures import Kind, Picture
-from resample.files.saving import spec_of, write_pages, write_picture, writing_rows
+from resample.files.saving import (
+    DepthSlab,
+    spec_of,
+    write_deep,
+    write_pages,
+    write_picture,
+    writing_rows,
+)
 from resample.files.sequences import Frames, write_frames
 from resample.files.writing import check_end, load_arrays, refused, store_arrays, write_json
 from resample.measuring.compare import contact_sheet, write_screen

@@ -33,7 +33,7 @@ from resample.reading.texts import json_of, toml_of
 from resample.words import LONGEST, one_line, visible
 from resample_meshes.files import load_mesh
 from resample_points.files.readers import read_cloud
-from resample_texture.geometry.maps import read_map
+from resample_texture.geometry.mappings import read_map
 from resample_volume.classification.files import read_transfer
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw, Vti
 from resample_volume.files.stores.reader import Zarr

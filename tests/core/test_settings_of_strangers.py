@@ -19,8 +19,7 @@ from resample.cameras.files import viewpoint
 from resample.cameras.viewpoints import NAMED, Orbit
 from resample.cli import app
 from resample.command import flags as abouts
-from resample.command.flags import Inline, OptionTopic, about, marks_of
-from resample.command.intrinsics import with_intrinsics
+from resample.command.flags import Inline, OptionTopic, about, marks_of, with_intrinsics
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
 from resample.files.facts.origin import KEY, settings_in

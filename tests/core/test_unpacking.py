@@ -18,8 +18,8 @@ from resample.files.facts.origin import settings_in
 from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image
-from resample.files.painted import DepthSlab, write_deep
 from resample.files.pictures import read_picture
+from resample.files.saving import DepthSlab, write_deep
 from resample.files.sequences import frames_of
 from resample.reading.arrays import read_npz
 from resample.reading.limits import bunzipped, deflated, unlzma

@@ -18,7 +18,7 @@ from resample_meshes.files import load_mesh
 from resample_particles.files import read_particles
 from resample_points.files.gaussians.reading import read_gaussians
 from resample_points.files.readers import read_cloud
-from resample_texture.geometry.maps import read_map
+from resample_texture.geometry.mappings import read_map
 from resample_texture.geometry.matrices import parse_matrix
 from resample_volume.classification.files import read_transfer
 from resample_volume.cli import app

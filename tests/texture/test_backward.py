@@ -17,8 +17,8 @@ from resample.profiles.interpolation import (
 )
 from resample_texture import BackwardMap, Edge, Homography
 from resample_texture.geometry.mappings import source_coordinates
-from resample_texture.texels.backward import collect_from, extended
 from resample_texture.texels.forward import CellGrid
+from resample_texture.texels.gather import collect_from, extended
 from tests.texture import naive_forward
 
 warp = partial(resample_texture.warp, fill="premultiplied")  # what the twins give, too

@@ -7,7 +7,7 @@ import pytest
 
 from resample_texture import BackwardMap, Hybrid, warp, warp_chunks
 from resample_texture import drawing as drawings
-from resample_texture.texels import gather, partly
+from resample_texture.texels import forward, gather
 
 RNG = np.random.default_rng(9)
 IMAGE = RNG.random((230, 310, 3)).astype(np.float32)
@@ -128,7 +128,7 @@ MORE_TEXELS = product(
     ],
 )
 def test_texels_are_projected_from_parts_of_the_source(way, edge, kind, monkeypatch):
-    monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
+    monkeypatch.setattr(forward, "MOST_VALUES", 20_000)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
     image = (IMAGE * (255 if kind == np.uint8 else 1)).astype(kind)
     if kind == np.float32:
@@ -158,7 +158,7 @@ def test_pixels_that_others_fill_are_empty_before(monkeypatch):
     image = IMAGE.copy()
     image[3, 4] = np.inf
     whole = warp(image, WAYS["to the horizon"], FRAME).image
-    monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
+    monkeypatch.setattr(forward, "MOST_VALUES", 20_000)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
     monkeypatch.setattr(gather, "np", Unclean())
     made = np.zeros((*FRAME, 3), np.float32)
@@ -171,7 +171,7 @@ def test_a_block_of_many_texels_is_read_strip_by_strip(monkeypatch):
     image = RNG.random((1000, 700, 3)).astype(np.float32)
     matrix = [[0.004, 0, 10], [0, 0.004, 10], [0, 0, 1]]
     whole = warp(image, matrix, (32, 40)).image
-    monkeypatch.setattr(partly, "MOST_VALUES", 70_000)
+    monkeypatch.setattr(forward, "MOST_VALUES", 70_000)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 70_000)
     source, made = Counting(image), np.zeros((32, 40, 3), np.float32)
     warp_chunks(source, matrix, (32, 40), out=made)

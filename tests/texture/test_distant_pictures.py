@@ -12,7 +12,7 @@ from resample.files.pictures import read_picture
 from resample.files.sequences import batch_of, is_batch
 from resample.files.stores.opening import Address
 from resample_texture import cli, warp
-from resample_texture.command import large
+from resample_texture.command import rendering
 from tests import commands
 from tests.servers import Server
 
@@ -67,8 +67,8 @@ def test_a_picture_at_an_address_is_warped_as_that_on_disk(
     write, is_large, values, server, monkeypatch
 ):
     if is_large:
-        monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
-        monkeypatch.setattr(large, "MOST_IN_STRIP", 20_000)
+        monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
+        monkeypatch.setattr(rendering, "MOST_IN_STRIP", 20_000)
     write("a.zarr", values)
     assert made(f"{server.url}a.zarr", "far.png") == made("a.zarr", "near.png")
     chunks = [asked for asked in server.asked if "/c/" in asked]
@@ -88,7 +88,7 @@ def test_a_picture_in_a_zip_file_is_warped_as_that_in_a_folder(name, values):
 @pytest.mark.sweep
 @pytest.mark.parametrize("name", ["a.zarr", "b.ozx"])
 def test_only_chunks_that_are_shown_are_fetched(name, values, server, monkeypatch):
-    monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
     array_of("a.zarr", values)
     image_of("b.ozx", values)
     words = ["warp", "--matrix", "1,0,0.5,0,1,0.5", "--roi", "40,70,15,15"]

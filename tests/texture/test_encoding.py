@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from resample.colors import from_srgb
-from resample_texture.texels.encoding import DTYPES, decoded, encoded
-from resample_texture.texels.gaps import mended
+from resample_texture.texels.encoding import DTYPES, decoded, encoded, mended
 from resample_texture.types import Warped
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_texture import BackwardMap, ForwardMap, warp
-from resample_texture.geometry.inverting import inverse_of
+from resample_texture.geometry.mappings import inverse_of
 
 SHAPE = (64, 80)
 

@@ -13,7 +13,7 @@ from resample.files.images import read_channels
 from resample.files.pictures import Kind, Picture, picture_at
 from resample.files.saving import writing_rows
 from resample_texture import cli
-from resample_texture.command import large
+from resample_texture.command import rendering
 from resample_texture.geometry.mappings import BackwardMap
 from tests import commands
 
@@ -47,7 +47,7 @@ SOURCES = ["rgb.png", "rgba.png", "gray.png", "deep.png", "photo.jpg", "sideways
 def folder(tmp_path, monkeypatch):
     """The working folder of every command, with pictures in it."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(large, "MOST_IN_STRIP", 40_000)
+    monkeypatch.setattr(rendering, "MOST_IN_STRIP", 40_000)
     rng = np.random.default_rng(3)
     smooth = rng.integers(0, 256, (16, 27, 4), np.uint8)
     levels = np.array(Image.fromarray(smooth).resize(SHAPE[::-1], Image.Resampling.BICUBIC))
@@ -68,14 +68,14 @@ def folder(tmp_path, monkeypatch):
 
 def in_strips(monkeypatch):
     """Warp all pictures as if they were large; gives the list of strips that were warped."""
-    done, one = [], large.Large.paint
-    monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
+    done, one = [], rendering.Large.paint
+    monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
 
     def counted(self, first, count):
         done.append((first, count))
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "paint", counted)
+    monkeypatch.setattr(rendering.Large, "paint", counted)
     return done
 
 
@@ -149,7 +149,7 @@ def test_a_map_whose_pixels_lie_within_the_picture_leaves_none_open(bounds, is_w
             method=SimpleNamespace(visible_tiles=lambda *_: tiles),
             _part=lambda *_, x=x: (BackwardMap(x, place), (2, 3), None),
         )
-        assert large.Large._covers_all(asked, 0, 2) is expected
+        assert rendering.Large._covers_all(asked, 0, 2) is expected
 
 
 @pytest.mark.sweep

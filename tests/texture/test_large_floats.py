@@ -14,8 +14,8 @@ from resample.files.pictures import loadable_picture, read_picture
 from resample.memory import mapped
 from resample_texture import cli
 from resample_texture import drawing as drawings
-from resample_texture.command import large
-from resample_texture.texels import partly
+from resample_texture.command import rendering
+from resample_texture.texels import forward
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -94,24 +94,24 @@ def folder(tmp_path, monkeypatch):
     """The working folder of every command."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / ".cache"))
-    monkeypatch.setattr(large, "MOST_IN_STRIP", 40_000)
+    monkeypatch.setattr(rendering, "MOST_IN_STRIP", 40_000)
     (tmp_path / ".cache").mkdir()
 
 
 def in_strips(monkeypatch):
     """Warp all pictures as if they were large, kept in files; gives the strips that were warped."""
-    done, one = [], large.Large.paint
-    monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
+    done, one = [], rendering.Large.paint
+    monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
     monkeypatch.setattr(drawings, "MOST_AT_ONCE", 0)
     monkeypatch.setattr(drawings, "MOST_IN_WINDOW", 20_000)
-    monkeypatch.setattr(partly, "MOST_VALUES", 20_000)
+    monkeypatch.setattr(forward, "MOST_VALUES", 20_000)
     monkeypatch.setattr(mapped, "pages_of", lambda _: 1 << 20)
 
     def counted(self, first, count):
         done.append((first, count))
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "paint", counted)
+    monkeypatch.setattr(rendering.Large, "paint", counted)
     return done
 
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from conftest import real
 from resample_texture import Homography
-from resample_texture.like import ndimage, opencv, shrinking
+from resample_texture.like import common, ndimage, opencv
 from resample_texture.texels.gather import places_of
 from resample_texture.texels.kernels.mixing import put_shares
 
 SHAPE = (150, 170)
-TILE = shrinking.TILE
+TILE = common.TILE
 # Texels per px grow from 0.6 to 2.5 from left to right.
 BACK = np.array([[0.62, 0.05, 9.0], [-0.04, 0.62, 20.0], [-2.8e-3, 0.0, 1.0]])
 FLAGS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC, "lanczos4": cv2.INTER_LANCZOS4}
@@ -61,7 +61,7 @@ def test_tiles_that_do_not_shrink_are_opencv_s_bit_by_bit(name, flag, channels, 
     ours, theirs = both(name, noise(dtype, channels), FLAGS[flag], border)
     most = opencv.LIMITS[KERNELS[flag]]
     back = tuple((BACK / BACK[2, 2]).ravel().tolist())
-    tiles = shrinking.by_matrix(back, SHAPE, most)
+    tiles = common.by_matrix(back, SHAPE, most)
     assert 0.1 < tiles.mean() < 0.9
     assert ours.shape == theirs.shape
     same = ours == theirs
@@ -114,7 +114,7 @@ def test_no_seam_is_seen_between_tiles(flag, record):
     theirs = cv2.warpPerspective(photo, *given).astype(float)
     own = opencv.warpPerspective(photo, *given, method=opencv.method_for(KERNELS[flag]))
     y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
-    long, w = shrinking._scaled(tuple(back.ravel().tolist()), x, y)
+    long, w = common._scaled(tuple(back.ravel().tolist()), x, y)
     long, most = long / w**4, opencv.LIMITS[KERNELS[flag]]
     seam, grown = abs(long / most - 1.0) < 0.02, long < 0.9
     assert seam.mean() > 0.005
@@ -131,13 +131,13 @@ def test_tiles_shrink_where_one_of_their_pixels_does(seed):
     rng = np.random.default_rng(seed)
     matrix = np.eye(3) + rng.normal(0, [[0.4, 0.4, 30], [0.4, 0.4, 30], [4e-3, 4e-3, 0]])
     geometry = Homography(matrix)
-    size, most = (90, 110), float(rng.choice([shrinking.SHARP, shrinking.LINEAR]))
+    size, most = (90, 110), float(rng.choice([common.SHARP, common.LINEAR]))
     shares, far = np.empty(SHAPE, np.float32), 50.0
     put_shares(places_of(size, geometry, SHAPE), (0.0, far), SHAPE, shares.reshape(-1))
     longest = far * (1.0 - shares)
     half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1.0]])
     centered = np.linalg.inv(half) @ matrix @ half
-    tiles = shrinking.by_matrix(opencv._back(centered, False, size), SHAPE, most)
+    tiles = common.by_matrix(opencv._back(centered, False, size), SHAPE, most)
     tiles = np.zeros((5, 6), np.bool_) if tiles is None else tiles
     longer = ~(longest.astype(float) ** 2 <= most)
     near = np.abs(longest.astype(float) ** 2 / most - 1.0) < 1e-4  # by rounding either

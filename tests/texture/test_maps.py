@@ -3,8 +3,8 @@ import struct
 import numpy as np
 import pytest
 
-from resample_texture.geometry import maps
-from resample_texture.geometry.maps import read_map
+from resample_texture.geometry import mappings
+from resample_texture.geometry.mappings import read_map
 
 
 def numbers(height=3, width=5):
@@ -121,5 +121,5 @@ def test_a_flow_file_of_another_length_is_damaged(tmp_path, width, height):
 @pytest.mark.parametrize("names", [("X", "Y"), ("a", "b")])
 def test_two_channels_are_a_map_of_pairs(names):
     x, y = np.arange(12.0).reshape(3, 4), np.ones((3, 4))
-    found = maps._two_of(dict(zip(names, (x, y), strict=True)), "a.exr")
+    found = mappings._two_of(dict(zip(names, (x, y), strict=True)), "a.exr")
     np.testing.assert_array_equal(found, np.dstack([x, y]))

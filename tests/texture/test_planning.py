@@ -64,7 +64,7 @@ def test_a_plan_measures_once(monkeypatch, pictures):
 def test_a_large_picture_is_drawn_in_windows(monkeypatch, pictures):
     plan = Plan(MATRIX, SHAPE, SIZE)
     expected = plan(pictures[1]).image
-    monkeypatch.setattr("resample_texture.planning.MOST_AT_ONCE", 0)
+    monkeypatch.setattr("resample_texture.warping.MOST_AT_ONCE", 0)
     monkeypatch.setattr(drawing, "MOST_AT_ONCE", 0)
     np.testing.assert_allclose(plan(pictures[1]).image, expected, atol=1e-6)
 

@@ -13,7 +13,7 @@ from resample.files.images import open_file, read_image
 from resample.files.pictures import picture_at, read_picture
 from resample.memory import mapped
 from resample_texture import cli
-from resample_texture.command import large
+from resample_texture.command import rendering
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)
@@ -52,8 +52,8 @@ def pixels(name):
 @pytest.mark.parametrize("channels", [0, 3, 4])
 def test_a_store_is_warped_as_the_file_is_and_into_one(channels, is_large, monkeypatch):
     if is_large:
-        monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
-        monkeypatch.setattr(large, "MOST_IN_STRIP", 20_000)
+        monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
+        monkeypatch.setattr(rendering, "MOST_IN_STRIP", 20_000)
     values = texels(channels, np.uint8)
     Image.fromarray(values).save("a.png")
     store("a.zarr", values)
@@ -111,7 +111,7 @@ def test_what_memory_should_not_hold_is_in_a_file_meanwhile(monkeypatch):
     values = texels(3, np.uint8)
     store("a.zarr", values)
     Image.fromarray(values).save("a.tif")
-    monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
     for name in ("a.zarr", "a.tif"):
         assert ended(*TURN, name, "-o", f"{name}.png") == 0
     monkeypatch.setattr(mapped, "pages_of", lambda _: 1 << 20)
@@ -147,7 +147,7 @@ def test_strips_of_tiles_are_whole_rows_of_them(height, rows):
 @pytest.mark.sweep
 def test_files_in_tiles_are_read_as_those_in_rows(monkeypatch):
     in_tiles_and_in_rows()
-    monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
     for name in ("rows.tif", "tiles.tif"):
         assert ended(*TURN, name, "-o", f"{name}.png") == 0
     made = [np.array(Image.open(f"{name}.png")) for name in ("rows.tif", "tiles.tif")]
@@ -196,16 +196,16 @@ def test_a_store_is_never_replaced(capsys):
 
 def test_an_error_on_the_way_leaves_no_store(monkeypatch, capsys):
     store("a.zarr", texels(3, np.uint8))
-    monkeypatch.setattr(large, "MOST_AT_ONCE", 0)
-    monkeypatch.setattr(large, "MOST_IN_STRIP", 20_000)
-    one = large.Large.paint
+    monkeypatch.setattr(rendering, "MOST_AT_ONCE", 0)
+    monkeypatch.setattr(rendering, "MOST_IN_STRIP", 20_000)
+    one = rendering.Large.paint
 
     def failing(self, first, count):
         if first:
             raise OSError(28, "No space left on device")
         return one(self, first, count)
 
-    monkeypatch.setattr(large.Large, "paint", failing)
+    monkeypatch.setattr(rendering.Large, "paint", failing)
     assert "b.zarr: cannot be written: No space left" in refused(
         capsys, *TURN, "a.zarr", "-o", "b.zarr"
     )

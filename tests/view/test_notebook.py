@@ -25,7 +25,7 @@ pytest.importorskip("anywidget", reason="pip install 'hybrid-resample[notebook]'
 import resample_texture
 import resample_volume
 import resample_warp3d
-from resample.view.modules import joined
+from resample.view.server import joined
 from tools import notebooks
 
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.view import exports
+from resample.view import views
 from resample_points import viewing
 from resample_points.cli import app
 from resample_points.viewing import cloud_view, suits
@@ -83,7 +83,7 @@ def test_a_film_around_a_cloud_shows_the_page_s_pictures(
     around: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(exports, "STEP", 0.1)
+    monkeypatch.setattr(views, "STEP", 0.1)
     cameras = ["350/20/1", "10/30/1.5/0.1/0"]
     with around.page() as page:
         settings = page.about["settings"] | {"color-by": "z", "background": "white"}

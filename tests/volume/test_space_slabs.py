@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_channels
-from resample.files.painted import DepthSlab, write_deep
+from resample.files.saving import DepthSlab, write_deep
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler

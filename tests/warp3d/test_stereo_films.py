@@ -10,8 +10,8 @@ import av
 import numpy as np
 import pytest
 
-from resample.files import film_parts
-from resample.files.stereo_boxes import mark_stereo
+from resample.files import sequences
+from resample.files.films import mark_stereo
 from resample_warp3d import cli
 from resample_warp3d.command.stereo import StereoRendering
 from tests import commands
@@ -100,9 +100,9 @@ def test_players_find_both_eyes_sound_and_times(layout, mode, codec, suffix, nam
 
 def test_boxes_leave_pictures_and_sound_where_their_tables_say(monkeypatch):
     """The same but for the boxes: growth of the tables moves all places in the file."""
-    monkeypatch.setattr(film_parts, "mark_stereo", lambda *_: None)
+    monkeypatch.setattr(sequences, "mark_stereo", lambda *_: None)
     assert ended(*WORDS, "-o", "plain.mp4") == 0
-    monkeypatch.setattr(film_parts, "mark_stereo", mark_stereo)
+    monkeypatch.setattr(sequences, "mark_stereo", mark_stereo)
     assert ended(*WORDS, "-o", "marked.mp4") == 0
     growth = Path("marked.mp4").stat().st_size - Path("plain.mp4").stat().st_size
     assert growth == 8 + 5
@@ -194,7 +194,7 @@ def test_black_bars_stay_and_do_not_scale_the_depth(capsys):
 
 
 def test_an_interrupted_film_goes_on_as_if_it_had_not_been(monkeypatch, capsys):
-    monkeypatch.setattr(film_parts, "PART", 3)
+    monkeypatch.setattr(sequences, "PART", 3)
     assert ended(*WORDS, "-o", "whole.mp4") == 0
     render, made = StereoRendering.render, []
 

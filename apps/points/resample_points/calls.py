@@ -199,7 +199,7 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
     >>> film.stat().st_size > 0
     True
     """
-    from resample.command.calls import run
+    from resample.command.applications import run
 
     with TemporaryDirectory() as folder:
         file = scene

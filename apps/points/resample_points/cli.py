@@ -7,9 +7,8 @@ from typing import Annotated, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.additions import add_command
 from resample.command.flags import Inline, OptionTopic
-from resample.command.helping import CommandLine
+from resample.command.helping import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings

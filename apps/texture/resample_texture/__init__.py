@@ -21,38 +21,25 @@ if TYPE_CHECKING:
     from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
-    from resample_texture.planning import Plan
-    from resample_texture.points import warp_points
     from resample_texture.scenes import PictureScene
     from resample_texture.types import Edge, Warped
     from resample_texture.viewing import view
-    from resample_texture.warping import warp
+    from resample_texture.warping import Plan, warp, warp_points
 
-_HOMES = {
-    "BackwardMap": "geometry.mappings",
-    "Edge": "types",
-    "ForwardMap": "geometry.mappings",
-    "Homography": "geometry.mappings",
-    "Hybrid": "methods.forward",
-    "Paper": "methods.paper",
-    "Plan": "planning",
-    "Points": "methods.forward",
-    "PictureScene": "scenes",
-    "Splats": "methods.forward",
-    "Supersample": "methods.forward",
-    "Warped": "types",
-    "control_points": "geometry.control",
-    "project": "everyday",
-    "resize": "everyday",
-    "rotate": "everyday",
-    "scale": "everyday",
-    "undistort": "everyday",
-    "view": "viewing",
-    "warp": "warping",
-    "warp_chunks": "chunks",
-    "warp_like_opencv": "like.opencv",
-    "warp_points": "points",
+_NAMES = {  # by the module that has them
+    "chunks": "warp_chunks",
+    "everyday": "project resize rotate scale undistort",
+    "geometry.control": "control_points",
+    "geometry.mappings": "BackwardMap ForwardMap Homography",
+    "like.opencv": "warp_like_opencv",
+    "methods.forward": "Hybrid Points Splats Supersample",
+    "methods.paper": "Paper",
+    "scenes": "PictureScene",
+    "types": "Edge Warped",
+    "viewing": "view",
+    "warping": "Plan warp warp_points",
 }
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
     "BackwardMap",

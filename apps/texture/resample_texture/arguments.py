@@ -1,10 +1,11 @@
-"""Check a warp's arguments: sizes, edge modes, methods, geometries and regions."""
+"""Check a warp's arguments: sizes, edge modes, methods, geometries, regions and stacks."""
 
 import dataclasses
 import math
 import operator
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from os import PathLike
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 from resample import registry
 from resample.calling import choice_meant
 from resample.cameras.models import Convention
-from resample.words import shortly, warn
+from resample.files.exchange import picture_and_encoding
+from resample.files.stores.opening import Address
+from resample.words import doubles_of, shortly, warn
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,
@@ -20,14 +23,20 @@ from resample_texture.geometry.mappings import (
     Homography,
     TargetRegion,
 )
-from resample_texture.geometry.matrices import homography
-from resample_texture.types import AnyAlpha, Edge, Fill, Method
+from resample_texture.geometry.matrices import homography, resizing, scaled_shape
+from resample_texture.texels.encoding import masked
+from resample_texture.types import FRAMES, AnyAlpha, AnyAxis, Edge, Fill, Method, Warped
 
 LARGEST_PICTURE = 1 << 30  # pixels; a larger size is taken for a mistake
 MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel sizes are estimated
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
 Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
+MOST_CHANNELS = 15  # of an array of which nothing says what its last axis is
+MOST_COLORS = 4  # channels of which a picture is likelier than a stack of frames so narrow
+CHANNELS: Literal[-1] = -1
+Fit = Literal["contain", "cover", "stretch", "pad"]
+AnySize = tuple[int, int] | int | float  # height and width; longer side; share
 
 
 def edge_named(name: str) -> str:
@@ -115,9 +124,14 @@ def within(
         raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     if isinstance(geometry, BackwardMap) or callable(geometry):
         margin = MARGIN + math.ceil(getattr(getattr(chosen, "filter", None), "radius", 0.0))
-        sides, part = _around(roi, shape, margin, tile)
-        around = _places_in(geometry, sides)
-        return around, around.x.shape, part
+        (left, top, right, bottom), part = _around(roi, shape, margin, tile)
+        form = bottom - top, right - left
+        if isinstance(geometry, BackwardMap):
+            seen = np.s_[top:bottom, left:right]
+            return BackwardMap(geometry.x[seen], geometry.y[seen]), form, part
+        places = geometry
+        around = BackwardMap.from_function(lambda x, y: places(x + left, y + top), form)
+        return around, form, part
     if isinstance(geometry, ForwardMap):
         return ForwardMap(geometry.x - left, geometry.y - top), (height, width), np.s_[:, :]
     (left, top, right, bottom), part = _around(roi, shape, 0, tile)
@@ -141,17 +155,6 @@ def _around(
     right = min(-(-(left + width + margin) // tile) * tile, shape[1])
     bottom = min(-(-(top + height + margin) // tile) * tile, shape[0])
     return (x, y, right, bottom), np.s_[top - y : top - y + height, left - x : left - x + width]
-
-
-def _places_in(geometry: BackwardMap | Places, sides: tuple[int, int, int, int]) -> BackwardMap:
-    """Map of the pixels between left, top, right and bottom."""
-    left, top, right, bottom = sides
-    if isinstance(geometry, BackwardMap):
-        seen = np.s_[top:bottom, left:right]
-        return BackwardMap(geometry.x[seen], geometry.y[seen])
-    return BackwardMap.from_function(
-        lambda x, y: geometry(x + left, y + top), (bottom - top, right - left)
-    )
 
 
 def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]:
@@ -267,3 +270,189 @@ def method_named(method: str | Method, **choices: Any) -> Method:
             raise ValueError(f"{method} takes no {name}; hybrid does")
     result: Method = dataclasses.replace(chosen, **made) if made else chosen
     return result
+
+
+class GivenPictures(NamedTuple):
+    """A picture, or a stack of them, and what is known of it."""
+
+    values: NDArray[Any]  # (H, W) or (H, W, C), or (N, ...) of them
+    is_encoded: bool | None  # whether its file says that levels are sRGB-encoded
+    axis: AnyAxis | None  # 0: a stack; -1: a picture with channels; None: without
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether the first axis counts frames."""
+        return self.axis == FRAMES
+
+    def check_alone(self, name: str) -> None:
+        """Refuse a stack where one picture is taken."""
+        if self.is_stack:
+            raise ValueError(f"{name} is of one picture, not of a stack {self.values.shape}")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of each picture."""
+        height, width = self.values.shape[self.is_stack :][:2]
+        return height, width
+
+
+def given_pictures(
+    given: Any, axis: AnyAxis | None = None, matrices: int | None = None, kinds: str = "biufc"
+) -> GivenPictures:
+    """Read what `warp` takes as a picture or a stack; see `axis_of`."""
+    values, is_encoded = picture_and_encoding(given, kinds=kinds)
+    is_named = isinstance(given, str | PathLike | Address) or hasattr(given, "dims")
+    if is_named and axis is None and values.ndim == 3:
+        axis = CHANNELS  # files and names of dimensions say so
+    return GivenPictures(values, is_encoded, axis_of(values, axis, matrices))
+
+
+def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None) -> AnyAxis | None:
+    """Return which axis of an array does not belong to a picture: 0, -1, or None.
+
+    `axis`: as `warp` takes it; by default three dimensions are a picture of up to 15 channels,
+    unless there is a matrix for each frame. `matrices`: number of matrices, if they are a stack.
+    """
+    shape = image.shape
+    if image.ndim not in (2, 3, 4) or 0 in shape:
+        raise ValueError(
+            f"a picture is (H, W) or (H, W, C), a stack of them (N, H, W) with axis=0, or"
+            f" (N, H, W, C), and none is empty; not {shape}"
+        )
+    if axis not in (None, FRAMES, CHANNELS, 2) or isinstance(axis, bool):
+        raise ValueError(f"axis {shortly(axis)}; give 0 for frames, or -1 for channels")
+    if axis is not None and (image.ndim, axis == FRAMES) in ((2, True), (2, False), (4, False)):
+        raise ValueError(f"axis {axis} of {shape}; leave that out, its dimensions say enough")
+    if image.ndim == 2:
+        return None
+    found = _guessed(shape, matrices) if axis is None else axis
+    if found == FRAMES and matrices not in (None, shape[0]):
+        raise ValueError(f"{matrices} matrices for {shape[0]} frames; give one, or one for each")
+    return FRAMES if found == FRAMES else CHANNELS
+
+
+def _guessed(shape: tuple[int, ...], matrices: int | None) -> AnyAxis:
+    """Return the axis of an array of which nothing is said, or refuse it."""
+    rows, columns, channels = shape[-3:]
+    is_narrow, is_one, has_each = channels <= MOST_CHANNELS, len(shape) == 3, matrices == shape[0]
+    if is_one and has_each and not is_narrow:
+        return FRAMES
+    if is_narrow and (not is_one or not has_each or channels <= MOST_COLORS):
+        return CHANNELS if is_one else FRAMES
+    told = "" if matrices is None else f", with {matrices} matrices,"
+    kinds = "axis=-1 if so, axis=0 if it is a stack (N, H, W)" if is_one else "axis=0 if so"
+    raise ValueError(
+        f"{shape}{told} would be {rows} rows of {columns} pixels with {channels} channels each;"
+        f" give {kinds}, or, of channels first, numpy.moveaxis(image, {len(shape) - 3}, -1)"
+    )
+
+
+def matrices_in(given: Any, shape: tuple[int, int]) -> NDArray[Any] | None:
+    """Return matrices (N, 3, 3) or (N, 2, 3), if that is given; `shape`: of the target."""
+    if callable(given) or not isinstance(given, list | tuple | np.ndarray):
+        return None
+    try:
+        form = np.shape(given)
+    except ValueError:  # of lists of different lengths
+        return None
+    is_maps = isinstance(given, tuple) and form == (2, *shape)
+    is_stack = form[1:] in ((2, 3), (3, 3)) and form[0] > 0 and not is_maps
+    return np.asarray(given) if is_stack else None
+
+
+def stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
+    """Stack warped pictures; `image`: that they were."""
+    images = [warped.image for warped in each]
+    stack: NDArray[Any] = np.stack([np.ma.getdata(one) for one in images])
+    if isinstance(image, np.ma.MaskedArray):
+        mask = np.stack([np.ma.getmaskarray(one) for one in images])
+        stack = masked(stack, mask, image.fill_value)
+    return type(each[0])(stack, np.stack([warped.coverage for warped in each]))
+
+
+def resized(
+    source_shape: tuple[float, float],
+    size: AnySize | None = None,
+    *,
+    height: int | None = None,
+    width: int | None = None,
+    fit: Fit | None = None,
+    box: Sequence[float] | None = None,
+) -> tuple[Homography, tuple[int, int]]:
+    """Return the map from a picture (height, width) to its new size, and that size.
+
+    `size` and the others are as `resample_texture.resize` takes its shape and the others.
+    """
+    if box is not None:
+        left, top, right, bottom = _checked(box, source_shape, fit)
+        part = bottom - top, right - left
+        placed, shape = resized(part, size, height=height, width=width, fit=fit)
+        return Homography(placed.matrix @ [[1, 0, -left], [0, 1, -top], [0, 0, 1]]), shape
+    fit, (down, across) = _filled(source_shape, size, height, width, fit)
+    if fit == "stretch":
+        return resizing(source_shape, (down, across)), (down, across)
+    factors = down / source_shape[0], across / source_shape[1]
+    factor = max(factors) if fit == "cover" else min(factors)
+    shown = _rounded(source_shape[0] * factor), _rounded(source_shape[1] * factor)
+    if fit == "contain":
+        return resizing(source_shape, shown), shown
+    matrix = resizing(source_shape, shown).matrix
+    matrix[:2, 2] = (across - shown[1]) // 2, (down - shown[0]) // 2  # whole px stay sharp
+    return Homography(matrix), (down, across)
+
+
+def _filled(
+    source_shape: tuple[float, float],
+    size: Any,
+    height: int | None,
+    width: int | None,
+    fit: Fit | None,
+) -> tuple[Fit, tuple[int, int]]:
+    """Return how a picture fills a height and a width, px, and these."""
+    if (size is None) == (width is None and height is None):
+        raise ValueError("give a size, or a width, a height or both")
+    if fit not in (None, "contain", "cover", "stretch", "pad"):
+        raise ValueError(f"fit {fit!r}; known: contain, cover, stretch, pad")
+    is_share = isinstance(size, float | np.floating)
+    if fit is not None and (is_share or (size is None and None in (width, height))):
+        raise ValueError("fit needs a width and a height in px, or one number for both")
+    if isinstance(size, float | np.floating):
+        return "stretch", scaled_shape(source_shape, (float(size), float(size)))
+    if size is not None:
+        usual: Fit = "stretch" if np.ndim(size) else "contain"
+        box = whole_pair(size if np.ndim(size) else (size, size), "height", "width")
+        check_shape(box)
+        return fit or usual, box
+    rows, columns = source_shape
+    down = _side("height", height, rows * (width or 0) / columns)
+    return fit or "stretch", (down, _side("width", width, columns * (height or 0) / rows))
+
+
+def _checked(
+    box: Sequence[float], source_shape: tuple[float, float], fit: Fit | None
+) -> tuple[float, float, float, float]:
+    """Return left, top, right and bottom of a part of a picture (height, width)."""
+    sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
+    height, width = source_shape
+    if len(sides) != 4 or not (
+        0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height
+    ):
+        raise ValueError(
+            f"box {shortly(box)} of a picture of {width} × {height} px; give left, top, right and"
+            " bottom of a part of it"
+        )
+    if fit == "pad":
+        raise ValueError("pad fills up around whole pictures; leave box out, or cut it out first")
+    left, top, right, bottom = sides
+    return left, top, right, bottom
+
+
+def _side(name: str, given: int | None, following: float) -> int:
+    """Return a side, px: as given, or else in proportion to the other."""
+    if given is not None and not (hasattr(given, "__index__") and given > 0):
+        raise ValueError(f"{name} {shortly(given)}; give a whole number of px, 1 or more")
+    return _rounded(following) if given is None else int(given)
+
+
+def _rounded(side: float) -> int:
+    return max(1, math.floor(side + 0.5))

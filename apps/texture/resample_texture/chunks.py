@@ -9,6 +9,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
+from importlib import import_module
 from typing import Any, NamedTuple, Unpack
 
 import numpy as np
@@ -21,6 +22,7 @@ from resample.words import check_threads
 from resample_texture.arguments import (
     REFLECT_101,
     Places,
+    axis_of,
     check_shape,
     check_sums,
     edge_named,
@@ -34,12 +36,9 @@ from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_pa
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.geometry.shifts import whole_move
 from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.stacks import axis_of
 from resample_texture.types import (
     FRAMES,
-    AnyAlpha,
     AnyEdge,
-    AnyLight,
     ChunkOptions,
     Method,
     Warped,
@@ -150,10 +149,10 @@ def warp_chunks(
     chosen = method_named(method, total=total)
     check_sums(kept.dtype, chosen)
     filling = fill_for(options.get("fill"), kept, alpha, chosen)
-    way = Drawing(chosen, geometry, shape, border, threads, fill=filling)
     light: dict[str, Any] = {"linear_light": options.get("linear_light"), "alpha": alpha}
+    way = Drawing(chosen, geometry, shape, border, threads, fill=filling, **light)
     is_partly, boxes = _is_read_in_parts(kept, way), boxes_of(shape, sides)
-    chunk = partial(_chunk, way=way, light=light, is_partly=is_partly)
+    chunk = partial(_chunk, way=way, is_partly=is_partly)
     if out is None:
         return _lazy(source, kept, boxes, chunk)
     shown: Any = kept if is_partly else kept.whole()
@@ -167,7 +166,6 @@ class _Chunk(NamedTuple):
 
     drawing: Drawing
     part: tuple[slice, slice]  # of the drawing
-    light: dict[str, Any]
     is_partly: bool  # whether it reads a part of the source
 
     def bounds(self, source: _LazyPicture) -> Rect:
@@ -189,21 +187,28 @@ class _Chunk(NamedTuple):
 
     def paint(self, source: Any) -> Warped:
         """Warp it from a source, of which it reads its part."""
-        warped = _drawn(source, self.drawing, **self.light)
+        warped = _drawn(source, self.drawing)
         return type(warped)(warped.image[self.part], warped.coverage[self.part])
 
 
-def _chunk(box: Box, way: Drawing, light: dict[str, Any], is_partly: bool) -> _Chunk:
+def _chunk(box: Box, way: Drawing, is_partly: bool) -> _Chunk:
     """Return the chunk of rows and columns of the target."""
     rows, columns = box
     roi = columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
     geometry, form, part = within(way.geometry, way.shape, roi, way.method)
-    return _Chunk(way._replace(geometry=geometry, shape=form), part, light, is_partly)
+    return _Chunk(way._replace(geometry=geometry, shape=form), part, is_partly)
 
 
 def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
     """Return the target as a dask array, whose chunks depend on the parts they show."""
-    dask = _dask()
+    try:
+        dask: Any = import_module("dask")
+        import_module("dask.array")
+    except ImportError as error:
+        raise ValueError(
+            f"without out the result is a dask array, and {error.name} is not installed: "
+            "pip install 'hybrid-resample[dist]'"
+        ) from None
     given = stored if dask.is_dask_collection(stored) else dask.delayed(stored, traverse=False)
     made: dict[int, list[Any]] = defaultdict(list)  # by first row
     for box in boxes:
@@ -214,18 +219,6 @@ def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Bo
         made[box[0].start].append(dask.array.from_delayed(block, form, kept.dtype))
     rows = [dask.array.concatenate(row, axis=1) for row in made.values()]
     return dask.array.concatenate(rows, axis=0)
-
-
-def _dask() -> Any:
-    """Import dask, an optional dependency."""
-    try:
-        import dask.array
-    except ImportError as error:
-        raise ValueError(
-            f"without out the result is a dask array, and {error.name} is not installed: "
-            "pip install 'hybrid-resample[dist]'"
-        ) from None
-    return dask
 
 
 def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
@@ -252,14 +245,10 @@ def _is_read_in_parts(source: _LazyPicture, way: Drawing) -> bool:
     return parts_of(source, way) is not None
 
 
-def _drawn(
-    source: Any, drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
-) -> Warped:
+def _drawn(source: Any, drawing: Drawing) -> Warped:
     """Draw one chunk from the part of a source that it shows, or from one in memory."""
     parts = None
     if isinstance(source, _LazyPicture):
         parts = parts_of(source, drawing)
         source = source if parts else source.whole()
-    if parts is None:
-        return drawn(source, drawing, linear_light=linear_light, alpha=alpha)
-    return drawn_in_parts(source, drawing, parts, linear_light=linear_light, alpha=alpha)
+    return drawn(source, drawing) if parts is None else drawn_in_parts(source, drawing, parts)

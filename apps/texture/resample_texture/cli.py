@@ -7,15 +7,14 @@ from typing import Annotated, Literal, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.additions import add_command
 from resample.command.applications import demonstrator, fetcher
 from resample.command.flags import OptionTopic
-from resample.command.helping import CommandLine
+from resample.command.helping import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width
 from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
-from resample_texture.command import everyday, projecting
+from resample_texture.command import everyday
 from resample_texture.command.choices import (
     Besides,
     Edges,
@@ -79,13 +78,12 @@ def warp(
     """
     from functools import partial
 
-    from resample_texture.command.inputs import target_of
     from resample_texture.command.jobs import warp_all
+    from resample_texture.command.rendering import target_of
 
     place.check()
-    images, target = everyday.separated(files, output)
     aim = partial(target_of, place)
-    warp_all(images, target, aim, warping=warping, written=written, besides=besides)
+    warp_all(files, output, aim, warping=warping, written=written, besides=besides)
 
 
 @app.command
@@ -132,7 +130,7 @@ for change in (
     everyday.scale,
     everyday.rotate,
     everyday.undistort,
-    projecting.project,
+    everyday.project,
 ):
     app.command(change)
 
@@ -164,8 +162,8 @@ def rectify(
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
     """
-    from resample_texture.command.inputs import PictureTarget
     from resample_texture.command.jobs import warp_all
+    from resample_texture.command.rendering import PictureTarget
     from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,
@@ -177,8 +175,7 @@ def rectify(
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
     page = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
-    images, target = everyday.separated(files, output)
-    warp_all(images, target, lambda _: page, warping=warping, written=written, besides=BESIDES)
+    warp_all(files, output, lambda _: page, warping=warping, written=written, besides=BESIDES)
 
 
 @app.command

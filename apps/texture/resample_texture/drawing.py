@@ -23,23 +23,22 @@ from resample_texture.geometry.shifts import (
 )
 from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
+    LEAST,
     LEVELS,
+    WIDE,
     Encoding,
+    Mended,
+    added,
     check_picture,
     complex_of_parts,
     decoded,
     encoded,
     has_straight_alpha,
-    parts_of_complex,
-)
-from resample_texture.texels.gaps import (
-    LEAST,
-    Mended,
-    added,
     kept,
     masked,
     mended,
     missing_in,
+    parts_of_complex,
     unmasked,
 )
 from resample_texture.texels.levels import (
@@ -50,7 +49,6 @@ from resample_texture.texels.levels import (
     spared,
     texels_in_levels,
 )
-from resample_texture.texels.spans import WIDE
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
 
 if TYPE_CHECKING:
@@ -75,6 +73,8 @@ class Drawing(NamedTuple):
     has_gaps: bool | None = None  # whether some values are not finite; None: unknown
     behind: NDArray[Any] | None = None  # (h, w, C) or (1, 1, C) background, of the source's type
     fill: Any = None  # value where nothing covers a pixel, others are means; None: premultiplied
+    linear_light: AnyLight | None = None  # as of `warp`, as is `alpha`
+    alpha: AnyAlpha | None = None
 
     def stored(self, warped: Warped, encoding: Encoding, part: Any = np.s_[:, :]) -> Warped:
         """Return a part of the target as a picture of the source's type, over the background."""
@@ -86,9 +86,7 @@ class Drawing(NamedTuple):
         return Warped(image, warped.coverage)
 
 
-def drawn(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
-) -> Warped:
+def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
     """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
 
     With a background the picture is opaque, and the coverage that of the source.
@@ -98,32 +96,26 @@ def drawn(
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
     if picks is not None:
-        return _drawn_copies(image, drawing, picks, linear_light=linear_light, alpha=alpha)
-    if _is_large(image, drawing):
+        if drawing.behind is not None:
+            return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
+        moved = picked(image, picks, drawing.alpha)
+        if drawing.fill is not None:
+            return filled(moved, drawing.fill)
+        if drawing.as_light:
+            return Warped(_as_light(moved.image, drawing), moved.coverage)
+        return moved
+    # Whether a picture is large enough to be drawn in parts, to save memory.
+    channels = math.prod(image.shape[2:])
+    if (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE:
         parts = parts_of(image, drawing)
         if parts is not None:
-            return drawn_in_parts(image, drawing, parts, linear_light=linear_light, alpha=alpha)
+            return drawn_in_parts(image, drawing, parts)
     if math.prod(image.shape[:2]) + math.prod(drawing.shape) <= FEW:
         drawing = drawing._replace(threads=1)  # to wake another takes longer
     from resample.engine import jit
 
     with jit.threads(drawing.threads):
-        return _drawn_whole(image, drawing, linear_light=linear_light, alpha=alpha)
-
-
-def _drawn_copies(
-    image: NDArray[Any], drawing: Drawing, picks: Picks, *, linear_light: AnyLight | None,
-    alpha: AnyAlpha | None,
-) -> Warped:  # fmt: skip
-    """Copy texels, value for value."""
-    if drawing.behind is not None:
-        return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
-    moved = picked(image, picks, alpha)
-    if drawing.fill is not None:
-        return filled(moved, drawing.fill)
-    if drawing.as_light:
-        return Warped(_as_light(moved.image, linear_light, alpha), moved.coverage)
-    return moved
+        return _drawn_whole(image, drawing)
 
 
 def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
@@ -135,26 +127,24 @@ def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
     return drawing._replace(method=quick)
 
 
-def _as_light(image: NDArray[Any], linear_light: AnyLight | None, alpha: AnyAlpha | None) -> Floats:
+def _as_light(image: NDArray[Any], drawing: Drawing) -> Floats:
     """Return the light, in floats, of a picture of levels or of light."""
     if image.dtype.kind == "f":
         return image.astype(np.float32)
-    light, _ = decoded(image, linear_light=linear_light, alpha=alpha)
+    light, _ = decoded(image, linear_light=drawing.linear_light, alpha=drawing.alpha)
     return light
 
 
-def _drawn_whole(
-    image: NDArray[Any], drawing: Drawing, *, linear_light: AnyLight | None, alpha: AnyAlpha | None
-) -> Warped:
+def _drawn_whole(image: NDArray[Any], drawing: Drawing) -> Warped:
     """Warp a picture without windows."""
     if image.dtype.kind == "c":
         return _drawn_complex(image, drawing, _drawn_whole)
-    is_sum = adds(drawing.method)
+    is_sum, linear_light, alpha = adds(drawing.method), drawing.linear_light, drawing.alpha
     if not is_sum and light_for(linear_light, image.dtype) == "pixels":
         drawing = drawing._replace(method=in_levels(drawing.method))
         share = share_of_levels(drawing.method, drawing.geometry, drawing.shape, image.shape[:2])
         if share.any():
-            return _drawn_in_levels(image, drawing, share, alpha)
+            return _drawn_in_levels(image, drawing, share)
     texels, encoding = decoded(image, linear_light=linear_light, alpha=alpha, is_sum=is_sum)
     encoding = encoding.as_light() if drawing.as_light else encoding
     warped = _run_with_gaps(drawing, texels, encoding.gaps)
@@ -166,11 +156,9 @@ def _drawn_whole(
     return drawing.stored(warped, encoding)
 
 
-def _drawn_in_levels(
-    image: NDArray[Any], drawing: Drawing, share: Floats, alpha: AnyAlpha | None
-) -> Warped:
+def _drawn_in_levels(image: NDArray[Any], drawing: Drawing, share: Floats) -> Warped:
     """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
-    texels, encoding = texels_in_levels(image, alpha)
+    texels, encoding = texels_in_levels(image, drawing.alpha)
     if image.dtype == np.uint8 and not encoding.is_straight and not drawing.as_light:
         share = spared(share, texels, drawing.geometry, drawing.shape)
     is_stored, is_alone = image.dtype.name in LEVELS, bool((share == 1.0).all())
@@ -182,7 +170,7 @@ def _drawn_in_levels(
     warped = _run_with_gaps(drawing._replace(method=interpolating), texels, encoding.gaps)
     averaged = None
     if not is_alone:
-        light, _ = decoded(image, linear_light=True, alpha=alpha)
+        light, _ = decoded(image, linear_light=True, alpha=drawing.alpha)
         averaged = _run_with_gaps(drawing._replace(method=averaging), light, encoding.gaps)
     if not is_stored or encoding.gaps or drawing.as_light or drawing.behind is not None:
         warped = mixed_light(warped, averaged, share, encoding)
@@ -212,8 +200,10 @@ def _drawn_complex(image: NDArray[Any], drawing: Drawing, draw: Callable[..., Wa
     parts = drawing._replace(
         behind=None if behind is None else parts_of_complex(behind),
         fill=None if fill is None else math.nan,
+        linear_light=False,
+        alpha=Alpha.NONE,
     )
-    warped = draw(parts_of_complex(image), parts, linear_light=False, alpha=Alpha.NONE)
+    warped = draw(parts_of_complex(image), parts)
     made = complex_of_parts(warped.image, image)
     if fill is not None and not (np.isnan(fill) or isinstance(made, np.ma.MaskedArray)):
         made[warped.coverage == 0.0] = fill
@@ -260,12 +250,6 @@ def with_nodata(warped: Warped, nodata: complex, fill: complex | str | None) -> 
     return type(warped)(np.ma.filled(warped.image, value), warped.coverage)
 
 
-def _is_large(image: NDArray[Any], drawing: Drawing) -> bool:
-    """Whether a picture is large enough to be drawn in parts, to save memory."""
-    channels = math.prod(image.shape[2:])
-    return (math.prod(image.shape[:2]) + math.prod(drawing.shape)) * channels > MOST_AT_ONCE
-
-
 class DrawnParts(NamedTuple):
     """Parts in which a picture is drawn with little memory."""
 
@@ -293,14 +277,7 @@ def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
     return None if mixed is None else DrawnParts(mixed.near, mixed)
 
 
-def drawn_in_parts(
-    image: Any,
-    drawing: Drawing,
-    parts: DrawnParts,
-    *,
-    linear_light: AnyLight | None,
-    alpha: AnyAlpha | None,
-) -> Warped:
+def drawn_in_parts(image: Any, drawing: Drawing, parts: DrawnParts) -> Warped:
     """Warp a picture window by window; it need only support slices."""
     form = LIGHT if drawing.as_light else image.dtype
     result = Warped(
@@ -310,10 +287,12 @@ def drawn_in_parts(
     size, channels = (image.shape[0], image.shape[1]), math.prod(image.shape[2:])
     is_near: NDArray[np.bool_] | None = None
     if parts.mixed is not None:
-        source = _Read(image, drawing, linear_light, alpha)
+        source = _Read(image, drawing)
         there = parts.mixed.far.part
         result.image[there], result.coverage[there] = source.projected(parts.mixed)
-        is_near = _pixels_of(parts.mixed, drawing.shape)
+        is_near = np.zeros(drawing.shape, np.bool_)
+        for left, top, right, bottom in parts.mixed.near.tiles[parts.mixed.is_near].tolist():
+            is_near[top:bottom, left:right] = True
         drawing = drawing._replace(method=drawing.method.near)  # type: ignore[attr-defined]
     for window in windows_of(parts.windows, size, max(1, MOST_IN_WINDOW // channels)):
         there = window.target.part
@@ -322,31 +301,20 @@ def drawn_in_parts(
             continue
         part, inner = _part_of(drawing, window, size)
         seen = _window_of(window, image, drawing.edge)
-        drawn = _drawn_whole(seen, part, linear_light=linear_light, alpha=alpha)
+        drawn = _drawn_whole(seen, part)
         result.image[there][wanted] = drawn.image[inner][wanted]
         result.coverage[there][wanted] = drawn.coverage[inner][wanted]
     return result
 
 
-def _pixels_of(mixed: "MixedTiles", shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Mark the pixels (height, width) of near tiles."""
-    is_near = np.zeros(shape, np.bool_)
-    for left, top, right, bottom in mixed.near.tiles[mixed.is_near].tolist():
-        is_near[top:bottom, left:right] = True
-    return is_near
-
-
 class _Read:
     """Texels of a sliceable picture, decoded on demand."""
 
-    def __init__(
-        self, image: Any, drawing: Drawing, linear_light: AnyLight | None, alpha: AnyAlpha | None
-    ) -> None:
+    def __init__(self, image: Any, drawing: Drawing) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])
         has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
         self.gaps = self.channels if has_gaps else 0
-        self.light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
         self.is_in_levels = False  # whether texels are levels
 
     @property
@@ -355,7 +323,7 @@ class _Read:
         return self.image.shape[0], self.image.shape[1], self.channels + self.gaps
 
     def texels(self, rows: Integers, columns: Integers) -> Floats:
-        """Return texels (R, K, C), see `resample_texture.texels.partly.TexelReader`."""
+        """Return texels (R, K, C), see `resample_texture.texels.forward.TexelReader`."""
         found = np.empty((rows.size, columns.size, self.shape[2]), np.float32)
         for down, here in _stretches(rows):
             for across, there in _stretches(columns):
@@ -367,7 +335,7 @@ class _Read:
         from resample.engine import jit
 
         drawing, there, share = self.drawing, mixed.far.part, np.zeros((1, 1, 1), np.float32)
-        if light_for(self.light["linear_light"], self.image.dtype) == "pixels":
+        if light_for(drawing.linear_light, self.image.dtype) == "pixels":
             place = drawing.geometry, drawing.shape, self.shape[:2]
             share = share_of_levels(drawing.method, *place, there)
         with jit.threads(drawing.threads):
@@ -381,9 +349,10 @@ class _Read:
             return drawing.stored(warped, encoding, there)
 
     def _decoded(self, part: NDArray[Any]) -> tuple[Floats, Encoding]:
+        linear_light, alpha = self.drawing.linear_light, self.drawing.alpha
         if self.is_in_levels:
-            return texels_in_levels(np.asarray(part), self.light["alpha"], self.gaps)
-        return decoded(np.asarray(part), **self.light, gaps=self.gaps)
+            return texels_in_levels(np.asarray(part), alpha, self.gaps)
+        return decoded(np.asarray(part), linear_light=linear_light, alpha=alpha, gaps=self.gaps)
 
 
 def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:

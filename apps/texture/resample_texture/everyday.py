@@ -10,7 +10,17 @@ from resample.calling import takes
 from resample.cameras.models import Camera, LensModel
 from resample.profiles.named import plugin_of
 from resample.words import number, shortly
-from resample_texture.arguments import check_shape, whole_pair
+from resample_texture.arguments import (
+    CHANNELS,
+    AnySize,
+    Fit,
+    GivenPictures,
+    check_shape,
+    given_pictures,
+    resized,
+    stacked,
+    whole_pair,
+)
 from resample_texture.geometry.cameras import places_by_lens
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import (
@@ -20,8 +30,6 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.sizes import AnySize, Fit, resized
-from resample_texture.stacks import CHANNELS, GivenPictures, given_pictures, stacked
 from resample_texture.texels.levels import light_for
 from resample_texture.types import (
     AnyAlpha,
@@ -318,7 +326,8 @@ def project(
     choices["axis"] = given.axis
     shape = whole_pair(shape, "height", "width")
     check_shape(shape)
-    before, after = _projection(source), _projection(target)
+    before: PictureProjection = plugin_of("projections", source)
+    after: PictureProjection = plugin_of("projections", target)
     before.check((picture.shape[0], picture.shape[1]))
     after.check(shape)
     turned = rotation(turn)
@@ -338,12 +347,6 @@ def project(
         made.coverage[here][is_shown] = part.coverage[is_shown]
     assert made is not None
     return made
-
-
-def _projection(given: str | PictureProjection) -> PictureProjection:
-    """Return a projection by name, or as given."""
-    found: PictureProjection = plugin_of("projections", given)
-    return found
 
 
 def _background(part: Warped, shape: tuple[int, int]) -> Warped:

@@ -20,6 +20,7 @@ from resample_texture.arguments import (
     check_shape,
     edge_named,
     geometry_of,
+    given_pictures,
     method_named,
 )
 from resample_texture.drawing import Drawing, finished, run
@@ -30,10 +31,8 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.stacks import given_pictures
 from resample_texture.texels.encoding import Encoding, decoded
 from resample_texture.texels.levels import curved, light_for, mixed_light, texels_in_levels
-from resample_texture.texels.pyramid import shrunk
 from resample_texture.types import (
     AnyAlpha,
     AnyAxis,
@@ -54,6 +53,7 @@ UNUSED = {
     "total": "total",
     "detail": "quality",
 }
+MOST_CHANNELS = 4  # that OpenCV shrinks in one call
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 
 
@@ -136,7 +136,10 @@ class PictureScene(AnyScene):
         with self._rendering(quality, cancel) as is_preview:
             if is_preview:
                 convention, inverse = choices.get("convention", "corner"), choices.get("inverse")
-                _check_unused(method, choices)
+                if "roi" in choices:
+                    raise ValueError("a preview has no roi; leave it out")
+                unused = {UNUSED[name]: of for name, of in choices.items() if name in UNUSED}
+                method_named(method, **unused)
                 check_shape(shape)
                 geometry = geometry_of(matrix, shape, convention, bool(inverse))
                 return self._preview(geometry, shape, edge)
@@ -236,14 +239,6 @@ class PictureScene(AnyScene):
         return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
 
 
-def _check_unused(method: str | Method, choices: PictureSceneOptions) -> None:
-    """Refuse options that previews do not have, or methods do not."""
-    if "roi" in choices:
-        raise ValueError("a preview has no roi; leave it out")
-    given = {UNUSED[name]: value for name, value in choices.items() if name in UNUSED}
-    method_named(method, **given)
-
-
 def _texels_per_pixel(
     geometry: Homography | BackwardMap, shape: tuple[int, int], source_shape: tuple[int, int]
 ) -> float:
@@ -281,3 +276,15 @@ def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:
     short = [(0, PER * count - whole) for count, whole in zip(small, places.shape, strict=True)]
     whole = np.pad(places, short, mode="edge").reshape(small[0], PER, small[1], PER)
     return np.asarray(whole.mean(axis=(1, 3)))
+
+
+def shrunk(picture: Floats, height: int, width: int) -> Floats:
+    """Shrink a picture (H, W, C) to (height, width, C) by box means."""
+    import cv2
+
+    result = np.empty((height, width, picture.shape[2]), np.float32)
+    for first in range(0, picture.shape[2], MOST_CHANNELS):
+        part = np.ascontiguousarray(picture[..., first : first + MOST_CHANNELS])
+        small = cv2.resize(part, (width, height), interpolation=cv2.INTER_AREA)
+        result[..., first : first + MOST_CHANNELS] = small.reshape(height, width, -1)
+    return result

@@ -6,26 +6,51 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.calling import takes
-from resample.words import check_threads
+from resample.cameras.models import AnyConvention, Convention
+from resample.types import Doubles
+from resample.words import check_threads, doubles_of
 from resample_texture.arguments import (
     Places,
+    axis_of,
     check_shape,
     check_sums,
     edge_named,
     fill_for,
     geometry_of,
+    given_pictures,
     is_pair_of_maps,
+    is_transform,
+    matrices_in,
     method_named,
+    places_of_points,
+    stacked,
     warn_if_unknown,
     whole_pair,
     within,
     without_nodata,
 )
-from resample_texture.drawing import Drawing, drawn, prepared, put, with_nodata
-from resample_texture.geometry.mappings import BackwardMap, Geometry
-from resample_texture.stacks import given_pictures, matrices_in, stacked
+from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Geometry,
+    Homography,
+    points_along,
+    points_back,
+)
 from resample_texture.texels.levels import light_for
-from resample_texture.types import AnyEdge, Method, SamplingOptions, Warped, WarpOptions
+from resample_texture.types import (
+    FRAMES,
+    AnyAlpha,
+    AnyAxis,
+    AnyEdge,
+    AnyLight,
+    Fill,
+    Method,
+    SamplingOptions,
+    Warped,
+    WarpOptions,
+)
 
 
 @takes(WarpOptions)
@@ -167,11 +192,12 @@ def warp(
         if roi is not None:
             geometry, form, part = within(geometry, shape, roi, chosen)
         check_shape(form)
-        return Drawing(chosen, geometry, form, border, options.get("threads"), fill=filling), part
+        drawing = Drawing(chosen, geometry, form, border, options.get("threads"), fill=filling)
+        return drawing._replace(linear_light=linear_light, alpha=alpha), part
 
     def one(picture: NDArray[Any], way: tuple[Drawing, tuple[slice, slice]]) -> Warped:
         drawing, part = way
-        warped = drawn(picture, drawing, linear_light=linear_light, alpha=alpha)
+        warped = drawn(picture, drawing)
         return type(warped)(warped.image[part], warped.coverage[part])
 
     if matrices is not None:
@@ -187,3 +213,171 @@ def warp(
     if nodata is not None:
         warped = with_nodata(warped, nodata, options.get("fill"))
     return warped if out is None else put(warped, out)
+
+
+class Plan:
+    """A prepared warp of pictures of one size, e.g. to undistort the frames of a film.
+
+    Parameters
+    ----------
+    matrix, shape, method, edge, convention, inverse
+        As `warp` takes them. A function is called once.
+    source_shape
+        Height and width of the pictures, px.
+
+    Raises
+    ------
+    ValueError, LookupError
+        As `warp` does.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import Plan
+    >>> plan = Plan(np.diag([2.0, 2.0, 1.0]), (40, 60), (20, 30))
+    >>> plan(np.ones((20, 30), np.float32)).image.shape
+    (40, 60)
+    """
+
+    def __init__(
+        self,
+        matrix: ArrayLike | Geometry | Places,
+        shape: tuple[int, int],
+        source_shape: tuple[int, int],
+        method: str | Method = "hybrid",
+        *,
+        edge: AnyEdge = "transparent",
+        convention: AnyConvention = "corner",
+        inverse: bool = False,
+    ) -> None:
+        self.shape = whole_pair(shape, "height", "width")
+        self.source_shape = whole_pair(source_shape, "height", "width")
+        check_shape(self.shape)
+        check_shape(self.source_shape)
+        border = edge_named(edge)
+        geometry = geometry_of(matrix, self.shape, convention, inverse)
+        self._drawing = Drawing(method_named(method), geometry, self.shape, border)
+        self._quick = prepared(self._drawing, self.source_shape)
+
+    def __call__(
+        self,
+        image: NDArray[Any],
+        *,
+        axis: AnyAxis | None = None,
+        linear_light: AnyLight | None = None,
+        alpha: AnyAlpha | None = None,
+        nodata: complex | None = None,
+        fill: Fill | None = None,
+        threads: int | None = None,
+        out: NDArray[Any] | None = None,
+    ) -> Warped:
+        """Warp a picture.
+
+        Parameters
+        ----------
+        image
+            A picture of `source_shape`, or a stack of them. It and all options are as `warp` takes
+            them.
+
+        Returns
+        -------
+        What `warp` returns.
+
+        Raises
+        ------
+        ValueError
+            The picture has another size or is invalid.
+        """
+        check_threads(threads)
+        image = image if isinstance(image, np.ma.MaskedArray) else np.asarray(image)
+        is_stack = axis_of(image, axis) == FRAMES
+        image = without_nodata(image, nodata)
+        pictures = image if is_stack else image[np.newaxis]
+        if pictures.shape[1:3] != self.source_shape:
+            raise ValueError(f"the plan is for pictures of {self.source_shape}, not {image.shape}")
+        channels = pictures[0, 0, 0].size
+        values = pictures[0].size + channels * self.shape[0] * self.shape[1]
+        drawing = self._quick if values <= MOST_AT_ONCE else self._drawing
+        filling = fill_for(fill, pictures[0], alpha, self._drawing.method)
+        light: dict[str, Any] = {"linear_light": linear_light, "alpha": alpha}
+        drawing = drawing._replace(threads=threads, fill=filling, **light)
+        each = [drawn(picture, drawing) for picture in pictures]
+        warped = stacked(each, image) if is_stack else each[0]
+        if nodata is not None:
+            warped = with_nodata(warped, nodata, fill)
+        return warped if out is None else put(warped, out)
+
+
+def warp_points(
+    points: ArrayLike,
+    matrix: ArrayLike | Geometry | Places,
+    *,
+    convention: AnyConvention = "corner",
+    inverse: bool = False,
+) -> Doubles:
+    """Return where points of a picture lie in its warp, or the way back.
+
+    Parameters
+    ----------
+    points
+        (2,), (N, 2) or (..., 2): x and y, px.
+    matrix
+        What `warp` took: a matrix, a geometry, a pair of maps as `cv2.remap` takes it, or a
+        transform of scikit-image. A function only with `inverse`, as it leads from target to
+        source.
+    convention
+        `corner`: points, and a matrix or function, count with pixel centers at + 0.5; `opencv`:
+        from pixel centers.
+    inverse
+        True: points of the target, and their places in the source.
+
+    Returns
+    -------
+    As `points`, float64; not a number where a map has no such place, to 0.001 px.
+
+    Raises
+    ------
+    ValueError
+        Points are not pairs of numbers, or the matrix is invalid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_texture import warp_points
+    >>> box = [[0, 0], [64, 48]]
+    >>> warp_points(box, [[0.5, 0, 10], [0, 0.5, 0]]).tolist()
+    [[10.0, 0.0], [42.0, 24.0]]
+    """
+    given = doubles_of("points", points, "numbers (N, 2)")
+    if given.ndim < 1 or given.shape[-1] != 2:
+        raise ValueError(f"points are pairs of x and y, (N, 2), not {given.shape}")
+    if convention not in tuple(Convention):
+        raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
+    shift = 0.5 if convention == Convention.OPENCV else 0.0
+    place = given.reshape(-1, 2).T
+    if is_transform(matrix):
+        u, v = places_of_points(matrix, not inverse)(*(place + shift - 0.5))
+        moved = np.stack([u, v]) + 0.5 - shift
+    elif callable(matrix):
+        if not inverse:
+            raise ValueError("a function leads from target to source; give inverse=True for that")
+        moved = np.stack(np.broadcast_arrays(*matrix(*place)))
+    else:
+        is_given = isinstance(matrix, Homography | ForwardMap | BackwardMap)
+        geometry = geometry_of(matrix, (1, 1), "corner" if is_given else convention, False)
+        moved = _moved(place + shift, geometry, inverse) - shift
+    return np.asarray(moved.T.reshape(given.shape), np.float64)
+
+
+def _moved(place: Doubles, geometry: Geometry, inverse: bool) -> Doubles:
+    """Return where points (2, N) lie, pixel centers at + 0.5."""
+    if isinstance(geometry, Homography):
+        full = geometry.inverse() if inverse else geometry.matrix
+        x, y, w = full[:, :2] @ place + full[:, 2:]
+        is_seen = w > 0.0 if geometry.is_signed else w != 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(is_seen, np.stack([x, y]) / w, np.nan)
+    goes_along = isinstance(geometry, BackwardMap) == inverse
+    move: Any = points_along if goes_along else points_back
+    found: Doubles = move(geometry.x, geometry.y, place)
+    return found

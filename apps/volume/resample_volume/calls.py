@@ -173,7 +173,7 @@ def animate(
     >>> film.stat().st_size > 0
     True
     """
-    from resample.command.calls import run
+    from resample.command.applications import run
 
     height, width = shape_of(size)
     given = {"transfer": appearance, "camera": camera, "size": f"{width}x{height}", **options}

@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.additions import add_command
 from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
-from resample.command.helping import CommandLine
+from resample.command.helping import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
 from resample.command.settings_files import with_settings

@@ -54,7 +54,7 @@ def stereo(
     """
     from PIL import Image
 
-    from resample.command.calls import run
+    from resample.command.applications import run
 
     with _files(picture, depth) as (names, folder):
         made = folder / "stereo.png" if output is None else Path(output)
@@ -88,7 +88,7 @@ def animate(picture: Any, depth: Any, output: Named, **options: Any) -> None:
     >>> film.stat().st_size > 0
     True
     """
-    from resample.command.calls import run
+    from resample.command.applications import run
 
     with _files(picture, depth) as (names, _):
         run("warp3d", "animate", *names, output=Path(output), **options)

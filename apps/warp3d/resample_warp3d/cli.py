@@ -6,10 +6,9 @@ from typing import Annotated, NoReturn
 from cyclopts import Parameter
 
 from resample.command import flags
-from resample.command.additions import add_command
 from resample.command.applications import demonstrator, fetcher
 from resample.command.flags import OptionTopic
-from resample.command.helping import CommandLine
+from resample.command.helping import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import (
     Serving,

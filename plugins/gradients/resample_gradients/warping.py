@@ -28,8 +28,7 @@ from resample_gradients.kernels.gather import (
 from resample_gradients.kernels.points import REFLECT_101 as REFLECTED
 from resample_gradients.kernels.points import InterpolatedSource
 from resample_gradients.places import MapPlaces, MatrixPlaces
-from resample_texture.arguments import REFLECT_101, edge_named
-from resample_texture.stacks import axis_of
+from resample_texture.arguments import REFLECT_101, axis_of, edge_named
 from resample_texture.texels.forward import EDGES
 from resample_texture.types import FRAMES, AnyAxis, AnyEdge, Edge
 

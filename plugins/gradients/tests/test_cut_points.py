@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_gradients.kernels.points import cut_at_edges, sides, slopes_of_cut
-from resample_texture.texels.kernels.splat_blocks import _clip
+from resample_texture.texels.kernels.splats import _clip
 
 SIZE = 5.0
 cut, slopes = cut_at_edges.__wrapped__, slopes_of_cut.__wrapped__

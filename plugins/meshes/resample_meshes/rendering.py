@@ -39,10 +39,9 @@ from resample_meshes.kernels.surfaces import (
     project_triangles,
 )
 from resample_meshes.kernels.visibility import SubpixelGrid
-from resample_meshes.shapes import AlphaMode, Cover, Mesh
+from resample_meshes.shapes import AlphaMode, Cover, Mesh, Pyramid
 from resample_texture.texels.forward import EDGES, tap_table
 from resample_texture.texels.plates import filtered
-from resample_texture.texels.pyramid import Pyramid
 from resample_texture.types import Edge
 
 MODES = {AlphaMode.OPAQUE: OPAQUE, AlphaMode.MASK: MASK, AlphaMode.BLEND: BLEND}

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import to_srgb
 from resample.types import Doubles, Floats
-from resample_texture.texels.pyramid import Pyramid, pyramid
+from resample_texture.scenes import shrunk
 from resample_texture.types import Edge
 
 Ints = NDArray[np.int64]
@@ -18,6 +18,32 @@ Ints = NDArray[np.int64]
 FARTHEST = 1e6  # repeats of a texture; beyond, float32 coordinates are too coarse
 
 _LEFT_OUT: Any = None
+
+
+class Pyramid(NamedTuple):
+    """The levels of a picture's pyramid."""
+
+    texel: Floats  # (T,) all levels, one after the other, each of them (h, w, C)
+    levels: NDArray[np.int64]  # (L, 3) where a level begins in `texel`, its height and its width
+
+
+def pyramid(source: Floats) -> Pyramid:
+    """Return the pyramid of a picture (H, W, C).
+
+    A level has half the rows and columns of the previous one, rounded down and at least one. At odd
+    sizes texels are means over more than 2 × 2 texels, of which the outer ones count in part.
+    """
+    pictures = [source]
+    while max(pictures[-1].shape[:2]) > 1:
+        height, width = pictures[-1].shape[:2]
+        pictures.append(shrunk(pictures[-1], max(1, height // 2), max(1, width // 2)))
+    ends = np.cumsum([picture.size for picture in pictures])
+    levels = [
+        (end - picture.size, *picture.shape[:2])
+        for end, picture in zip(ends, pictures, strict=True)
+    ]
+    texel = np.concatenate([picture.ravel() for picture in pictures])
+    return Pyramid(texel, np.array(levels, np.int64))
 
 
 class AlphaMode(StrEnum):

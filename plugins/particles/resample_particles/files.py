@@ -14,17 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.hdf5 import (
-    array_in,
     dataset_in,
     group_in,
     member,
     names_in,
-    number_of,
     numbers_of,
     opened,
-    text_of,
 )
 from resample.reading.limits import check_file, check_items, neighbour
+from resample.reading.native import damage
 from resample.types import Doubles
 from resample_particles.particles import Particles, is_named, particles_of
 from resample_particles.smoothing import KERNELS
@@ -32,6 +30,7 @@ from resample_points.files.readers import SNAPSHOTS, read_cloud, suffixes
 
 TYPES = {"gas": 0, "dark": 1, "stars": 4}
 MOST_TYPE = 6
+LONGEST = 200  # characters of a text
 PLACES, MASSES = ("Coordinates",), ("Masses", "Mass", "DynamicalMasses", "SubgridMasses")
 LENGTHS = ("SmoothingLengths", "SmoothingLength")
 BESIDE = 0.01  # of a periodic box, by which particles may have left it
@@ -385,3 +384,35 @@ def _phantom(path: Path, file: Any, number: int, quantities: Sequence[str] | Non
             held[name] = array_in(path, group, name)[kept]
     mass = masses.ravel()[own - 1 : own].astype(np.float64)
     return Particles(place[kept], mass, 2.0 * length[kept] / KERNELS["cubic"].gamma, held)
+
+
+def array_in(path: Path, group: Any, name: str, shape: tuple[int, ...] | None = None) -> Any:
+    """Return an array of a group; None if there is none.
+
+    `shape`: what it must have, where None stands for any number.
+    """
+    found = dataset_in(path, group, name)
+    if found is None:
+        return None
+    if shape is not None and found.shape != shape:
+        raise ValueError(f"has {name!r:.80} of the shape {found.shape}; it must be {shape}")
+    with damage(path):
+        values: NDArray[Any] = found[()]
+    return values
+
+
+def number_of(path: Path, owner: Any, name: str) -> float | None:
+    """Return an attribute as one number; None if there is none."""
+    values = numbers_of(path, owner, name)
+    return None if values is None else float(values[0])
+
+
+def text_of(path: Path, owner: Any, name: str) -> str:
+    """Return an attribute as text; empty if there is none."""
+    with damage(path):
+        if name not in owner.attrs:
+            return ""
+        value = owner.attrs[name]
+    value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+    text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    return text[:LONGEST]

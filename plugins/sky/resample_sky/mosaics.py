@@ -11,14 +11,20 @@ from resample.calling import takes
 from resample.showable import array_of
 from resample.types import Doubles
 from resample_sky.reprojection import ERROR, World, reprojection
-from resample_texture.arguments import PREMULTIPLIED, Places, check_shape, geometry_of, whole_pair
+from resample_texture.arguments import (
+    PREMULTIPLIED,
+    Places,
+    check_shape,
+    geometry_of,
+    given_pictures,
+    whole_pair,
+)
 from resample_texture.geometry.mappings import (
     BackwardMap,
     Geometry,
     places_of,
     source_coordinates,
 )
-from resample_texture.stacks import given_pictures
 from resample_texture.types import (
     AnyAxis,
     AnyEdge,

@@ -6,7 +6,7 @@ import pytest
 from resample_sky import coadd, reproject
 from resample_sky.reprojection import reprojection
 from resample_texture import BackwardMap, warp
-from resample_texture.geometry.coarse import coarsely
+from resample_texture.geometry.control import coarsely
 from resample_texture.geometry.mappings import Homography
 
 SHAPE = (70, 90)

@@ -14,22 +14,24 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.facts.chunks import PNG_START, chunks, put_into_png
 from resample.files.facts.colors import assumed_of, colors_of, marks_of
 from resample.files.facts.geotiff import TAGS, Geo, geo_of, tags_of
 from resample.files.facts.tags import (
     LONG,
+    PNG_START,
     SHORT,
     Directory,
     Tag,
     add_tags,
     block_of,
     block_tags,
+    chunks,
+    put_into_png,
     read_tags,
     text,
     text_tag,
 )
-from resample.reading.avif import exif_block
+from resample.reading.displayed import exif_block
 from resample.reading.pictures import is_avif
 from resample.types import Doubles
 
@@ -88,8 +90,17 @@ def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
         if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:"))
     )
     colors = colors_of(path, spec)
+    # Camera tags that remain valid after a warp.
+    found: dict[int, Tag | Directory] = {
+        tag: value for tag, value in camera.items() if tag in (*CAMERA, EXIF, GPS)
+    }
+    if "<OME" in text(found.get(DESCRIPTION)):  # lists the sizes of all pages
+        del found[DESCRIPTION]
+    inner = found.get(EXIF)
+    if isinstance(inner, Mapping):
+        found[EXIF] = {tag: value for tag, value in inner.items() if tag not in UNTRUE}
     return FileMetadata(
-        _true(camera),
+        found,
         b"" if profile is None else np.asarray(profile, np.uint8).tobytes(),
         colors,
         marks_of(path) if colors else b"",
@@ -161,7 +172,13 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
     """Add metadata that OpenImageIO cannot write: Exif and, for TIFF, the georeference."""
     suffix = path.suffix.lower()
     if suffix in TIFF:
-        additions = [_page_tags(page) for page in pages]
+        additions = []
+        for about, shape, form in pages:
+            own = {**_sized(about.camera, shape), **(tags_of(about.geo) if about.geo else {})}
+            if form in AS_FLOATS:
+                kind = 1 if form == "uint32" else 2
+                own[SAMPLE_FORMAT] = Tag(SHORT, np.full(shape[2], kind, np.uint16))
+            additions.append(own)
         if any(additions):
             add_tags(path, additions)
         return
@@ -170,8 +187,14 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
     if suffix in PNG and (about.camera or about.profile or about.marks):
         put_into_png(path, block_of(tags) if about.camera else b"", about.marks)
     elif suffix in JPEG and about.camera:
-        block = block_of(tags)
-        _put_into_jpeg(path, block if len(block) <= LONGEST_SEGMENT else block_of(_shorter(tags)))
+        block, inner = block_of(tags), tags.get(EXIF)
+        if len(block) > LONGEST_SEGMENT:  # maker notes are long
+            shorter: Directory = {}
+            if isinstance(inner, Mapping):
+                kept = {tag: inner[tag] for tag in inner if tag != MAKERS_NOTES}
+                shorter = {**tags, EXIF: kept}
+            block = block_of(shorter)
+        _put_into_jpeg(path, block)
 
 
 def exif_of(about: FileMetadata, shape: tuple[int, ...]) -> bytes:
@@ -181,28 +204,6 @@ def exif_of(about: FileMetadata, shape: tuple[int, ...]) -> bytes:
 
 def _upright_tags(about: FileMetadata, shape: tuple[int, ...]) -> Directory:
     return {**_sized(about.camera, shape), ORIENTATION: Tag(SHORT, np.array([1], np.uint16))}
-
-
-def _true(tags: Directory) -> Directory:
-    """Camera tags that remain valid after a warp."""
-    found: dict[int, Tag | Directory] = {
-        tag: value for tag, value in tags.items() if tag in (*CAMERA, EXIF, GPS)
-    }
-    if "<OME" in text(found.get(DESCRIPTION)):  # lists the sizes of all pages
-        del found[DESCRIPTION]
-    inner = found.get(EXIF)
-    if isinstance(inner, Mapping):
-        found[EXIF] = {tag: value for tag, value in inner.items() if tag not in UNTRUE}
-    return found
-
-
-def _page_tags(page: WrittenPage) -> Directory:
-    tags = dict(_sized(page.about.camera, page.shape))
-    tags.update(tags_of(page.about.geo) if page.about.geo else {})
-    if page.form in AS_FLOATS:
-        kind = 1 if page.form == "uint32" else 2
-        tags[SAMPLE_FORMAT] = Tag(SHORT, np.full(page.shape[2], kind, np.uint16))
-    return tags
 
 
 def _sized(tags: Directory, shape: tuple[int, ...]) -> Directory:
@@ -231,14 +232,6 @@ def described(words: str, shape: tuple[int, ...]) -> str:
         return words
     del told["shape"]
     return json.dumps(told) if told else ""
-
-
-def _shorter(tags: Directory) -> Directory:
-    """Tags without maker notes, which are long."""
-    inner = tags.get(EXIF)
-    if not isinstance(inner, Mapping):
-        return {}
-    return {**tags, EXIF: {tag: inner[tag] for tag in inner if tag != MAKERS_NOTES}}
 
 
 def _exif_block(path: Path) -> bytes:

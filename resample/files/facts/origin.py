@@ -17,7 +17,8 @@ _settings: ContextVar[str] = ContextVar("settings", default="")
 @contextmanager
 def stating(settings: str) -> Iterator[None]:
     """Store these settings, as TOML, in pictures written in this block."""
-    token = _settings.set(_ascii(settings))
+    # Texts of PNG are ASCII.
+    token = _settings.set("".join(c if ord(c) < 128 else f"\\U{ord(c):08x}" for c in settings))
     try:
         yield
     finally:
@@ -48,8 +49,3 @@ def settings_in(path: Path) -> str:
             ".toml file"
         )
     return text
-
-
-def _ascii(text: str) -> str:
-    """Escape characters that PNG texts cannot store."""
-    return "".join(c if ord(c) < 128 else f"\\U{ord(c):08x}" for c in text)

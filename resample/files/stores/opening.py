@@ -8,7 +8,7 @@ come from the environment, as in obstore: `AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT`,
 import json
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -92,7 +92,6 @@ def place_of(name: "str | PathLike[str] | Address") -> Place:
 
     Examples
     --------
-    >>> from resample.files.stores.opening import place_of
     >>> place_of("s3://bucket/slide.zarr"), place_of("slide.zarr").name
     (Address(url='s3://bucket/slide.zarr'), 'slide.zarr')
     """
@@ -106,7 +105,6 @@ def is_address(name: object) -> bool:
 
     Examples
     --------
-    >>> from resample.files.stores.opening import is_address
     >>> is_address("https://a.org/heart.ome.zarr"), is_address("heart.ome.zarr")
     (True, False)
     """
@@ -150,18 +148,14 @@ def open_node(path: Place) -> Any:
             root = "" if is_store(path) else None
         else:
             listing = packed = Zip(place)
-            root = _root_of_zip(packed.members)
+            # Path of the topmost metadata in a zip file; None if there are none.
+            found = [name for name in packed.members if name.rpartition("/")[2] in MARKS]
+            root = min(found, key=len).rpartition("/")[0] if found else None
             store = zarr.storage.ZipStore(place, mode="r")
         if root is None:
             raise ValueError("there is no zarr.json, .zgroup or .zarray")
         # Consolidated metadata may list any number of arrays; so each is opened by itself.
         return zarr.open(GuardedStore(store, listing), path=root, mode="r", use_consolidated=False)
-
-
-def _root_of_zip(names: Iterable[str]) -> str | None:
-    """Path of the topmost metadata in a zip file; None if there are none."""
-    found = [name for name in names if name.rpartition("/")[2] in MARKS]
-    return min(found, key=len).rpartition("/")[0] if found else None
 
 
 @contextmanager

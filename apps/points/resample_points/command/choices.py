@@ -262,7 +262,7 @@ def panorama_of(name: str | None) -> Any:
 def calibrated_of(pose: str | None, intrinsics: str | None) -> "Calibration | None":
     """Read the camera of --pose and --intrinsics, if given."""
     from resample.cameras.files import read_pose
-    from resample.command.intrinsics import with_intrinsics
+    from resample.command.flags import with_intrinsics
 
     if pose is None and intrinsics is None:
         return None

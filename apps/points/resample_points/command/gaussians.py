@@ -16,7 +16,7 @@ from resample_points.command.choices import Aimed, CloudOptions
 if TYPE_CHECKING:
     from resample.command.session import Session
     from resample.files.animations import Shots
-    from resample.files.painted import DepthSlab
+    from resample.files.saving import DepthSlab
     from resample.types import Doubles
     from resample_points.data.cloud import Cloud
     from resample_points.data.gaussians import Gaussians
@@ -243,8 +243,7 @@ class GaussianPictures:
 
     def write(self, path: Path, camera: Any, form: FrameFormat) -> None:
         """Render a frame, and write it."""
-        from resample.files.painted import check_deep, write_deep
-        from resample.files.saving import tell_empty, write_frame
+        from resample.files.saving import check_deep, tell_empty, write_deep, write_frame
 
         if self.options.deep is not None:
             check_deep(path)
@@ -275,7 +274,7 @@ class GaussianPictures:
         """Yield slabs front to back, each of the Gaussians whose centers lie in it."""
         import numpy as np
 
-        from resample.files.painted import DepthSlab, between
+        from resample.files.saving import DepthSlab, between
         from resample_points.data.gaussians import Gaussians, some_gaussians
 
         scene = self.gaussians

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_ratio
+from resample.reading.native import damage, lacking
 from resample.watching import report
 from resample_points.data.cloud import Cloud
 from resample_points.data.coloring import colored_as_scanned

@@ -9,7 +9,7 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.poses import look_at
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.saving import screen_levels
-from resample.types import Doubles, Floats
+from resample.types import Floats
 from resample_texture.drawing import Drawing, drawn
 from resample_texture.geometry.cameras import plane_homography
 from resample_texture.types import AnyLight, Edge, Method
@@ -21,19 +21,9 @@ FOV = 50.0  # degrees along the frame's shorter side
 class Flyover:
     """A closed path of a camera; the picture's longer side has length 1.
 
-    Parameters
-    ----------
-    path
-        `fly`: low over the picture, back and forth; `turn`: around its center.
-    frames
-        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
-    size
-        Height and width of a frame, px.
-
-    Raises
-    ------
-    ValueError
-        There are too few or too many frames.
+    `path`: `fly`, low over the picture, back and forth, or `turn`, around its center. `frames`:
+    number of frames, 1 to `resample.files.animations.MOST_FRAMES`. `size`: height and width of a
+    frame, px. Raises ValueError: there are too few or too many frames.
     """
 
     path: Literal["fly", "turn"] = "fly"
@@ -45,21 +35,17 @@ class Flyover:
 
     def camera(self, n: int) -> AnyCamera:
         """Return the camera of frame `n`."""
-        eye, target = self._fly(n) if self.path == "fly" else self._turn(n)
+        phase = 2.0 * np.pi * n / self.frames
+        if self.path == "fly":
+            eye = np.array([0.12 * np.sin(phase), -0.35 - 0.2 * np.cos(phase), 0.16])
+            target = eye + np.array([0.06 * np.sin(phase + 0.5), 0.4, -0.18])
+        else:
+            elevation, target = np.radians(35.0), np.zeros(3)
+            around = np.array([np.sin(phase), -np.cos(phase)]) * np.cos(elevation)
+            eye = 1.3 * np.array([*around, np.sin(elevation)])
         height, width = self.size
         pose = look_at(eye, target)
         return Camera.from_fov(FOV, height=height, width=width, world_to_camera=pose)
-
-    def _fly(self, n: int) -> tuple[Doubles, Doubles]:
-        phase = 2.0 * np.pi * n / self.frames
-        eye = np.array([0.12 * np.sin(phase), -0.35 - 0.2 * np.cos(phase), 0.16])
-        ahead = np.array([0.06 * np.sin(phase + 0.5), 0.4, -0.18])
-        return eye, eye + ahead
-
-    def _turn(self, n: int) -> tuple[Doubles, Doubles]:
-        angle, elevation = 2.0 * np.pi * n / self.frames, np.radians(35.0)
-        around = np.array([np.sin(angle), -np.cos(angle)]) * np.cos(elevation)
-        return 1.3 * np.array([*around, np.sin(elevation)]), np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -88,19 +74,13 @@ def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
 def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded, 8 bits.
 
-    Parameters
-    ----------
-    source
-        (H, W, 4) linear light, premultiplied; see `with_alpha`.
-    flight, paint
-        The camera's path and how frames are painted.
-    n
-        Index of the frame, from 0.
+    `source`: (H, W, 4) linear light, premultiplied; see `with_alpha`. `flight`, `paint`: the
+    camera's path and how frames are painted. `n`: index of the frame, from 0.
     """
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
-    drawing = Drawing(paint.method, geometry, flight.size, paint.edge)
-    image = drawn(source, drawing, linear_light=paint.light, alpha=None).image
+    drawing = Drawing(paint.method, geometry, flight.size, paint.edge, linear_light=paint.light)
+    image = drawn(source, drawing).image
     return screen_levels(image, background=paint.background)
 
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter, Token
 from pydantic import Field
@@ -28,9 +28,6 @@ from resample.command.settings import (
     height_and_width,
 )
 from resample.files.stores import opening
-
-if TYPE_CHECKING:
-    pass
 
 INTERPOLATIONS = (
     "Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
@@ -165,13 +162,15 @@ class PictureFiltering(Choices):
     ] = "auto"
     threads: Threads = None
 
+    @property
+    def sampling(self) -> dict[str, Any]:
+        """Options of the method, by the names that it has for them."""
+        return self.model_dump(include={"filter", "interpolation", "quality"})
+
     def check(self) -> None:
         """Refuse unknown names before any work is done.
 
-        Raises
-        ------
-        ValueError, LookupError
-            A plugin is unknown or refuses its parameters.
+        Raises ValueError, LookupError: a plugin is unknown or refuses its parameters.
         """
         from resample import registry
 

@@ -1,7 +1,7 @@
 """Everyday commands: resize, scale, rotate, undistort."""
 
 import re
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
@@ -10,13 +10,20 @@ from pydantic import Field
 from resample.command import flags
 from resample.command.flags import CALIBRATED, LENS, SIZE, Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, Written, height_and_width
-from resample.files.stores.opening import Address, Place
-from resample.words import numbers_in
-from resample_texture.command.choices import MATRIX, Besides, Filling, Picture, PictureWarping
+from resample.words import numbers_in, parts_of
+from resample_texture.command.choices import (
+    MATRIX,
+    Besides,
+    Filling,
+    Picture,
+    PictureFiltering,
+    PictureWarping,
+    Reports,
+)
 
 if TYPE_CHECKING:
-    from resample_texture.command.inputs import Aim, PictureTarget
-    from resample_texture.sizes import AnySize
+    from resample_texture.arguments import AnySize
+    from resample_texture.command.rendering import Aim, PictureTarget
 
 PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
@@ -73,8 +80,8 @@ class NewSize(Choices):
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import PictureTarget
-        from resample_texture.sizes import resized
+        from resample_texture.arguments import resized
+        from resample_texture.command.rendering import PictureTarget
 
         size = None if self.size is None else size_of(self.size)
         sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
@@ -106,10 +113,7 @@ class Factor(Choices):
     def pair(self) -> tuple[float, float]:
         """Factors along x and y.
 
-        Raises
-        ------
-        ValueError
-            These are not one or two numbers.
+        Raises ValueError: these are not one or two numbers.
         """
         numbers = numbers_in("factor", self.factor)
         if len(numbers) > 2:
@@ -118,7 +122,7 @@ class Factor(Choices):
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import PictureTarget
+        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import scaled_shape, scaling
 
         factor = self.pair()
@@ -145,7 +149,7 @@ class Rotation(Choices):
 
     def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.inputs import PictureTarget
+        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import turned_shape, turning
 
         shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
@@ -195,12 +199,9 @@ class Undistortion(Choices):
     def aim(self) -> "Aim":
         """Return a function from a picture's height and width to its target.
 
-        Raises
-        ------
-        ValueError, OSError
-            The lens, matrix, rotation or size is invalid.
+        Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
         """
-        from resample_texture.command.inputs import calibrated, rectified
+        from resample_texture.command.rendering import calibrated, rectified
 
         size = None if self.size is None else height_and_width(self.size)
         calibration = calibrated(self.lens, self.new_matrix, self.rectify, fisheye=self.fisheye)
@@ -259,9 +260,8 @@ def resize(
     from resample_texture.command.jobs import warp_all
 
     new.check()
-    images, target = separated(files, output)
     warping = new.opened(warping)
-    warp_all(images, target, new.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, new.target, warping=warping, written=written, besides=besides)
 
 
 def scale(
@@ -285,8 +285,7 @@ def scale(
     from resample_texture.command.jobs import warp_all
 
     by.check()
-    images, target = separated(files, output)
-    warp_all(images, target, by.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, by.target, warping=warping, written=written, besides=besides)
 
 
 def rotate(
@@ -309,8 +308,7 @@ def rotate(
     """
     from resample_texture.command.jobs import warp_all
 
-    images, target = separated(files, output)
-    warp_all(images, target, turn.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, turn.target, warping=warping, written=written, besides=besides)
 
 
 def undistort(
@@ -336,24 +334,116 @@ def undistort(
     """
     from resample_texture.command.jobs import warp_all
 
-    images, target = separated(files, output)
     aim = out_of.aim()
-    warp_all(images, target, aim, warping=warping, written=written, besides=besides)
+    warp_all(files, output, aim, warping=warping, written=written, besides=besides)
 
 
-def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
-    """Separate the pictures from the output.
+class BetweenProjections(Choices):
+    """The projections of a picture and of its target."""
 
-    Raises
-    ------
-    ValueError
-        There is no output, or it is an address.
+    heading: ClassVar[str] = "Target"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    before: Annotated[
+        str | None,
+        Parameter(name="--from"),
+        Field(
+            description="What is given: the picture's projection, equirectangular, "
+            "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, "
+            "perspective:fov=90. [default: none; must be given]"
+        ),
+    ] = None
+    after: Annotated[
+        str | None,
+        Parameter(name="--to"),
+        Field(
+            description="Projection of the target, as for --from. [default: none; must be given]"
+        ),
+    ] = None
+    size: Annotated[str | None, Field(description=f"{SIZE} [default: none; must be given]")] = None
+    turn: Annotated[
+        str,
+        Hyphen,
+        Field(description="Turn the view right, up and clockwise by degrees: 30,10 or 30,10,5."),
+    ] = "0,0,0"
+
+    def check(self) -> None:
+        """Refuse unknown projections, and a size or angles that are none."""
+        from resample import registry
+
+        before, after, shape = self.given()
+        registry.check("projections", (before,))
+        registry.build("projections", after).check(shape)
+        self.angles()
+
+    def given(self) -> tuple[str, str, tuple[int, int]]:
+        """Return both projections, and height and width of the target, px.
+
+        Raises ValueError: one is missing, or the size is none.
+        """
+        if self.before is None or self.after is None or self.size is None:
+            options = {"--from": self.before, "--to": self.after, "--size": self.size}
+            missing = " and ".join(name for name, value in options.items() if value is None)
+            raise ValueError(f"give {missing}, too, such as --to perspective:fov=70 --size 640x480")
+        return self.before, self.after, height_and_width(self.size)
+
+    def angles(self) -> tuple[float, float, float]:
+        """Return the angles in degrees.
+
+        Raises ValueError: these are not two or three finite numbers.
+        """
+        from resample_texture.geometry.projections import rotation
+
+        try:
+            right, up, clockwise = (*map(float, parts_of(self.turn)), 0.0)[:3]
+            rotation((right, up, clockwise))
+        except ValueError:
+            complaint = f"turn {self.turn!r}; give degrees right,up or right,up,clockwise, 30,10,0"
+            raise ValueError(complaint) from None
+        return right, up, clockwise
+
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+        """Return the target of a picture (height, width)."""
+        from resample import registry
+        from resample_texture.command.rendering import PictureTarget
+        from resample_texture.everyday import project
+        from resample_texture.geometry.matrices import resizing
+
+        before, after, shape = self.given()
+        registry.build("projections", before).check(source_shape)
+        angles: dict[str, Any] = {"turn": self.angles()}
+        draws = partial(project, source=before, target=after, shape=shape, **angles)
+        return PictureTarget(resizing(source_shape, shape), shape, draws)
+
+
+PROJECTING = BetweenProjections.usual()
+FILTERING, REPORTS = PictureFiltering.usual(), Reports.usual()
+
+
+def project(
+    files: Files,
+    /,
+    *,
+    output: Output = None,
+    projecting: Annotated[BetweenProjections, flags.Flat] = PROJECTING,
+    filtering: Annotated[PictureFiltering, flags.Flat] = FILTERING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    reports: Annotated[Reports, flags.Flat] = REPORTS,
+) -> None:
+    r"""Show pictures of one projection in another, without seams: panoramas, cube maps, fisheyes.
+
+    For example:
+
+        resample-texture project sample:bricks a.png --size 400 \
+            --from perspective:fov=90 --to fisheye:fov=90
+        resample-texture project sample:bricks b.png --size 640x480 --turn 30,10 \
+            --from fisheye:fov=180 --to perspective:fov=70
+        resample-texture project sample:bricks c.png --size 400x200 \
+            --from stereographic --to equirectangular
     """
-    if output is not None:
-        return files, output
-    if len(files) < 2:
-        raise ValueError(f"give the output after {files[0]}, or by --output")
-    *images, target = files
-    if isinstance(target, Address):
-        raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
-    return images, target
+    from resample_texture.command.jobs import warp_all
+
+    projecting.check()
+    warping = PictureWarping(**dict(filtering))
+    besides = Besides(**dict(reports))
+    warp_all(files, output, projecting.target, warping=warping, written=written, besides=besides)

@@ -10,10 +10,7 @@ from resample.files.stores.opening import Place
 def facts_in(path: Place) -> dict[str, Any]:
     """Return what a file of one or more pictures says, as JSON values.
 
-    Raises
-    ------
-    ValueError, OSError
-        It cannot be read.
+    Raises ValueError, OSError: it cannot be read.
     """
     frames = frames_of(path)
     facts: dict[str, Any] = {"kind": "picture"}

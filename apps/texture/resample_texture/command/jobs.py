@@ -6,15 +6,17 @@ from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.metadata import FileMetadata
-from resample.files.facts.palettes import has_palette
+from resample.files.facts.metadata import TIFF, FileMetadata, WrittenPage, complete, upright
+from resample.files.facts.origin import stated
+from resample.files.facts.tags import PNG_START, Tag, read_tags
 from resample.files.formats import (
     WriteOptions,
     check_output,
@@ -23,7 +25,7 @@ from resample.files.formats import (
     holds_gaps,
     takes_alpha,
 )
-from resample.files.pictures import Picture, form_of, picture_at
+from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import (
     Frames,
@@ -33,19 +35,107 @@ from resample.files.sequences import (
     is_batch,
     write_frames,
 )
-from resample.files.stores.opening import Place
-from resample.files.writing import check_targets, write_json
+from resample.files.stores.opening import Address, Place
+from resample.files.writing import check_targets, replacing, write_json
+from resample.reading.limits import check_unpacked
+from resample.reading.pictures import decoding
 from resample.types import Floats
 from resample.words import one_line
+from resample_texture.arguments import method_named
 from resample_texture.command.choices import Besides, PictureWarping, region
-from resample_texture.command.inputs import Aim, PictureTarget
-from resample_texture.command.large import Destination, Large, large_picture
-from resample_texture.command.palettes import palette_picture, write_palette_picture
-from resample_texture.command.rendering import check_memory, covers_all, report, warped
+from resample_texture.command.rendering import (
+    Aim,
+    Destination,
+    Large,
+    PictureTarget,
+    check_memory,
+    covers_all,
+    large_picture,
+    report,
+    warped,
+)
 from resample_texture.geometry.mappings import Homography
+from resample_texture.methods.labels import Majority, NearestTexel
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
 REDUCED = 2.5  # px of a JPEG decoded at a reduced scale, per px of the target, at least
+WRITTEN = (".png", *TIFF)  # formats with palettes
+
+PNG_OF_PALETTE, TIFF_OF_PALETTE = 3, 3  # the formats' numbers for it
+PHOTOMETRIC = 262  # a tag of TIFF
+MOST = 256  # colors of a palette
+
+
+class Palette(NamedTuple):
+    """Colors by number."""
+
+    colors: NDArray[np.uint8]  # (N, 3) sRGB
+    opacity: NDArray[np.uint8]  # (N,)
+
+    @property
+    def clear(self) -> int | None:
+        """Number of the first color that is transparent; None if all are visible."""
+        found = np.flatnonzero(self.opacity == 0)
+        return int(found[0]) if found.size else None
+
+    def with_clear(self) -> "Palette":
+        """Return a palette with one more color, which is transparent."""
+        colors = np.concatenate([self.colors, np.zeros((1, 3), np.uint8)])
+        return Palette(colors, np.append(self.opacity, np.uint8(0)))
+
+
+def has_palette(path: Path) -> bool:
+    """Whether a file is a picture with a palette; of GIF, one that may be an animation."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        head = file.read(26)
+    if head[:8] == PNG_START:
+        return head[25:26] == bytes([PNG_OF_PALETTE])
+    if path.suffix.lower() in TIFF:
+        tag = next((page.get(PHOTOMETRIC) for page in read_tags(path, (PHOTOMETRIC,), {})), None)
+        return isinstance(tag, Tag) and int(tag.values[0]) == TIFF_OF_PALETTE
+    return head[:4] == b"GIF8"
+
+
+def read_indices(path: Path) -> tuple[NDArray[np.uint8], Palette] | None:
+    """Read numbers (H, W) as stored, and their palette; None if Pillow has none of them."""
+    from PIL import Image
+
+    with decoding(path), Image.open(path) as image:
+        check_unpacked(str(path), path.stat().st_size, 2 * image.width * image.height)
+        if image.mode != "P":
+            return None
+        index = np.array(image)
+        colors = np.array(image.getpalette("RGB"), np.uint8).reshape(-1, 3)
+        told: Any = image.info.get("transparency", b"")
+    count = max(len(colors), int(index.max(initial=0)) + 1)
+    colors = np.concatenate([colors, np.zeros((count - len(colors), 3), np.uint8)])
+    opacity = np.full(count, 255, np.uint8)
+    if isinstance(told, int):
+        opacity[told : told + 1] = 0
+    else:
+        given = np.frombuffer(told[:count], np.uint8)
+        opacity[: len(given)] = given
+    return index, Palette(colors, opacity)
+
+
+def write_indices(path: Path, index: NDArray[np.uint8], palette: Palette, **texts: str) -> None:
+    """Write numbers (H, W) and their palette as .png, with texts, or .tif."""
+    from PIL import Image, PngImagePlugin
+
+    height, width = index.shape
+    image = Image.frombytes("P", (width, height), np.ascontiguousarray(index).tobytes())
+    image.putpalette(palette.colors.tobytes())
+    if path.suffix.lower() in TIFF:
+        image.save(path, compression="tiff_adobe_deflate")
+        return
+    words = PngImagePlugin.PngInfo()
+    for key, text in texts.items():
+        words.add_text(key, text)
+    is_opaque = bool((palette.opacity == 255).all())
+    choices: dict[str, Any] = {} if is_opaque else {"transparency": palette.opacity.tobytes()}
+    image.save(path, pnginfo=words, **choices)
 
 
 @dataclass(frozen=True)
@@ -103,10 +193,7 @@ class Job:
     ) -> tuple[Picture, Floats]:
         """Warp a picture for a file; also return the coverage of its pixels.
 
-        Raises
-        ------
-        ValueError
-            The file cannot hold it.
+        Raises ValueError: the file cannot hold it.
         """
         gaps = holds_gaps(output, picture, self.options)
         adds_alpha = takes_alpha(output, self.options)
@@ -135,15 +222,19 @@ class Job:
 
 
 def warp_all(
-    images: Sequence[Place],
-    output: Path,
+    files: list[Place],
+    output: Path | None,
     aim: Aim,
     *,
     warping: PictureWarping,
     written: Written,
     besides: Besides,
 ) -> None:
-    """Warp a picture, a film or a batch of files, once the target is known."""
+    """Warp a picture, a film or a batch of files, once the target is known.
+
+    The last of the files is the output, if that is not given.
+    """
+    images, output = separated(files, output)
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
@@ -160,6 +251,21 @@ def warp_all(
         told = warp_file(Session(), images[0], output, job, coverage)
     if stats is not None:
         write_json(stats, told)
+
+
+def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
+    """Separate the pictures from the output, which is the last of the files unless given.
+
+    Raises ValueError: there is no output, or it is an address.
+    """
+    if output is not None:
+        return files, output
+    if len(files) < 2:
+        raise ValueError(f"give the output after {files[0]}, or by --output")
+    *images, target = files
+    if isinstance(target, Address):
+        raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
+    return images, target
 
 
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
@@ -305,3 +411,42 @@ def _say_lost(about: FileMetadata, made: FileMetadata, output: Path, *, has_nans
     has_word = output.suffix.lower() == ".exr" or (after is not None and after.missing is not None)
     if made.number and not has_word and has_nans:
         say(f"{output.name} cannot mark missing values: pixels that are not covered are 0")
+
+
+def palette_picture(
+    source: Place, output: Path, choice: PictureWarping, look: WriteOptions
+) -> tuple[Picture, Palette] | None:
+    """Return a picture's numbers and their palette; None if it has none or must become colors."""
+    if not isinstance(source, Path) or not has_palette(source):
+        return None
+    method = method_named(choice.method, **choice.sampling)
+    is_copied = isinstance(method, Majority | NearestTexel) and not choice.total
+    is_kept = look.bits in (None, 8) and look.background is None
+    is_kept = is_kept and look.quality is None and not look.in_srgb
+    found = None
+    if is_copied and is_kept and output.suffix.lower() in WRITTEN:
+        found = read_indices(source)
+    if found is None:
+        return None
+    index, palette = found
+    header = header_of(source, as_data=True)
+    about, kind = header.upright_about._replace(number="uint8"), Kind(("Y",), 32, is_encoded=False)
+    number = upright(index, header.orientation)[..., np.newaxis]
+    data = with_gaps(number.astype(np.float32), kind, about)
+    return Picture(data, kind, about), palette
+
+
+def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:
+    """Write numbers with their palette; what is missing becomes transparent, if there is room."""
+    (data, _, about), is_png = picture, path.suffix.lower() == ".png"
+    gaps = np.isnan(data[..., 0])
+    missing = None if about.geo is None else about.geo.missing
+    clear = palette.clear if missing is None else int(missing)
+    if clear is None and gaps.any() and is_png and len(palette.colors) < MOST:
+        clear, palette = len(palette.colors), palette.with_clear()
+    if clear is None and gaps.any():
+        say(f"{path.name} has no color to spare for what is not covered: that is of color 0")
+    index = np.where(gaps, clear or 0, np.nan_to_num(data[..., 0])).astype(np.uint8)
+    with replacing(path) as temporary:
+        write_indices(temporary, index, palette, **stated())
+        complete(temporary, [WrittenPage(about, (*index.shape, 1), "uint8")])

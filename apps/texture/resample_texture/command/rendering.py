@@ -1,26 +1,44 @@
-"""Warp a picture for the command line, in linear light or as encoded."""
+"""Warp a picture for the command line, in linear light or as encoded.
 
-from collections.abc import Callable
+Pictures too large for memory as floats are kept as stored, and warped in strips.
+"""
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import OTHERS, Session, bytes_written, libraries, require_picture
 from resample.files import pictures
 from resample.files.facts.geotiff import Geo, moved, unplaced
-from resample.files.pictures import Kind, Picture, form_of
+from resample.files.facts.metadata import FileMetadata
+from resample.files.formats import WriteOptions, holds_missing, takes_alpha
+from resample.files.pictures import (
+    Kind,
+    LoadablePicture,
+    LoadedPicture,
+    Picture,
+    form_of,
+    loadable_picture,
+)
 from resample.files.stores.opening import Place
-from resample.memory import require
+from resample.memory import ALLOWED, GIB, require
 from resample.memory.mapped import pages_of
 from resample.types import Floats
-from resample_texture.arguments import method_named
-from resample_texture.command.choices import PictureWarping
-from resample_texture.command.inputs import PictureTarget
-from resample_texture.geometry.mappings import ForwardMap, Homography
-from resample_texture.types import AnyLight, Warped
+from resample_texture.arguments import Places, geometry_of, method_named, within
+from resample_texture.command.choices import PictureWarping, WarpGeometry
+from resample_texture.drawing import Drawing, DrawnParts, drawn, parts_of
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.windows import Rect, windows_of
+from resample_texture.types import AnyLight, Edge, Warped
 from resample_texture.warping import warp
 
 WHOLE = 1.0 - 1e-3  # coverage that counts as complete; float32 sums are off by 1e-4
@@ -30,6 +48,116 @@ BYTES_PER_TEXEL = 6  # per texel and channel: the source and its decoding buffer
 BYTES_IN_STRIP = 28  # per value of the strip of a large picture that is being drawn
 BYTES_OF_FILM = 56, 60  # per texel of the picture, in levels and light, and per pixel of a frame
 REMEDY = "take a smaller size, or a part of it by --roi"
+MOST_AT_ONCE = 1 << 30  # bytes that a warp of the whole picture may take
+MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # target values per strip
+SHARE_OF_STRIP = 8  # a strip takes 1 / 8 of what --memory allows
+WHOLE_PICTURE = 1 << 62  # px of a window
+ROWS = 32  # strips have a multiple of this, so that files keep their blocks
+
+Roi = tuple[int, int, int, int]  # left, top, width and height, px
+
+
+@dataclass(frozen=True, eq=False)
+class PictureTarget:
+    """Geometry and size of a warp's target."""
+
+    places: Geometry | Places
+    shape: tuple[int, int]  # height and width, px
+    draws: "Draws | None" = None  # what shows the picture, if no geometry does it
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Geometry, evaluated for the whole target."""
+        return geometry_of(self.places, self.shape, "corner", inverse=False)
+
+
+Draws = Callable[..., Warped]  # takes a picture and options of `warp`
+Aim = Callable[[tuple[int, int]], PictureTarget]  # from a picture's height and width
+
+
+def target_of(place: WarpGeometry, source_shape: tuple[int, int]) -> PictureTarget:
+    """Return geometry and size for a source (height, width)."""
+    name, given = place.given()
+    if name == "matrix":
+        from resample_texture.geometry.matrices import homography, parse_matrix
+
+        matrix = homography(parse_matrix(given), convention=place.convention, inverse=place.inverse)
+        return PictureTarget(matrix, place.shape() or source_shape)
+    if name == "lens":
+        return rectified(calibrated(given), place.shape() or source_shape, inverse=place.inverse)
+    if place.inverse:
+        raise ValueError(f"--inverse applies to a matrix or a lens, not to a {name}")
+    if name == "corners":
+        from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
+
+        before, arrow, after = given.partition("->")
+        shift = 0.5 if place.convention == "opencv" else 0.0
+        points = parse_points(before) + shift
+        source = points if arrow else page_corners(source_shape)
+        target = parse_points(after) + shift if arrow else points
+        right, bottom = target.max(axis=0)
+        bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
+        return PictureTarget(from_corners(source, target), place.shape() or bounds)
+    from resample_texture.geometry.mappings import ForwardMap, places_by_map, read_map
+
+    pairs = read_map(given)
+    shape = pairs.shape[0], pairs.shape[1]
+    if name == "flow":
+        if shape != source_shape:
+            raise ValueError(
+                f"{given} is a flow of {shape[1]} x {shape[0]} pixels, the picture "
+                f"has {source_shape[1]} x {source_shape[0]}"
+            )
+        return PictureTarget(ForwardMap.from_flow(pairs), place.shape() or source_shape)
+    if place.shape() not in (None, shape):
+        raise ValueError(
+            f"{given} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
+            "leave out the size"
+        )
+    shift = 0.5 if place.convention == "opencv" else 0.0
+    return PictureTarget(places_by_map(pairs, shift), shape)
+
+
+def calibrated(
+    lens: str,
+    new_matrix: str | None = None,
+    rotation: str | None = None,
+    *,
+    fisheye: bool = False,
+) -> Calibration:
+    """Read a lens, with the pinhole and rotation to rectify for if given."""
+    from resample.cameras.models import LensModel
+    from resample.cameras.poses import turned_by
+    from resample.words import naming
+    from resample_texture.geometry.matrices import parse_matrix
+
+    calibration = read_calibration(lens, LensModel.FISHEYE if fisheye else None)
+    if new_matrix is not None:
+        with naming("--new-matrix"):
+            given = _four_of(new_matrix) or parse_matrix(new_matrix)
+            calibration = calibration._replace(pinhole=pinhole_of(given))
+    if rotation is not None:
+        with naming("--rectify"):
+            calibration = calibration._replace(rotation=turned_by(parse_matrix(rotation)))
+    return calibration
+
+
+def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool) -> PictureTarget:
+    """Return the target (height, width) that removes a lens's distortion, or adds it."""
+    from resample_texture.geometry.cameras import places_by_lens
+
+    camera, pinhole, rotation, _ = calibration
+    places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
+    return PictureTarget(places, shape)
+
+
+def _four_of(text: str) -> list[float] | None:
+    """Read fx, fy, cx, cy; None unless there are four numbers."""
+    try:
+        numbers = [float(number) for number in text.replace(",", " ").split()]
+    except ValueError:
+        return None
+    return numbers if len(numbers) == 4 else None
 
 
 def warped(
@@ -72,10 +200,8 @@ def _drawn(
 ) -> Warped:
     """Return texels as the target shows them."""
     filtering: dict[str, Any] = {
+        **choice.sampling,
         "method": choice.method,
-        "filter": choice.filter,
-        "interpolation": choice.interpolation,
-        "quality": choice.quality,
         "fill": "premultiplied",
         "axis": -1,
         "linear_light": linear_light,
@@ -181,13 +307,6 @@ def curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
     return np.concatenate([curve(color) * alpha, alpha], axis=2, dtype=np.float32)
 
 
-class InStrips(NamedTuple):
-    """Memory of a picture that is drawn strip by strip."""
-
-    source: int  # bytes of the picture as stored
-    strip: int  # values drawn at a time
-
-
 def check_memory(
     form: tuple[int, int, int],
     shape: tuple[int, int],
@@ -195,20 +314,18 @@ def check_memory(
     output: Path,
     *,
     has_alpha: bool = False,
-    in_strips: InStrips | None = None,
+    in_strips: tuple[int, int] | None = None,
 ) -> None:
     """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
-    Parameters
-    ----------
-    shape
-        Height and width of the result, px.
+    `shape`: height and width of the result, px. `in_strips`: bytes of a source as stored that is
+    drawn strip by strip, and values drawn at a time.
     """
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
     if in_strips is not None:
-        source = pages_of(in_strips.source) or in_strips.source
-        parts = {"the source": source, "a strip": BYTES_IN_STRIP * in_strips.strip}
+        stored, strip = in_strips
+        parts = {"the source": pages_of(stored) or stored, "a strip": BYTES_IN_STRIP * strip}
     else:
         opens = choice.edge == "transparent" and not (has_alpha or choice.total)
         values = form[2] + opens
@@ -225,3 +342,191 @@ def require_film(source: Place, size: tuple[int, int]) -> None:
     (height, width, _), _ = form_of(source)
     texel, pixel = BYTES_OF_FILM
     require_picture(size, pixel, {"the source": texel * height * width})
+
+
+class Destination(NamedTuple):
+    """Output file of a large picture, and its format."""
+
+    path: Path
+    options: WriteOptions
+
+
+def large_picture(
+    path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
+) -> "Large | None":
+    """Return a large picture to warp strip by strip; None if it is small or cannot be."""
+    form = loadable_picture(path, choice.encoding)
+    if form is None or choice.total:
+        return None
+    target = aim(form.shape[:2])
+    shape = target.shape if roi is None else (roi[3], roi[2])
+    is_small = bytes_at_once(form.shape, shape) <= min(
+        MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2
+    )
+    if is_small or target.draws is not None or isinstance(target.places, ForwardMap):
+        return None
+    method = method_named(choice.method, **choice.sampling)
+    whole = (0, 0, target.shape[1], target.shape[0])
+    large = Large(form, target, choice, method, roi or whole, written)
+    return None if large.parts is None else large
+
+
+@dataclass(frozen=True, eq=False)
+class Large:
+    """A large picture and its warp.
+
+    `form`: the picture, which can be kept as stored. `target`: geometry and size of the target.
+    `choice`, `method`: options of the warp, and the method that they name. `roi`: part of the
+    target to make. `written`: output file and format.
+    """
+
+    form: LoadablePicture
+    target: PictureTarget
+    choice: PictureWarping
+    method: Any  # a `Method` that may have `visible_tiles`
+    roi: Roi
+    written: Destination
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the result, px."""
+        return self.roi[3], self.roi[2]
+
+    @cached_property
+    def parts(self) -> DrawnParts | None:
+        """Parts of the whole target, or of its first strip: with maps all strips are alike.
+
+        None if parts of the target cannot be drawn from parts of the source.
+        """
+        is_plane = isinstance(self.target.places, Homography)
+        rows = (0, self.roi[3]) if is_plane else next(self._rows())
+        return parts_of(self.form, self._drawing(*rows)[0])
+
+    def _drawing(self, first: int, count: int) -> tuple[Drawing, tuple[slice, slice]]:
+        """Return the drawing for a strip of rows, and the part of it that they take."""
+        choice, (geometry, shape, part) = self.choice, self._part(first, count)
+        drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
+        return drawing, part
+
+    @cached_property
+    def most(self) -> int:
+        """Target values per strip: more values read less of the source twice."""
+        of_memory = (ALLOWED.get() or sys.maxsize) // (SHARE_OF_STRIP * BYTES_IN_STRIP)
+        most = min(MOST_IN_STRIP, max(LEAST_IN_STRIP, of_memory))
+        return min(most, (self.form.shape[2] + 1) * prod(self.shape))
+
+    @property
+    def in_strips(self) -> tuple[int, int]:
+        """Bytes of the picture as stored, and values that are drawn at a time."""
+        return self.form.size, max(self.most, LEAST_IN_STRIP)
+
+    @cached_property
+    def loaded(self) -> LoadedPicture:
+        """The stored picture; sRGB-encoded if encoded values are warped."""
+        loaded = self.form.load(self._source_rect.part)
+        if self._is_curved and not loaded.has_levels:
+            for first in range(0, len(loaded.data), ROWS):
+                rows = loaded.data[first : first + ROWS]
+                rows[...] = curved(Picture(rows, loaded.kind), to_srgb)
+        return loaded
+
+    @property
+    def _source_rect(self) -> Rect:
+        """Part of the source that the target shows."""
+        size = self.form.shape[:2]
+        if self.parts is not None and self.parts.mixed is not None:
+            return Rect(0, 0, size[1], size[0])
+        return Rect.around([self.bounds(first, count) for first, count in self._rows()], size)
+
+    def bounds(self, first: int, count: int) -> Rect:
+        """Return the part of the source, continued beyond its edges, that a strip shows."""
+        size = self.form.shape[:2]
+        geometry, shape, _ = self._part(first, count)
+        seen = self.method.visible_tiles(size, geometry, shape, Edge(self.choice.edge))
+        return next(windows_of(seen, size, WHOLE_PICTURE)).source
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Kind of the result: with transparency unless every pixel shows the picture."""
+        kind = self.loaded.kind
+        is_closed = kind.has_alpha or self.choice.edge != "transparent" or self.keeps_gaps
+        is_closed = is_closed or not takes_alpha(*self.written)
+        return (
+            kind if is_closed or self._is_whole else kind._replace(channels=(*kind.channels, "A"))
+        )
+
+    @cached_property
+    def about(self) -> FileMetadata:
+        """Metadata of the result."""
+        about = self.loaded.about
+        return about._replace(geo=placed(about.geo, self.target, self.roi))
+
+    @cached_property
+    def keeps_gaps(self) -> bool:
+        """Whether uncovered pixels are marked as missing, if the file format can do that."""
+        loaded, (path, look) = self.loaded, self.written
+        return holds_missing(path, loaded.kind, loaded.about, look, has_nans=loaded.has_nans)
+
+    @property
+    def _is_curved(self) -> bool:
+        """Whether encoded values are warped, not linear light."""
+        return self.form.is_encoded and not self.choice.linear
+
+    @cached_property
+    def _is_whole(self) -> bool:
+        """Whether every pixel shows the picture and nothing else."""
+        if self.loaded.has_gaps:
+            rows = self._rows()
+            return all((self._drawn(*some).coverage >= WHOLE).all() for some in rows)
+        if isinstance(self.target.places, Homography):
+            return covers_all(self.target, self.form.shape[:2], self.roi)
+        return all(self._covers_all(first, count) for first, count in self._rows())
+
+    def _covers_all(self, first: int, count: int) -> bool:
+        """Whether all pixels of rows of a map show the picture and nothing else."""
+        geometry, shape, _ = self._part(first, count)
+        assert isinstance(geometry, BackwardMap)
+        if not np.isfinite(geometry.x + geometry.y).all():
+            return False
+        height, width, _ = self.form.shape
+        seen = self.method.visible_tiles((height, width), geometry, shape, Edge.TRANSPARENT)
+        low, high = seen.bounds[:, :2].min(axis=0), seen.bounds[:, 2:].max(axis=0)
+        return bool((low >= 0.0).all() and high[0] <= width and high[1] <= height)
+
+    def _rows(self) -> Iterator[tuple[int, int]]:
+        """Yield the first row of each strip, and its number of rows."""
+        height, width = self.shape
+        most = self.most // ((self.form.shape[2] + 1) * width)
+        count = max(ROWS, most // ROWS * ROWS)
+        yield from ((first, min(count, height - first)) for first in range(0, height, count))
+
+    def _part(
+        self, first: int, count: int
+    ) -> tuple[Homography | ForwardMap | BackwardMap, tuple[int, int], tuple[slice, slice]]:
+        """Return geometry, shape and part of a strip of rows."""
+        left, top, width, _ = self.roi
+        roi = (left, top + first, width, count)
+        return within(self.target.places, self.target.shape, roi, self.method)
+
+    def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
+        """Yield first row, picture and coverage of each strip, from the top."""
+        for first, count in self._rows():
+            yield first, self.paint(first, count)
+
+    def paint(self, first: int, count: int) -> tuple[Picture, Floats]:
+        """Return picture and coverage of a strip of rows."""
+        image, coverage = self._drawn(first, count)
+        gaps = {"keeps_gaps": self.keeps_gaps, "is_whole": not self.kind.has_alpha}
+        gaps["adds_alpha"] = takes_alpha(*self.written)
+        made = finished(image, coverage, self.loaded.kind, self.choice, **gaps)
+        made = as_light(made) if self._is_curved else made
+        return made._replace(about=self.about), coverage
+
+    def _drawn(self, first: int, count: int) -> Warped:
+        """Return a strip in linear light, and its coverage."""
+        loaded, choice = self.loaded, self.choice
+        drawing, part = self._drawing(first, count)
+        light: AnyLight = "pixels" if choice.linear and loaded.kind.is_encoded else False
+        drawing = drawing._replace(has_gaps=loaded.has_gaps, linear_light=light)
+        image, coverage = drawn(loaded.data, drawing)
+        return Warped(image[part], coverage[part])

@@ -2,22 +2,132 @@
 
 Continuous pixel coordinates: pixel (row i, column j) has its center at (j + 0.5, i + 0.5), in the
 source as in the target. OpenCV counts from pixel centers; its maps are converted here, its matrices
-in `matrices`.
+in `matrices`. Files of maps do not say whether their numbers are coordinates in the source or
+displacements of texels; the caller decides by the class that it makes of them.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.files.images import read_channels
 from resample.memory.mapped import contiguous
+from resample.reading.arrays import is_npy, read_npy, read_npz
 from resample.types import Doubles
-from resample_texture.geometry.maps import as_pairs, from_fixed_point, is_number
 
 LARGEST_CONDITION = 1e12  # of a balanced matrix; beyond, its inverse has no 4 correct digits
 LARGEST_EXPONENT = 690.0  # of e in a determinant, as kernels divide by it
+
+FIXED_POINT_STEPS = 32  # per pixel, of OpenCV's integer maps
+FLOW_MAGIC = 202021.25  # the first number of a .flo file
+UNKNOWN_FLOW = 1e9  # px; larger flow means unknown, Baker et al. 2011
+NAMES = (("X", "Y"), ("x", "y"), ("U", "V"), ("u", "v"), ("map_x", "map_y"), ("R", "G"))
+TOLERANCE = 1e-3  # px by which an inverse's value may miss its place
+MOST_STEPS = 20
+LONGEST_STEP = 8.0  # px
+BEYOND = 2.0  # px beyond the map's edges where it is still inverted
+MARGIN = 20  # pixels by which a map is extended; a spline forgets its ends by 0.27 per pixel
+
+
+def read_map(path: str | Path) -> NDArray[Any]:
+    """Read two numbers per pixel, (H, W, 2), x first, in the file's own type.
+
+    `path`: `.npy` of the shape (H, W, 2); `.npz` with the arrays x and y; `.flo` (Middlebury's
+    optical flow, not a number where it is unknown); or any picture with two channels, or with
+    channels named X and Y, U and V, or R and G, as they are stored.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".flo":
+        data = Path(path).read_bytes()
+        if len(data) < 12 or np.frombuffer(data, "<f4", 1)[0] != FLOW_MAGIC:
+            raise ValueError(f"{path} is not a .flo file: it does not begin with {FLOW_MAGIC}")
+        width, height = (int(number) for number in np.frombuffer(data, "<i4", 2, 4))
+        if width < 1 or height < 1 or len(data) != 12 + 8 * width * height:
+            raise OSError(f"{path} is damaged: {len(data)} bytes for {width} × {height} vectors")
+        flow = np.frombuffer(data, "<f4", -1, 12).reshape(height, width, 2).astype(np.float64)
+        is_known = (np.abs(flow) <= UNKNOWN_FLOW).all(axis=2, keepdims=True)
+        return np.where(is_known, flow, np.nan)
+    if suffix in (".npy", ".npz"):
+        loaded = read_arrays(path)
+        if isinstance(loaded, dict):
+            return _two_of(loaded, path)
+        return checked_pairs(loaded, f"{path}: a map")
+    return _two_of(dict(read_channels(path)), path)
+
+
+def places_by_map(
+    pairs: NDArray[Any], shift: float = 0.0
+) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
+    """Return a function from x and y of a rectangle of pixel centers to a map's values.
+
+    `pairs`: (H, W, 2) of real numbers. `shift`: added to the numbers, px.
+    """
+
+    def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
+        left, top = int(x[0, 0]), int(y[0, 0])
+        part = pairs[top : top + x.shape[0], left : left + x.shape[1]].astype(np.float64)
+        return part[..., 0] + shift, part[..., 1] + shift
+
+    return places
+
+
+def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
+    """Read the array of a .npy file, or the arrays of a .npz file by name."""
+    file = Path(path)
+    # Only the parts that are used are read.
+    return read_npy(file, mapped=True) if is_npy(file) else read_npz(file)
+
+
+def as_pairs(array: ArrayLike, name: str) -> Doubles:
+    """Return checked numbers (H, W, 2) as float64; `name` begins error messages."""
+    return checked_pairs(array, name).astype(np.float64)
+
+
+def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
+    """Return checked numbers (H, W, 2), unconverted; `name` begins error messages."""
+    pairs = np.asarray(array)
+    if pairs.ndim != 3 or pairs.shape[2] != 2 or pairs.size == 0:
+        raise ValueError(f"{name} holds two numbers per pixel, (H, W, 2), not {pairs.shape}")
+    if not is_number(pairs):
+        raise ValueError(f"{name} holds real numbers, not {pairs.dtype}")
+    return pairs
+
+
+def is_number(array: NDArray[Any]) -> bool:
+    """Whether an array holds real numbers."""
+    return array.dtype.kind in "fiu"
+
+
+def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
+    """Return coordinates (h, w, 2) of OpenCV's two integer maps, centers at integers.
+
+    `whole`: (h, w, 2) int16, whole pixels. `fraction`: (h, w) uint16, 32 y + x in 32nds of a pixel.
+    """
+    places = as_pairs(whole, "a fixed-point map")
+    if fraction.shape != whole.shape[:2]:
+        raise ValueError(f"{fraction.shape} fractions do not fit a map of {whole.shape[:2]} pixels")
+    if whole.dtype != np.int16 or fraction.dtype not in (np.uint16, np.int16):
+        raise ValueError(
+            f"a fixed-point map is of int16 and uint16, not of {whole.dtype} and {fraction.dtype}"
+        )
+    y, x = np.divmod(fraction.astype(np.int64), FIXED_POINT_STEPS)
+    return places + np.stack([x, y % FIXED_POINT_STEPS], axis=2) / FIXED_POINT_STEPS
+
+
+def _two_of(channel: dict[str, NDArray[Any]], path: str | Path) -> NDArray[Any]:
+    """Return the channels x and y, by name, or because there are only two."""
+    known = [pair for pair in NAMES if all(name in channel for name in pair)]
+    if not known and len(channel) != 2:
+        names = ", ".join(channel) or "none"
+        raise ValueError(f"{path}: a map has two channels, or channels X and Y; here are {names}")
+    x, y = (channel[name] for name in (known[0] if known else channel))
+    if x.shape != y.shape or x.ndim != 2:
+        raise ValueError(f"{path}: x of {x.shape} and y of {y.shape} are not pictures of one size")
+    return checked_pairs(np.stack([x, y], axis=2), f"{path}: a map")
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +255,6 @@ class ForwardMap:
         >>> [round(float(one), 2) for one in (back.x[13, 16], back.y[13, 16])]  # of (16.5, 13.5)
         [14.54, 12.27]
         """
-        from resample_texture.geometry.inverting import inverse_of
-
         return BackwardMap(*inverse_of(self.x, self.y, shape, tolerance))
 
 
@@ -268,8 +376,6 @@ class BackwardMap:
         `source_shape`: height and width of the source, px. `tolerance`: as of `ForwardMap.inverse`,
         px in the source.
         """
-        from resample_texture.geometry.inverting import inverse_of
-
         return ForwardMap(*inverse_of(self.x, self.y, source_shape, tolerance))
 
 
@@ -387,3 +493,142 @@ def _step(position: Doubles, axis: int) -> Doubles:
     smaller = np.where(abs(before) < abs(after), before, after)
     is_smooth = abs(before - after) <= 1.0 + abs(smaller)
     return np.nan_to_num(np.where(is_smooth, (before + after) / 2, smaller))
+
+
+class _Spline(NamedTuple):
+    """A map (2, h, w) as a spline, its derivatives, and where it is known."""
+
+    values: Doubles  # (2, h, w) coefficients, extended
+    steps: Doubles  # (2, 2, h, w) change of x and y per column, and per row
+    is_known: Doubles  # (h, w) 1 or 0
+
+    def at(self, place: Doubles) -> Doubles:
+        """Return the map's values (2, N) at places (2, N), px."""
+        return np.stack([_sampled(one, place, 3) for one in self.values])
+
+    def slopes_at(self, place: Doubles) -> Doubles:
+        """Return derivatives (2, 2, N): of x and y along x, and along y."""
+        return np.stack([[_sampled(one, place, 1) for one in along] for along in self.steps])
+
+
+def inverse_of(
+    x: Doubles, y: Doubles, shape: tuple[int, int], tolerance: float = TOLERANCE
+) -> tuple[Doubles, Doubles]:
+    """Return where a map (h, w) takes the value of each pixel center of a picture.
+
+    Not a number where the map takes no such value. Where a fold takes one twice, it is one of the
+    two.
+
+    `x`, `y`: places of the map's pixel centers, px; not a number where there are none. `shape`:
+    height and width of the picture to whose pixel centers the inverse belongs, px. `tolerance`:
+    distance, px, of the inverse's value from the center, at most.
+    """
+    if not tolerance > 0.0:
+        raise ValueError(f"a tolerance lies above 0 px, not at {tolerance}")
+    is_known = np.isfinite(x) & np.isfinite(y)
+    if not is_known.any():
+        return np.full(shape, np.nan), np.full(shape, np.nan)
+    wanted = np.stack([a.ravel() for a in np.meshgrid(*(np.arange(n) + 0.5 for n in shape[::-1]))])
+    place = _nearest(x, y, is_known, shape)
+    u, v = _found(x, y, place, wanted, tolerance).reshape(2, *shape)
+    return u, v
+
+
+def points_back(x: Doubles, y: Doubles, wanted: Doubles) -> Doubles:
+    """Return where a map (h, w) takes the values (2, N); not a number where it does not."""
+    from scipy.spatial import cKDTree
+
+    row, column = np.nonzero(np.isfinite(x))
+    if not row.size:
+        return np.full(wanted.shape, np.nan)
+    tree, is_given = cKDTree(np.stack([x, y])[:, row, column].T), np.isfinite(wanted).all(axis=0)
+    _, nearest = tree.query(np.where(is_given, wanted, 0.0).T)
+    place = np.stack([column + 0.5, row + 0.5])[:, nearest].astype(np.float64)
+    return np.where(is_given, _found(x, y, place, wanted, TOLERANCE), np.nan)
+
+
+def points_along(x: Doubles, y: Doubles, place: Doubles) -> Doubles:
+    """Return the values of a map (h, w) at places (2, N), px; not a number beyond its edges."""
+    is_known = np.isfinite(x)
+    if not is_known.any():
+        return np.full(place.shape, np.nan)
+    spline, size = _spline(np.stack([x, y]), is_known), np.array(x.shape[::-1])[:, None]
+    is_within = ((place >= 0.0) & (place <= size)).all(axis=0)
+    here = np.where(is_within, place, 0.0)
+    is_within &= _sampled(spline.is_known, here, 1) > 1.0 - 1e-6
+    return np.where(is_within, spline.at(here), np.nan)
+
+
+def _found(x: Doubles, y: Doubles, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:
+    """Return where a map has the wanted values, from places (2, N) nearby; else not a number."""
+    spline = _spline(np.stack([x, y]), np.isfinite(x) & np.isfinite(y))
+    miss = _refine(spline, place, wanted, tolerance)
+    size = np.array(x.shape[::-1], np.float64)[:, None]
+    is_found = (miss <= tolerance) & (place >= -BEYOND).all(axis=0)
+    is_found &= (place <= size + BEYOND).all(axis=0)
+    is_found &= _sampled(spline.is_known, place, 1) > 1.0 - 1e-6
+    return np.where(is_found, place, np.nan)
+
+
+def _refine(spline: _Spline, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:
+    """Move places (2, N) to where the map has the wanted values; return how far it is off."""
+    miss = np.full(place.shape[1], np.inf)
+    left = np.arange(place.shape[1])
+    for _ in range(MOST_STEPS):
+        here = place[:, left]
+        off = wanted[:, left] - spline.at(here)
+        miss[left] = np.hypot(*off)
+        (a, c), (b, d) = spline.slopes_at(here)
+        area = a * d - b * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.stack([d * off[0] - b * off[1], a * off[1] - c * off[0]]) / area
+            long = np.hypot(*step)
+            step *= np.where(long > LONGEST_STEP, LONGEST_STEP / long, 1.0)
+        is_left = (miss[left] > tolerance) & np.isfinite(step).all(axis=0)
+        left = left[is_left]
+        if not left.size:
+            break
+        place[:, left] += step[:, is_left]
+    return miss
+
+
+def _nearest(
+    x: Doubles, y: Doubles, is_known: NDArray[np.bool_], shape: tuple[int, int]
+) -> Doubles:
+    """Return the center (2, N) of the map's pixel whose value lies next to each pixel's center."""
+    from scipy import ndimage
+
+    row, column = np.nonzero(is_known)
+    there = np.floor(np.stack([y[row, column], x[row, column]]))
+    high = np.array(shape)[:, None] - 1
+    with np.errstate(invalid="ignore"):
+        index = np.clip(there, 0, high).astype(np.int64)
+    order = np.argsort(-np.abs(there - index).max(axis=0), kind="stable")  # those within come last
+    index, row, column = index[:, order], row[order], column[order]
+    found = np.zeros((3, *shape), np.int64)
+    found[:, index[0], index[1]] = np.ones_like(row), row, column
+    own = ndimage.distance_transform_edt(found[0] == 0, return_distances=False, return_indices=True)
+    nearest = found[:, own[0], own[1]]
+    return np.asarray(nearest[:0:-1].reshape(2, -1) + 0.5)
+
+
+def _spline(places: Doubles, is_known: NDArray[np.bool_]) -> _Spline:
+    from scipy import ndimage
+
+    if not is_known.all():
+        own = ndimage.distance_transform_edt(~is_known, return_distances=False, return_indices=True)
+        places = places[:, own[0], own[1]]
+    # Beyond their sides values go on as they end there.
+    wide = np.stack([np.pad(one, MARGIN, mode="reflect", reflect_type="odd") for one in places])
+    steps = np.stack([np.gradient(wide, axis=axis) for axis in (2, 1)])
+    values = np.stack([ndimage.spline_filter(one, 3, mode="mirror") for one in wide])
+    return _Spline(values, steps, np.pad(is_known.astype(np.float64), MARGIN, mode="edge"))
+
+
+def _sampled(values: Doubles, place: Doubles, order: int) -> Doubles:
+    from scipy import ndimage
+
+    where = place[::-1] - 0.5 + MARGIN
+    return np.asarray(
+        ndimage.map_coordinates(values, where, order=order, mode="nearest", prefilter=False)
+    )

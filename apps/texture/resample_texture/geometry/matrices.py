@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Convention
 from resample.types import Doubles
-from resample_texture.geometry.mappings import Homography
-from resample_texture.geometry.maps import read_arrays
+from resample_texture.geometry.mappings import Homography, read_arrays
 
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 SHAPES = {(3, 3): (3, 3), (2, 3): (2, 3), (1, 9): (3, 3), (1, 6): (2, 3)}  # lines × numbers
@@ -74,20 +73,18 @@ def _read_matrix(text: str) -> Doubles:
             f"{path} has {path.stat().st_size} bytes; a file of nine numbers is smaller"
         )
     if path.suffix.lower() == ".npy":
-        return _read_array(path)
+        loaded = read_arrays(path)
+        if isinstance(loaded, dict):
+            raise ValueError(
+                f"{path} holds the arrays {', '.join(loaded)}; give a file of one matrix"
+            )
+        return _full(loaded)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         rows = [_numbers(line.partition("#")[0]) for line in lines]
     except ValueError:
         raise ValueError(f"{path} is not a text file of numbers and # comments") from None
     return _of_lines([row for row in rows if row], str(path))
-
-
-def _read_array(path: Path) -> Doubles:
-    loaded = read_arrays(path)
-    if isinstance(loaded, dict):
-        raise ValueError(f"{path} holds the arrays {', '.join(loaded)}; give a file of one matrix")
-    return _full(loaded)
 
 
 def _numbers(line: str) -> list[float]:
@@ -185,7 +182,7 @@ def _cosine_and_sine(degrees: float) -> tuple[float, float]:
 def parse_points(text: str) -> Doubles:
     """Read four points (4, 2) from "10,20 500,30 490,700 5,680"; semicolons also separate."""
     try:
-        numbers = [float(number) for number in SEPARATOR.split(text) if number]
+        numbers = _numbers(text)
     except ValueError:
         numbers = []
     if len(numbers) != 8 or not np.isfinite(numbers).all():
@@ -205,16 +202,8 @@ def from_corners(source: ArrayLike, target: ArrayLike) -> Homography:
     All four are in front of the camera. The system is solved in rational numbers, so that a shift
     results in exactly that shift, and an affine map in an affine one.
 
-    Parameters
-    ----------
-    source, target
-        (4, 2) each, in the same order, px.
-
-    Raises
-    ------
-    ValueError
-        Three points lie on a line, or the two orders differ so that a corner would lie behind the
-        camera.
+    `source`, `target`: (4, 2) each, in the same order, px. Raises ValueError: three points lie on a
+    line, or the two orders differ so that a corner would lie behind the camera.
     """
     before, after = _exact(_checked(source, "source")), _exact(_checked(target, "target"))
     coordinates, weight = _barycentric(before)

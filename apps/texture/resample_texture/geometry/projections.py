@@ -330,10 +330,7 @@ class PerspectivePicture(_Whole):
 def rotation(turn: tuple[float, float, float]) -> Doubles:
     """Matrix (3, 3) from the target's directions to the source's.
 
-    Parameters
-    ----------
-    turn
-        Degrees by which the target looks to the right, up, and turns clockwise.
+    `turn`: degrees by which the target looks to the right, up, and turns clockwise.
     """
     if len(turn) != 3 or not np.isfinite(turn).all():
         raise ValueError(f"turn is three angles in degrees (right, up, clockwise), not {turn}")
@@ -358,10 +355,7 @@ def source_tiles(
 ) -> Iterator[SourceTile]:
     """Yield the parts of a picture.
 
-    Parameters
-    ----------
-    step
-        Angle, rad, between neighbouring pixels of the target, at most.
+    `step`: angle, rad, between neighbouring pixels of the target, at most.
     """
     shape = image.shape[0], image.shape[1]
     if isinstance(projection, EquirectangularPicture):
@@ -369,7 +363,11 @@ def source_tiles(
         return
     tiles = projection.tiles(shape)
     if len(tiles) == 1:
-        yield SourceTile(image, lambda ray: projection.places(ray, shape, 0), _everything)
+        yield SourceTile(
+            image,
+            lambda ray: projection.places(ray, shape, 0),
+            lambda ray: np.ones(ray.shape[:-1], np.bool_),
+        )
         return
     for n, tile in enumerate(tiles):
         first = np.array([tile.left, tile.top]) - _margin(tile)
@@ -383,17 +381,10 @@ def source_tiles(
         yield SourceTile(_padded(image, projection, tiles, n), places, shows)
 
 
-def _everything(ray: Doubles) -> NDArray[np.bool_]:
-    return np.ones(ray.shape[:-1], np.bool_)
-
-
 def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:
     """Yield a panorama, and round pictures of both poles, where its rows have no direction.
 
-    Parameters
-    ----------
-    radius
-        Of the poles, rad.
+    `radius`: of the poles, rad.
     """
     height, width = image.shape[:2]
     # Beyond a pole the picture goes on at the opposite longitude: one period has both.

@@ -19,9 +19,17 @@ from resample_texture.arguments import REFLECT_101, check_out, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.geometry.matrices import homography
-from resample_texture.like.common import ORDERS, color_behind, draw, has_gaps, method_of_order
-from resample_texture.like.shrinking import LINEAR, SHARP, by_nodes
-from resample_texture.texels.spans import rounded
+from resample_texture.like.common import (
+    LINEAR,
+    ORDERS,
+    SHARP,
+    by_nodes,
+    color_behind,
+    draw,
+    has_gaps,
+    method_of_order,
+)
+from resample_texture.texels.encoding import rounded
 from resample_texture.types import Edge, Method
 
 Mode = Literal[

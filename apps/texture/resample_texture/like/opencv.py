@@ -19,18 +19,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample_texture.arguments import REFLECT_101, whole_pair
 from resample_texture.drawing import Drawing
-from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography
-from resample_texture.geometry.maps import from_fixed_point
+from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography, from_fixed_point
 from resample_texture.geometry.matrices import homography
 from resample_texture.like.common import (
+    LINEAR,
     NEAREST,
+    SHARP,
+    Places,
+    Tiles,
+    by_matrix,
+    by_nodes,
     color_behind,
     draw,
     has_gaps,
     method_for,
     tiles_drawn,
 )
-from resample_texture.like.shrinking import LINEAR, SHARP, Places, Tiles, by_matrix, by_nodes
 from resample_texture.types import Edge, Method
 
 INTERPOLATIONS = {

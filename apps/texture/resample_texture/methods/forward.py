@@ -156,7 +156,10 @@ class Hybrid:
         if self.magnified == "splats":
             warped = self._splatted(source, geometry, shape, edge)
         elif self.gathers(geometry):
-            warped = self._gathering(source, geometry, shape, edge)
+            from resample_texture.texels.gather import gather, planned
+
+            size = source.shape[0], source.shape[1]
+            warped = gather(planned(size, geometry, shape, edge, self.cells), source)
         else:
             cells = self.cells.finer() if self._takes_areas else self.cells
             warped = _project(source, geometry, shape, edge, cells)
@@ -178,18 +181,6 @@ class Hybrid:
 
         return _Planned(self, planned(source_shape, geometry, shape, edge, self.cells))
 
-    def _gathering(
-        self,
-        source: Floats,
-        geometry: Homography | BackwardMap,
-        shape: tuple[int, int],
-        edge: Edge,
-    ) -> Warped:
-        from resample_texture.texels.gather import gather, planned
-
-        size = source.shape[0], source.shape[1]
-        return gather(planned(size, geometry, shape, edge, self.cells), source)
-
     def gathers(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
         """Whether pixels look at the source, and no texels are projected but where they shrink."""
         return self._takes_areas and not (self.total or isinstance(geometry, ForwardMap))
@@ -205,7 +196,9 @@ class Hybrid:
         """How texels are cut, and what they are to pixels."""
         from resample_texture.texels.forward import CellGrid
 
-        quality = self.quality if self.error is None else _quality_for(self.error)
+        quality = self.quality
+        if self.error is not None:
+            quality = next(least for least, largest in ERRORS.items() if largest <= self.error)
         return CellGrid(
             self.filter,
             self.interpolation,
@@ -438,7 +431,7 @@ def _project(
 ) -> Warped:
     """Picture of cells, placed from the source or, where a map leads backward, from the target."""
     if isinstance(geometry, BackwardMap):
-        from resample_texture.texels.backward import collect_from
+        from resample_texture.texels.gather import collect_from
 
         return collect_from(source, geometry, shape, edge, cells)
     from resample_texture.texels.forward import project
@@ -472,8 +465,3 @@ def _build(method: Any, name: str, group: str) -> None:
 def _check_quality(quality: float) -> None:
     if not isinstance(quality, int | float) or not 1.0 <= quality <= LARGEST_QUALITY:
         raise ValueError(f"quality lies between 1 and {LARGEST_QUALITY:g}, not at {quality!r}")
-
-
-def _quality_for(error: float) -> float:
-    """Least quality that keeps white noise's error."""
-    return next(quality for quality, largest in ERRORS.items() if largest <= error)

@@ -15,7 +15,7 @@ from resample_texture.geometry.mappings import (
     source_coordinates,
 )
 from resample_texture.geometry.shifts import Picks, nearest_texels
-from resample_texture.texels.gaps import missing_in, unmasked
+from resample_texture.texels.encoding import missing_in, unmasked
 from resample_texture.types import Edge, Warped
 
 MOST_CODES = 1 << 16  # range of labels that are numbered from the smallest, without sorting

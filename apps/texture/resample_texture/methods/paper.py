@@ -20,9 +20,10 @@ from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import NOTHING, RECORD
 from resample.hybrid.splats import FLAT_TABLES
-from resample.types import Doubles, Floats, Indices, Records
+from resample.types import Doubles, Floats, Records
 from resample.words import number
 from resample_texture.geometry.mappings import ForwardMap, Geometry
+from resample_texture.geometry.shifts import texels_at
 from resample_texture.texels.forward import (
     FARTHEST,
     check_texels,
@@ -30,7 +31,7 @@ from resample_texture.texels.forward import (
     visible_polygon,
     with_margins,
 )
-from resample_texture.texels.kernels.splat_shapes import slope
+from resample_texture.texels.kernels.splats import slope
 from resample_texture.texels.splatting import (
     Forward,
     borders_of_splats,
@@ -119,13 +120,13 @@ def _batches(
         (left, top), (right, bottom) = _ends(matrix, (height, width), shape, edge, widths)
     places = (matrix, x, y, nearest_drawn(matrix, widths.kernel))
     step = max(1, MOST_AT_ONCE // max(1, right - left))
-    across = _continued(np.arange(left, right), width, edge)
+    across, _ = texels_at(np.arange(left, right), width, edge)
     for row in range(top, bottom, step):
         down = np.arange(row, min(row + step, bottom))
         records = np.zeros(down.size * across.size, RECORD)
         area = np.zeros(records.size, np.float32)
         place_texels(records, area, (left, row, across.size), places, widths, shape)
-        texels = source[_continued(down, height, edge)[:, None], across]
+        texels = source[texels_at(down, height, edge)[0][:, None], across]
         yield texels.reshape(-1, source.shape[2]), records, area
 
 
@@ -142,14 +143,6 @@ def _ends(
         return np.asarray(np.clip(ends, 0, size[::-1]), np.int64)
     check_texels(polygon, size)
     return ends.astype(np.int64)
-
-
-def _continued(index: NDArray[np.int64], size: int, edge: Edge) -> Indices:
-    """Texels that stand for those of an index (N,), of which the source has so many."""
-    if edge is Edge.MIRROR:
-        index = np.minimum(index % (2 * size), 2 * size - 1 - index % (2 * size))
-    index = index % size if edge is Edge.WRAP else np.clip(index, 0, size - 1)
-    return np.asarray(index, np.int64)
 
 
 @parallel_kernel

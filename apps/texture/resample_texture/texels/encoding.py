@@ -3,20 +3,23 @@
 Texels are float32, linear light or plain values, multiplied by alpha and by whether a value exists,
 so that transparent or missing texels do not affect the color of neighbours. Only uint8 and uint16
 may be sRGB-encoded pictures, uint16 only where that is said; all other types are plain values.
+
+Channels that mark where values exist are warped like any other; a pixel's mean is then that of the
+existing values. Where less than half of a pixel's part of the source has a value, the value is
+missing in the result, so that gaps keep their size.
 """
 
+import math
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import contiguous
-from resample.types import Floats
-from resample_texture.texels.gaps import Booleans, masked, missing_in, unmasked, weighed
-from resample_texture.texels.spans import ValueSpan, rounded, span_of
-from resample_texture.types import Alpha, AnyAlpha, AnyLight
+from resample.types import Doubles, Floats
+from resample_texture.types import Alpha, AnyAlpha, AnyLight, Warped
 
 LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
@@ -25,6 +28,226 @@ VALUES = (
 DTYPES = (*LEVELS, *VALUES)
 COMPLEX = ("complex64", "complex128")  # whose parts are warped as two channels
 STEPS = 65535  # of linear light, in the table for encoding 8 bits
+WIDE = ("int32", "int64", "uint32", "uint64", "float64")
+COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
+
+Booleans = NDArray[np.bool_]
+LEAST = 0.5  # share of a pixel's coverage that must have a value
+ROUNDED = 1e-5  # share of the coverage by which sums of weights may differ without missing values
+
+
+class Mask(NamedTuple):
+    """Mask and fill value of a masked array."""
+
+    is_set: Booleans  # of the array's shape
+    fill: Any  # fill value of the array
+
+
+class Mended(NamedTuple):
+    """Picture without the channels that mark missing values."""
+
+    image: Floats  # (H, W, C) multiplied by the coverage
+    coverage: Floats  # (H, W), or (H, W, C) if channels differ
+    missing: Booleans | None  # (H, W, C) where a channel has no value though a pixel is covered
+
+
+def unmasked(image: Any) -> tuple[NDArray[Any], Mask | None]:
+    """Return an array, and its mask if it is a masked array."""
+    if isinstance(image, np.ma.MaskedArray):
+        return np.asarray(image.data), Mask(np.ma.getmaskarray(image), image.fill_value)
+    return np.asarray(image), None
+
+
+def masked(values: NDArray[Any], hidden: Booleans, fill: Any) -> NDArray[Any]:
+    """Return a masked array with a fill value."""
+    with np.errstate(over="ignore"):  # float16 does not hold 1e20, NumPy's fill value
+        return np.ma.MaskedArray(values, hidden, fill_value=fill)
+
+
+def missing_in(
+    planes: NDArray[Any], mask: Mask | None, *, together: bool = False
+) -> Booleans | None:
+    """Find values (H, W, C) that are masked or not finite; None if there are none."""
+    missing = None if mask is None else mask.is_set.reshape(planes.shape)
+    if planes.dtype.kind == "f" and not _all_finite(planes):
+        not_finite = ~np.isfinite(planes)
+        missing = not_finite if missing is None else missing | not_finite
+    if missing is None or not missing.any():
+        return None
+    if together:
+        missing = np.broadcast_to(missing.any(axis=2, keepdims=True), planes.shape)
+    return np.asarray(missing)
+
+
+def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[Floats, int]:
+    """Append channels that mark where texels (H, W, C) have values; return their number.
+
+    One channel marks it for all if all have the same gaps, unless more are requested.
+    """
+    if missing is None:
+        return texels, 0
+    is_one = least <= 1 and bool((missing == missing[..., :1]).all())
+    count = 1 if is_one else missing.shape[2]
+    there = ~missing[..., :count]
+    values = np.where(missing, np.float32(0), texels)
+    return np.concatenate([values, there], axis=2, dtype=np.float32), count
+
+
+def mended(warped: Warped, gaps: int) -> Mended:
+    """Return a picture whose coverage counts only existing values.
+
+    The coverage of `warped` counts the source, with or without values.
+    """
+    if gaps == 0:
+        return Mended(warped.image, warped.coverage, None)
+    values, there = _bounded(warped, gaps)
+    coverage = there.max(axis=2)
+    if gaps == 1:
+        return Mended(values, coverage, None)
+    missing = (there < LEAST * coverage[..., None]) & (coverage > 0.0)[..., None]
+    return Mended(_shared(values, there, coverage), coverage, missing)
+
+
+def added(warped: Warped, there: Floats, gaps: int) -> Mended:
+    """Return the sums of existing values, whose coverage is `there` (H, W, C)."""
+    coverage = np.clip(there, 0.0, warped.coverage[..., None]).max(axis=2)
+    return Mended(warped.image[..., :-gaps], coverage, None)
+
+
+def kept(warped: Warped, gaps: int) -> Mended:
+    """Return a picture with the source's coverage, missing where too few values exist.
+
+    Where the source covers less than half of a pixel, the background shows through instead.
+    """
+    if gaps == 0:
+        return Mended(warped.image, warped.coverage, None)
+    values, there = _bounded(warped, gaps)
+    cover = np.broadcast_to(warped.coverage[..., None], values.shape)
+    few = there < LEAST * cover
+    values = np.where(few, np.float32(0), _shared(values, there, warped.coverage))
+    return Mended(values, np.where(few, np.float32(0), cover), few & (cover >= LEAST))
+
+
+def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
+    """Return values and their weights, limited to 0..coverage by a common factor.
+
+    Beside a gap, negative lobes of a kernel take the weights out of that range. Pixels without gaps
+    keep the values of a picture without any.
+    """
+    values, there = warped.image[..., :-gaps], warped.image[..., -gaps:]
+    coverage = warped.coverage[..., None]
+    is_all = np.abs(there - coverage) <= ROUNDED * coverage
+    bounded = np.where(is_all, coverage, np.clip(there, 0.0, coverage))
+    share = is_all.astype(there.dtype)
+    np.divide(bounded, there, out=share, where=(there > 0.0) & ~is_all)
+    return values * share, bounded
+
+
+def _shared(values: Floats, there: Floats, coverage: Floats) -> Floats:
+    """Return means of existing values, multiplied by the coverage that all channels share."""
+    share = np.zeros_like(there)
+    np.divide(coverage[..., None], there, out=share, where=there > 0.0)
+    return values * share
+
+
+def _all_finite(planes: NDArray[Any]) -> bool:
+    """Whether all values are finite; first tries the sum, which is fast."""
+    wide = np.float64 if planes.dtype.itemsize == 8 else np.float32
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(planes.sum(dtype=wide)) or np.isfinite(planes).all())
+
+
+class ValueSpan(NamedTuple):
+    """Offset and unit of each channel's values that float32 does not resolve.
+
+    Float32 rounds 10⁹ + 0.25 to 10⁹. So values of wide types are stored as differences from each
+    channel's smallest value if they lie far from 0, and in units of a power of two if they are huge
+    or tiny: errors are then some 10⁻⁷ of the values' range, not of their size.
+    """
+
+    start: NDArray[Any]  # (C,) of the values' type
+    unit: Doubles  # (C,) powers of two
+
+    def reduced(self, planes: NDArray[Any]) -> Doubles:
+        """Subtract the offset and divide by the unit, (H, W, C); only finite values count."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray((planes - self.start) / self.unit, np.float64)
+
+    def restored(
+        self, image: Floats, coverage: Floats, behind: ArrayLike, dtype: np.dtype[Any]
+    ) -> NDArray[Any]:
+        """Restore values of a type from an image (H, W, C) multiplied by its coverage.
+
+        `behind`: background where the coverage, (H, W, 1) or (H, W, C), is below 1.
+        """
+        missing = np.broadcast_to(1.0 - coverage.astype(np.float64), image.shape)
+        through = np.zeros(image.shape)
+        with np.errstate(over="ignore", invalid="ignore"):
+            beyond = np.asarray(behind, np.float64) - self.start.astype(np.float64)
+            np.multiply(missing, beyond, out=through, where=missing > 0.0)
+            distance = image * self.unit + through
+            if dtype.kind == "f":
+                return np.asarray(self.start + distance, dtype)
+        return rounded(distance, dtype, self.start)
+
+
+def span_of(
+    planes: NDArray[Any], missing: NDArray[np.bool_] | None, *, from_zero: bool = False
+) -> ValueSpan | None:
+    """Return offset and unit for values (H, W, C); None if float32 resolves them."""
+    if planes.dtype.name not in WIDE:
+        return None
+    start = np.zeros(planes.shape[2], planes.dtype)
+    unit = np.ones(planes.shape[2])
+    for c in range(planes.shape[2]):
+        plane = planes[..., c]
+        known = plane if missing is None else plane[~missing[..., c]]
+        if known.size:
+            low, high = known.min().item(), known.max().item()
+            first = 0 if from_zero else _start(low, high)
+            start[c], unit[c] = first, _unit(max(high - first, first - low))
+    if not start.any() and (unit == 1.0).all():
+        return None
+    return ValueSpan(start, unit)
+
+
+def rounded(
+    distance: Doubles, dtype: np.dtype[Any], start: NDArray[Any] | None = None
+) -> NDArray[Any]:
+    """Round `start` + `distance` (H, W, C) to integers or booleans, within their range."""
+    whole = np.rint(distance)
+    if dtype.kind == "b":
+        return np.asarray(whole > 0.0)
+    native = dtype.newbyteorder("=")
+    limits = np.iinfo(native)
+    if start is None or not start.any():
+        return _saturated(whole, limits.min, limits.max, native).astype(dtype, copy=False)
+    result = np.empty(whole.shape, native)
+    for c, first in enumerate(start.tolist()):
+        low, high = max(limits.min - first, -(2**63)), min(limits.max - first, 2**63 - 1)
+        steps = _saturated(whole[..., c], low, high, np.dtype(np.int64))
+        result[..., c] = steps.astype(native) + np.array(first, native)  # overflow wraps back
+    return result.astype(dtype, copy=False)
+
+
+def _saturated(whole: Doubles, low: int, high: int, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Convert whole numbers to integers, limited to `low`..`high` beyond float64's precision."""
+    is_low, is_high = whole <= low, whole >= high
+    result = np.where(is_low | is_high, 0.0, whole).astype(dtype)
+    result[is_low], result[is_high] = low, high
+    return result
+
+
+def _start(low: float, high: float) -> float:
+    """Return the offset: the smallest value if 0 is far from the range, else 0."""
+    is_far = low > high / 2 if low > 0 else high < low / 2
+    return low if is_far else 0
+
+
+def _unit(largest: float) -> float:
+    """Return the power of two in which the largest distance is neither huge nor tiny."""
+    exponent = math.frexp(largest)[1] - 1 if largest else 0
+    return math.ldexp(1.0, exponent) if abs(exponent) > COMFORTABLE else 1.0
 
 
 class Encoding(NamedTuple):
@@ -53,17 +276,10 @@ def decoded(
 ) -> tuple[Floats, Encoding]:
     """Convert a picture (H, W) or (H, W, C) to texels (H, W, C).
 
-    Parameters
-    ----------
-    linear_light
-        Take the color of `LEVELS` for sRGB-encoded; False: take all values as given. None: only
-        uint8 is encoded.
-    alpha
-        Meaning of a fourth channel, an `Alpha`; by default straight for `LEVELS`, else
-        premultiplied.
-    gaps
-        Least number of channels that mark missing values: 0, or all, if this is a part of a picture
-        with missing values.
+    `linear_light`: take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
+    None: only uint8 is encoded. `alpha`: meaning of a fourth channel, an `Alpha`; by default
+    straight for `LEVELS`, else premultiplied. `gaps`: least number of channels that mark missing
+    values: 0, or all, if this is a part of a picture with missing values.
     """
     image, mask = unmasked(image)
     check_picture(image)
@@ -118,17 +334,10 @@ def encoded(
 ) -> NDArray[Any]:
     """Return a picture of the type and shape that `decoded` was given.
 
-    Parameters
-    ----------
-    picture
-        (H, W, C) without the channels that mark missing values, multiplied by the coverage.
-    coverage
-        (H, W) or (H, W, C) share of each pixel that `picture` fills.
-    missing
-        (H, W, C) true where a covered pixel has no value.
-    behind
-        (H, W, C) background where the coverage is below 1, of the picture's type; nothing by
-        default.
+    `picture`: (H, W, C) without the channels that mark missing values, multiplied by the coverage.
+    `coverage`: (H, W) or (H, W, C) share of each pixel that `picture` fills. `missing`: (H, W, C)
+    true where a covered pixel has no value. `behind`: (H, W, C) background where the coverage is
+    below 1, of the picture's type; nothing by default.
     """
     coverage = coverage.reshape(*coverage.shape[:2], -1)
     if encoding.span is not None:
@@ -181,12 +390,7 @@ def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:
     """Convert planes (H, W, C) to float32: `LEVELS` to 0..1, others unchanged.
 
-    Parameters
-    ----------
-    is_encoded
-        Levels follow the sRGB curve.
-    has_alpha
-        The fourth channel is linear.
+    `is_encoded`: levels follow the sRGB curve. `has_alpha`: the fourth channel is linear.
     """
     from resample.engine.levels import decode, levels_of
 
@@ -214,7 +418,14 @@ def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
     """Convert values 0..1 to rounded integers."""
     largest = np.iinfo(encoding.dtype).max
     if largest == 255:
-        return _eight_bit_levels(image, encoding)
+        from resample.engine.levels import put_levels
+
+        image = np.ascontiguousarray(image, np.float32)
+        levels = np.empty(image.shape, np.uint8)
+        put_levels(_eight_bits(encoding.is_encoded), image.reshape(-1), levels.reshape(-1))
+        if encoding.is_encoded and encoding.is_straight:
+            levels[..., 3] = np.rint(np.clip(image[..., 3], 0.0, 1.0) * 255)
+        return levels
     image = np.clip(image, 0.0, 1.0)
     if not encoding.is_encoded:
         return np.rint(image * largest).astype(encoding.dtype)
@@ -222,18 +433,6 @@ def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
     levels = np.empty(image.shape, encoding.dtype)
     levels[..., count:] = np.rint(image[..., count:] * largest)
     levels[..., :count] = np.rint(to_srgb(image[..., :count]) * largest)
-    return levels
-
-
-def _eight_bit_levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
-    """Convert values 0..1 to 8 bits, by table."""
-    from resample.engine.levels import put_levels
-
-    image = np.ascontiguousarray(image, np.float32)
-    levels = np.empty(image.shape, np.uint8)
-    put_levels(_eight_bits(encoding.is_encoded), image.reshape(-1), levels.reshape(-1))
-    if encoding.is_encoded and encoding.is_straight:
-        levels[..., 3] = np.rint(np.clip(image[..., 3], 0.0, 1.0) * 255)
     return levels
 
 

@@ -12,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.parts import batches, parts_of
+from resample.engine.cells.sums import collect
 from resample.engine.windows.boxes import (
     FINE_PHASES,
     LONGEST,
@@ -38,15 +41,23 @@ from resample.profiles.interpolation import (
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.geometry.windows import VisibleTiles
-from resample_texture.texels.backward import extended, tiles_of
-from resample_texture.texels.forward import EDGES, Bounds, CellGrid, oriented, project
-from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
-from resample_texture.texels.partly import (
+from resample_texture.texels.forward import (
+    EDGES,
+    NEARLY_FULL,
+    Bounds,
+    CellGrid,
+    PointSums,
     TexelReader,
     can_be_projected_partly,
+    oriented,
+    project,
     project_partly,
+    texels,
+    widened,
 )
+from resample_texture.texels.kernels.blocks import Integers
+from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
+from resample_texture.texels.kernels.gathering import Pixels, gather_tiles
 from resample_texture.texels.plates import Sides, SourcePart, plates_of
 from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh, weigh_in_blocks
 from resample_texture.types import Edge, Warped
@@ -138,7 +149,9 @@ def gather(
     make = np.empty if is_whole else np.zeros  # mending of gaps reads all pixels
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
     if is_far.any() and not near_only:
-        _project_far(plan, source, warped)
+        far, finer = far_of(plan), cells.finer()
+        made = project(source, far.geometry, far.shape, edge, finer, wanted=far.wanted)
+        warped.image[far.part], warped.coverage[far.part] = made
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
@@ -164,8 +177,10 @@ def far_of(plan: GatherPlan) -> Far:
     assert isinstance(geometry, Homography)
     if around is not plan.tiles:
         region = geometry.region
-    far = around.bounds[~around.is_near]
-    left, top, right, bottom = _around(far if region else plan.tiles.bounds[~plan.tiles.is_near])
+    tiles = around if region else plan.tiles
+    far = tiles.bounds[~tiles.is_near]
+    sides = *far[:, :2].min(axis=0), *far[:, 2:].max(axis=0)
+    left, top, right, bottom = (int(side) for side in sides)
     back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
     whole = region.whole if region else geometry
     moved = Homography(back @ oriented(whole, plan.size), is_signed=True)
@@ -175,14 +190,6 @@ def far_of(plan: GatherPlan) -> Far:
     wanted = first[0] + x - left, first[1] + y - top, last[0] + x - left, last[1] + y - top
     part = np.s_[first[1] : last[1], first[0] : last[0]]
     return Far(moved, (bottom - top, right - left), wanted, part)
-
-
-def _project_far(plan: GatherPlan, source: Floats, warped: Warped) -> None:
-    """Project texels to a rectangle around far tiles."""
-    far = far_of(plan)
-    cells = plan.cells.finer()
-    made = project(source, far.geometry, far.shape, plan.edge, cells, wanted=far.wanted)
-    warped.image[far.part], warped.coverage[far.part] = made
 
 
 def visible_tiles(
@@ -281,12 +288,6 @@ def _measured_once(
     return _measured(places_of(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 
-def _around(bounds: Integers) -> list[int]:
-    """Return left, top, right and bottom of the rectangle around others."""
-    low, high = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
-    return [int(side) for side in (*low, *high)]
-
-
 def _with_plate(
     source: SourcePart,
     view: GridView,
@@ -350,3 +351,47 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     chosen = cells.interpolation
     limits = Limits(plate, excess(chosen), own_extent(chosen), faint(chosen))
     return GridView(plate, integral, points, (height, width), EDGES[edge], math.inf, finest, limits)
+
+
+def collect_from(
+    source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: CellGrid
+) -> Warped:
+    """Warp a source (H, W, C) by a backward map to (height, width)."""
+    if geometry.x.shape != shape:
+        raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
+    if cells.is_sum and min(shape) == 1:
+        raise ValueError(f"a map of {shape} tells no areas, which sums need; give 2 × 2 px or more")
+    source, margin = widened(source, edge, cells.interpolation)
+    sums = PointSums(shape, source.shape[2], cells)
+    ready = texels(source, cells.interpolation, edge, frozenset({3})).both
+    reach = int(np.ceil(cells.reach)) + 1
+    around = 0 if cells.taps == 0 else reach  # px around the picture whose points extend into it
+    map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
+    tiles = tiles_of((shape[0] + 2 * around, shape[1] + 2 * around), TILE)
+    bounds = tiles + np.array([-reach, -reach, reach, reach])
+    quality = float(cells.quality) if cells.cut else 1.0
+    for channels, picture in zip(sums.groups, sums.pictures, strict=True):
+        for batch in batches(bounds, channels[1] + 1):
+            pixels = Pixels(
+                ready, EDGES[edge], channels, sums.taps, map_u, map_v, tiles[batch], quality
+            )
+            parts = parts_of(bounds[batch], channels[1] + 1)
+            gather_tiles(pixels, sums.spread, parts)
+            collect(bounds[batch] - around, parts.start, parts.sums, picture)
+    nowhere = np.array([[0.0, 0.0, -1.0]])
+    return sums.warped(nowhere, NEARLY_FULL)
+
+
+def extended(places: Doubles, margin: int) -> Doubles:
+    """Extrapolate a map on each side; a single row or column is repeated."""
+    return np.pad(places, margin, mode="reflect", reflect_type="odd")
+
+
+def tiles_of(shape: tuple[int, int], side: int) -> Integers:
+    """Return the tiles (T, 4) of a picture: left, top, right and bottom, px."""
+    top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : side, 0 : shape[1] : side])
+    tiles = np.empty((top.size, 4), np.int64)
+    tiles[:, LEFT], tiles[:, TOP] = left, top
+    tiles[:, RIGHT] = np.minimum(left + side, shape[1])
+    tiles[:, BOTTOM] = np.minimum(top + side, shape[0])
+    return tiles

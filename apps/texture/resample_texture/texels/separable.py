@@ -34,9 +34,8 @@ from resample.profiles.interpolation import (
 )
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
-from resample_texture.texels.forward import CellGrid, oriented
+from resample_texture.texels.forward import CellGrid, TexelReader, oriented
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.partly import TexelReader
 from resample_texture.texels.plates import Sides, SourcePart, filtered_grid, texels_at
 from resample_texture.types import Edge, Warped
 
@@ -154,18 +153,10 @@ def separable_plan(
         plan = _whole_plan.__wrapped__(*whole)
     if plan is None:
         return None
-    down, across = (
-        slice(first, first + count)
-        for first, count in zip((region.top, region.left), shape, strict=True)
-    )
-    return SeparablePlan(
-        plan.down.of(down),
-        plan.across.of(across),
-        plan.limits_down and plan.limits_down.of(down),
-        plan.limits_across and plan.limits_across.of(across),
-        plan.beside_down and plan.beside_down.of(down),
-        plan.beside_across and plan.beside_across.of(across),
-    )
+    rows = slice(region.top, region.top + shape[0])
+    columns = slice(region.left, region.left + shape[1])
+    parts = zip(plan, (rows, columns) * 3, strict=True)
+    return SeparablePlan._make(weights and weights.of(part) for weights, part in parts)
 
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk, and pictures one after the other
@@ -179,14 +170,8 @@ def _whole_plan(
 ) -> SeparablePlan | None:
     """Plan the warp to a whole target, cached; down and across.
 
-    Parameters
-    ----------
-    scale
-        Texels from a pixel to the next.
-    start
-        Source coordinates of the target's corner.
-    size
-        Of the source: height and width.
+    `scale`: texels from a pixel to the next. `start`: source coordinates of the target's corner.
+    `size`: of the source: height and width.
     """
     sides: Doubles = np.abs(np.array(scale))
     if any(
@@ -276,7 +261,11 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
 def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
     """Return the sizes of tiles, and of the scratch for them."""
     _, across, limits_down, limits_across, _, _ = plan
-    wide = _tile_width(across, channels)
+    # So many columns that the rows of the grid that a tile reads stay in the cache.
+    steps = np.abs(np.diff(across.first))
+    each = max(1.0, float(steps.mean())) if steps.size else 1.0
+    room = (NUMBERS / channels - across.table.shape[1]) / each
+    wide = int(min(max(room, 1.0), MOST_COLUMNS, across.first.size))
     numbers, beside, corners = across.most(wide), 0, 0
     if limits_down is not None and limits_across is not None:
         beside = limits_across.most(wide)
@@ -333,14 +322,6 @@ def _beside(middle: Doubles, taps: Floats, cells: CellGrid) -> Weights:
     table[:, 1:] += part * own
     share = np.ones(middle.size, np.float32)
     return Weights(before.astype(np.int64) + first, table, share, taps)
-
-
-def _tile_width(across: Weights, channels: int) -> int:
-    """Columns of a tile, so that the rows of the grid that it reads stay in the cache."""
-    steps = np.abs(np.diff(across.first))
-    each = max(1.0, float(steps.mean())) if steps.size else 1.0
-    room = (NUMBERS / channels - across.table.shape[1]) / each
-    return int(min(max(room, 1.0), MOST_COLUMNS, across.first.size))
 
 
 def _weights(

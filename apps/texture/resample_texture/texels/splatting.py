@@ -35,9 +35,13 @@ from resample_texture.texels.forward import (
     with_margins,
 )
 from resample_texture.texels.kernels.blocks import Integers, view_bounds_of
-from resample_texture.texels.kernels.splat_blocks import blocks_on_map, blocks_on_plane
-from resample_texture.texels.kernels.splat_shapes import Shape
-from resample_texture.texels.kernels.splats import Splatted, splat_blocks
+from resample_texture.texels.kernels.splats import (
+    Shape,
+    Splatted,
+    blocks_on_map,
+    blocks_on_plane,
+    splat_blocks,
+)
 from resample_texture.texels.plates import filtered
 from resample_texture.types import Edge, Warped
 
@@ -51,25 +55,13 @@ LEAST, MOST = 0.01, 16.0  # texels and px, of a deviation
 class Splatting:
     """How wide splats are and which texels are splats.
 
-    Parameters
-    ----------
-    sigma
-        Standard deviation of a splat in the source, texels.
-    filter_sigma
-        Standard deviation of the pixel filter that splats are spread by, px.
-    threshold
-        Texels are points where no direction is stretched by more than this, px; 0: all are splats.
-    interpolating
-        Texels are filtered once so that the splats' sum passes through them; points stay as they
-        are.
-    is_sum
-        A texel's value is a total, which is shared out among pixels, not a density.
-
-    Raises
-    ------
-    ValueError
-        A deviation is out of range, the threshold is negative or infinite, or no splats of this
-        `sigma` interpolate.
+    `sigma`: standard deviation of a splat in the source, texels. `filter_sigma`: standard deviation
+    of the pixel filter that splats are spread by, px. `threshold`: texels are points where no
+    direction is stretched by more than this, px; 0: all are splats. `interpolating`: texels are
+    filtered once so that the splats' sum passes through them; points stay as they are. `is_sum`: a
+    texel's value is a total, which is shared out among pixels, not a density. Raises ValueError: a
+    deviation is out of range, the threshold is negative or infinite, or no splats of this `sigma`
+    interpolate.
     """
 
     sigma: float = 0.5
@@ -132,11 +124,8 @@ def splat(
 ) -> Warped:
     """Picture (height, width) of a source (H, W, C) whose texels are splats or points.
 
-    Raises
-    ------
-    ValueError
-        The map does not fit the source or leads backward, or the frame sees more of a continued
-        source than can be drawn texel by texel.
+    Raises ValueError: the map does not fit the source or leads backward, or the frame sees more of
+    a continued source than can be drawn texel by texel.
     """
     geometry = forward_of(geometry, (source.shape[0], source.shape[1]))
     coefficient = source

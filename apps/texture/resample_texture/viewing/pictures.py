@@ -15,8 +15,8 @@ from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, settings_of
 from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
-from resample_texture.command.inputs import PictureTarget, target_of
 from resample_texture.command.jobs import Job, warp_file
+from resample_texture.command.rendering import PictureTarget, target_of
 from resample_texture.geometry.mappings import Homography
 from resample_texture.scenes import PictureScene
 
@@ -38,10 +38,7 @@ LEFT_OUT = ("size", "roi", "bits", "file-quality", "total")
 class PicturePainter:
     """Painter of a picture for one page.
 
-    Parameters
-    ----------
-    path
-        File of the picture.
+    `path`: file of the picture.
     """
 
     path: Path
@@ -116,12 +113,7 @@ class PicturePainter:
 def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
     """Return what pages show of a picture.
 
-    Parameters
-    ----------
-    path
-        File of the picture.
-    begin
-        Initial options.
+    `path`: file of the picture. `begin`: initial options.
     """
     first, given = PicturePainter(path), settings_of(begin)
 

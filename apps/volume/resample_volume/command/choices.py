@@ -579,7 +579,7 @@ class BesidePicture(BesideFilm):
         self.check_bar(output, height)
         if self.deep is None:
             return
-        from resample.files.painted import check_deep
+        from resample.files.saving import check_deep
         from resample_volume.space.slabs import check_slabs
 
         check_deep(output)

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_items, check_unpacked
+from resample.reading.native import damage, lacking
 from resample_volume.data.memory import require_memory
 from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along
 from resample_volume.files.parsing.headers import Check, OneOfAll

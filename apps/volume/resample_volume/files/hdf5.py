@@ -11,7 +11,7 @@ import numpy as np
 
 from resample.lengths import unit_of_length
 from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
-from resample.reading.libraries import damage
+from resample.reading.native import damage
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording
 from resample_volume.files.readers import header_of_array

@@ -6,8 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from resample.reading.libraries import damage
-from resample.reading.native import plain
+from resample.reading.native import damage, plain
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording
 from resample_volume.types import VOXEL, ChannelLook, Recording

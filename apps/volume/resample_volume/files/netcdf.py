@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.reading.hdf5 import dataset_in, hard_members
-from resample.reading.libraries import damage
 from resample.reading.limits import check_items
+from resample.reading.native import damage
 from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along

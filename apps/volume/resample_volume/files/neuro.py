@@ -7,9 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from resample.reading.hdf5 import SIGNATURE, dataset_in, group_in
-from resample.reading.libraries import damage, lacking
 from resample.reading.limits import check_unpacked
-from resample.reading.native import plain
+from resample.reading.native import damage, lacking, plain
 from resample_volume.data.memory import require_memory
 from resample_volume.files.formats.nifti import TO_LPS
 from resample_volume.files.hdf5 import contents

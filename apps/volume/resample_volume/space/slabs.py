@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from resample.cameras.models import AnyCamera
-from resample.files.painted import DepthSlab, between, write_deep
+from resample.files.saving import DepthSlab, between, write_deep
 from resample.painting.choices import MEASURING
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View

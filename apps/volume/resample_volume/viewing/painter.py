@@ -16,9 +16,16 @@ from resample.outofcore.caching import Memo, memoizing
 from resample.resampler import Resampler
 from resample.scene.scenes import Quality
 from resample.types import Frame
-from resample.view.exports import KEYFRAMES, keyframes_as_toml
 from resample.view.files import path_file
-from resample.view.views import PagePicture, Point, Settings, Size, projection_of
+from resample.view.views import (
+    KEYFRAMES,
+    PagePicture,
+    Point,
+    Settings,
+    Size,
+    keyframes_as_toml,
+    projection_of,
+)
 from resample.watching import Cancel, Progress
 from resample_volume.classification.scales import value_at
 from resample_volume.classification.surveys import survey

@@ -11,9 +11,8 @@ from resample.command.settings import height_and_width
 from resample.registry import missing, names
 from resample.scene.scenes import LITTLE
 from resample.types import Frame
-from resample.view.exports import ORBITING
 from resample.view.files import FileView
-from resample.view.views import Settings, is_free, settings_of
+from resample.view.views import ORBITING, Settings, is_free, settings_of
 from resample_volume.calls import render
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named

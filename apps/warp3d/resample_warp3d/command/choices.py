@@ -6,8 +6,18 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import LENS, Coverage, Hyphen, Inline, OptionTopic, Stats, Switch
-from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
+from resample.command.flags import (
+    LENS,
+    Coverage,
+    Hyphen,
+    Inline,
+    OptionTopic,
+    Shape,
+    Stats,
+    Switch,
+    check_intrinsics,
+    with_intrinsics,
+)
 from resample.command.settings import (
     Choices,
     MethodsFilter,

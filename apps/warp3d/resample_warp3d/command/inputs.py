@@ -10,7 +10,7 @@ import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
-from resample.command.intrinsics import Shape
+from resample.command.flags import Shape
 from resample.command.session import libraries
 from resample.console import say
 from resample.files.images import read_channels

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from resample.colors import from_srgb
+from resample.files.films import UNMARKED, StereoMarks
 from resample.files.pictures import Picture
-from resample.files.stereo_boxes import UNMARKED, StereoMarks
 from resample.types import Floats
 
 LUMA = (0.2126, 0.7152, 0.0722)  # of sRGB's primaries

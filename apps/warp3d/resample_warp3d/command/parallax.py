@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from resample.command.flags import SIZE, Hyphen, OptionTopic, Switch
-from resample.command.intrinsics import Shape
+from resample.command.flags import SIZE, Hyphen, OptionTopic, Shape, Switch
 from resample.command.settings import Choices, height_and_width
 from resample.console import say
 from resample_warp3d.command.choices import Depth, DepthWarping

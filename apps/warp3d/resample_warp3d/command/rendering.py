@@ -10,7 +10,7 @@ import numpy as np
 
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import Background
-from resample.command.intrinsics import Shape
+from resample.command.flags import Shape
 from resample.command.session import Session, bytes_per_value, require_picture
 from resample.console import say
 from resample.files.animations import fingerprint

@@ -4,9 +4,13 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import CALIBRATED, COUNTED, LENS, Hyphen, OptionTopic
-from resample.command.intrinsics import (
+from resample.command.flags import (
+    CALIBRATED,
+    COUNTED,
     FILES,
+    LENS,
+    Hyphen,
+    OptionTopic,
     Shape,
     check_intrinsics,
     with_intrinsics,

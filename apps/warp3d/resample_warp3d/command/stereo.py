@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.cameras.pixels import directions, pixel_centers
-from resample.command.intrinsics import Shape
+from resample.command.flags import Shape
 from resample.command.session import Session
 from resample.console import say
 from resample.files.pictures import Picture

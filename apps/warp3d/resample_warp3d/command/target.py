@@ -4,8 +4,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import LENS, SIZE, Hyphen, OptionTopic
-from resample.command.intrinsics import Shape, check_intrinsics, with_intrinsics
+from resample.command.flags import (
+    LENS,
+    SIZE,
+    Hyphen,
+    OptionTopic,
+    Shape,
+    check_intrinsics,
+    with_intrinsics,
+)
 from resample.command.settings import Choices, height_and_width
 from resample.words import numbers_in
 

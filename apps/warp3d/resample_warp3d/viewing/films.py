@@ -11,9 +11,8 @@ from resample.command.settings import chosen, option_of
 from resample.console import linear_color
 from resample.files.animations import write_film
 from resample.types import Doubles
-from resample.view.exports import STEP
 from resample.view.files import path_file
-from resample.view.views import Settings
+from resample.view.views import STEP, Settings
 from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.choices import Depth, DepthWarping

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from resample.command import flags
 from resample.command.settings import height_and_width
+from resample_comparisons.options import Json, rows_as_json
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.gaussians import GaussianOptions
 
@@ -22,7 +23,7 @@ def compare(
     gaussians: Annotated[GaussianOptions, flags.Flat] = GAUSSIANS,
     size: flags.Size = flags.USUAL_SIZE,
     output: flags.OptionalOutput = None,
-    as_json: flags.Json = False,
+    as_json: Json = False,
 ) -> None:
     """Compare ways to render 3D Gaussians with 16 x 16 rays per pixel, each in its own order.
 
@@ -43,7 +44,7 @@ def compare(
         Written to: all pictures side by side with enlarged details (.png).
     """
     from resample.command.session import Session
-    from resample.files.writing import check_targets, rows_as_json
+    from resample.files.writing import check_targets
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_comparisons.points.compare import compare_methods, methods_named
     from resample_points.command.films import holds_gaussians

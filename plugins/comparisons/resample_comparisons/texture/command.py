@@ -4,7 +4,8 @@ import sys
 from typing import Annotated, Literal
 
 from resample.command import flags
-from resample.command.settings import height_and_width, method_names
+from resample.command.settings import height_and_width
+from resample_comparisons.options import Json, method_names, rows_as_json
 from resample_texture.command.choices import MATRIX, Edges, Picture
 
 COMPARED = "bilinear,opencv-supersample:n=4,paper,hybrid"
@@ -19,7 +20,7 @@ def compare(
     scene: Annotated[str, MATRIX._replace(known=SCENES), flags.Hyphen] = "floor",
     methods: flags.AppearanceFlag[str] = COMPARED,
     output: flags.OptionalOutput = None,
-    as_json: flags.Json = False,
+    as_json: Json = False,
     truth_filter: flags.AppearanceFlag[Literal["box", "gaussian"]] = "box",
     linear: flags.AppearanceFlag[bool] = True,
     edge: flags.AppearanceFlag[Edges] = "transparent",
@@ -60,7 +61,7 @@ def compare(
     from resample import registry
     from resample.files.formats import flattened
     from resample.files.pictures import read_picture
-    from resample.files.writing import check_targets, rows_as_json
+    from resample.files.writing import check_targets
     from resample.measuring.compare import plain
     from resample_comparisons.texture.compare import Judge, sheet, source_values
     from resample_comparisons.texture.scenes import check_scene, scene_of

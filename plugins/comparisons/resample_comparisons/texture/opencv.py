@@ -31,7 +31,7 @@ from resample_texture.geometry.mappings import (
     places_of,
     source_coordinates,
 )
-from resample_texture.texels.pyramid import shrunk
+from resample_texture.scenes import shrunk
 from resample_texture.types import Edge, Warped
 
 TILE = 2048  # sub-pixels per side and call of OpenCV

@@ -7,14 +7,8 @@ from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.flags import OptionTopic
-from resample.command.settings import (
-    Choices,
-    Iso,
-    PictureFormat,
-    Resampling,
-    Shown,
-    method_names,
-)
+from resample.command.settings import Choices, Iso, PictureFormat, Resampling, Shown
+from resample_comparisons.options import Json, method_names, rows_as_json
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 
 
@@ -60,7 +54,7 @@ def compare(
     output: flags.OptionalOutput = None,
     difference: Annotated[bool, OptionTopic.APPEARANCE, flags.Switch] = False,
     rays: flags.AppearanceFlag[int] = 8,
-    as_json: flags.Json = False,
+    as_json: Json = False,
     look: Annotated[AppearanceChoices, flags.Flat] = FAR_APPEARANCE,
     projection: Annotated[Projecting, flags.Flat] = PROJECTING,
     size: Annotated[flags.Size, Parameter(help=FEW_PIXELS)] = "96",
@@ -98,7 +92,7 @@ def compare(
         Rays of the reference per side of a pixel, 1 to 32.
     """
     from resample.command.session import Session, require_picture
-    from resample.files.writing import check_targets, rows_as_json
+    from resample.files.writing import check_targets
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample.profiles.orders import Summing
     from resample_comparisons.volume.compare import (

@@ -4,7 +4,8 @@ import sys
 from typing import Annotated, Literal
 
 from resample.command import flags
-from resample.command.settings import height_and_width, method_names
+from resample.command.settings import height_and_width
+from resample_comparisons.options import Json, method_names, rows_as_json
 from resample_warp3d.command.choices import Depth, Refine
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.target import Aim
@@ -30,7 +31,7 @@ def compare(
     methods: flags.AppearanceFlag[str] = COMPARED,
     refine: flags.AppearanceFlag[Refine] = "auto",
     output: flags.OptionalOutput = None,
-    as_json: flags.Json = False,
+    as_json: Json = False,
 ) -> None:
     """Compare methods with a true view, in the generated scene or in your own pictures.
 
@@ -66,7 +67,7 @@ def compare(
         Written to: all pictures side by side with enlarged details (.png).
     """
     from resample import registry
-    from resample.files.writing import check_targets, rows_as_json
+    from resample.files.writing import check_targets
     from resample.measuring.compare import check_sheet, plain
     from resample_comparisons.warp3d.compare import check_views, compare_scene, sheet
     from resample_comparisons.warp3d.files import TrueView, compare_files

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.command.intrinsics import Shape
+from resample.command.flags import Shape
 from resample.files.formats import flattened
 from resample.files.pictures import read_picture
 from resample.types import Floats

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from resample.colors import to_srgb
-from resample.command.settings import method_names
 from resample.files.images import read_image
 from resample.measuring import compare as measuring
 from resample.measuring.compare import enlarged
+from resample_comparisons.options import method_names
 from resample_comparisons.texture import compare
 from resample_comparisons.texture.compare import Judge, measured, sheet, source_values, timed
 from resample_comparisons.texture.scenes import ComparedView

@@ -13,13 +13,14 @@ from resample_comparisons.texture.opencv import (
     Lanczos4,
     Supersampled,
 )
+from resample_meshes.shapes import pyramid
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.pyramid import pyramid, shrunk
+from resample_texture.scenes import shrunk
 from resample_texture.types import Edge
 
 POINTWISE = [InterLinear(), Cubic(), Lanczos4(), InterArea()]

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 from resample.command import flags
-from resample.command.settings import height_and_width, method_names
+from resample.command.settings import height_and_width
+from resample_comparisons.options import method_names
 from resample_warp3d.command.choices import Depth, Refine
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.target import Aim

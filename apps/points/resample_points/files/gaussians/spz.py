@@ -171,7 +171,7 @@ def _unpacked_streams(path: Path, data: bytes) -> _Arrays:
 
 def _unpacker(path: Path) -> Callable[[bytes, int], bytes]:
     """Return a function that unpacks Zstandard data to a number of bytes."""
-    from resample.reading.zstd import unzstd
+    from resample.reading.limits import unzstd
 
     try:
         import numcodecs  # noqa: F401

@@ -330,25 +330,12 @@ def split_plane(
 ) -> tuple[Integers, Integers, bool]:
     """Split a plane under a homography into the blocks that a frame shows.
 
-    Parameters
-    ----------
-    matrix
-        (3, 3) source to target, positive third coordinate in front of the camera.
-    roots
-        (R, 4) rectangles of the source: first column and row, width and height, texels.
-    frame
-        Height and width of the target, px.
-    reach
-        How far a point's filter may extend, px.
-    quality
-        Cells per px, at least.
-    largest
-        Length of a cell of several texels, px, at most.
-
-    Returns
-    -------
-    The axes (B, 2, 6) of the blocks; what they may touch (B, 4): left, top, right, bottom, px, the
-    last two one beyond; and whether these are all: False if there are too many to visit.
+    `matrix`: (3, 3) source to target, positive third coordinate in front of the camera. `roots`:
+    (R, 4) rectangles of the source: first column and row, width and height, texels. `frame`: height
+    and width of the target, px. `reach`: how far a point's filter may extend, px. `quality`: cells
+    per px, at least. `largest`: length of a cell of several texels, px, at most. Result: the axes
+    (B, 2, 6) of the blocks; what they may touch (B, 4): left, top, right, bottom, px, the last two
+    one beyond; and whether these are all: False if there are too many to visit.
     """
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
@@ -419,10 +406,7 @@ def split_map(
 ) -> tuple[Integers, Integers]:
     """Split a source whose texels' places a map gives; otherwise as `split_plane`.
 
-    Parameters
-    ----------
-    x, y
-        (H, W) target coordinates of the texels' centers; NaN: the texel is nowhere.
+    `x`, `y`: (H, W) target coordinates of the texels' centers; NaN: the texel is nowhere.
     """
     height, width = frame
     rows, columns = x.shape

@@ -26,12 +26,8 @@ def put_shares(
 ) -> None:  # fmt: skip
     """Shares (h × w) of pixels that fall from 1 to 0 as their longer axes grow.
 
-    Parameters
-    ----------
-    ends
-        Lengths, texels, at which the share is 1 and 0; where pixels have no place it is 0.
-    form
-        Height and width.
+    `ends`: Lengths, texels, at which the share is 1 and 0; where pixels have no place it is 0.
+    `form`: height and width.
     """
     for row in tasks(counter, form[0]):
         _put_row_of_shares(geometry, ends, row, form[1], shares)

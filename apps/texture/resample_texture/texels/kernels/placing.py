@@ -72,18 +72,9 @@ def place(
 ) -> None:
     """Place a row of cells on screen.
 
-    Parameters
-    ----------
-    box
-        (4,) pixels that the block may meet.
-    v
-        Source coordinate of the row.
-    offset
-        (N,) of the cells along u from the block's start, texels.
-    taps
-        See `Spread`.
-    batch
-        Filled but for the values.
+    `box`: (4,) pixels that the block may meet. `v`: source coordinate of the row. `offset`: (N,) of
+    the cells along u from the block's start, texels. `taps`: see `Spread`. `batch`: filled but for
+    the values.
     """
     if geometry.x.size > 0:
         _place_on_map(geometry.x, geometry.y, block, box, v, offset, taps, batch)

@@ -149,19 +149,10 @@ def fetch(
 ) -> None:
     """Fetch a block's texels, or their means over a cell, with `pad` more all around.
 
-    Parameters
-    ----------
-    source
-        (H, W, C), or a part of it that has all that is fetched.
-    extract
-        Which part of the source that is.
-    totals
-        (K, H + 1, W + 1, C) sums of all texels above and to the left, by `kind_of` blocks, or for
-        all alike; K is 0 where no block needs them.
-    pad
-        Along u and v.
-    patch
-        (channels, rows, columns), filled with the channels from `first` on.
+    `source`: (H, W, C), or a part of it that has all that is fetched. `extract`: which part of the
+    source that is. `totals`: (K, H + 1, W + 1, C) sums of all texels above and to the left, by
+    `kind_of` blocks, or for all alike; K is 0 where no block needs them. `pad`: along u and v.
+    `patch`: (channels, rows, columns), filled with the channels from `first` on.
     """
     # Find the texels that the padded patch covers, and whether all lie within the source.
     step_u, step_v = 1 << block[0, LEVEL], 1 << block[1, LEVEL]

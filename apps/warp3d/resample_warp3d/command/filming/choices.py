@@ -11,8 +11,7 @@ from resample.command.flags import OptionTopic, Resume, Switch
 from resample.command.settings import Choices
 
 if TYPE_CHECKING:
-    from resample.files.films import FilmCoding
-    from resample.files.stereo_boxes import StereoMarks
+    from resample.files.films import FilmCoding, StereoMarks
 
 CLOCK = re.compile(r"(?:(?:(\d+):)?(\d+):)?(\d+\.?\d*|\.\d+)", re.ASCII)
 BITS = re.compile(r"(\d+(?:\.\d+)?)([kM]?)", re.ASCII)

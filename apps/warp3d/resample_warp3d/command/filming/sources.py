@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from resample.command.intrinsics import Shape
+from resample.command.flags import Shape
 from resample.command.session import Session
 from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.filming.alignment import DepthRanges

@@ -9,12 +9,11 @@ from typing import Any
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import progress_bar, say
-from resample.files.films import FORMATS
+from resample.files.films import FORMATS, UNMARKED
 from resample.files.formats import SUFFIXES, check_output
 from resample.files.pictures import form_of, read_picture
 from resample.files.saving import tell_empty, write_picture
 from resample.files.sequences import FILMS, READ
-from resample.files.stereo_boxes import UNMARKED
 from resample.files.writing import check_targets
 from resample.words import one_line
 from resample_warp3d.command.choices import Extras

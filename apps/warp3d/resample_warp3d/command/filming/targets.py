@@ -7,13 +7,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from resample.files.film_parts import write_in_parts
-from resample.files.films import FORMATS, PLAIN, FilmCoding
+from resample.files.films import FORMATS, PLAIN, UNMARKED, FilmCoding, StereoMarks
 from resample.files.formats import WriteOptions, check_output
 from resample.files.pictures import Picture
 from resample.files.saving import write_picture
-from resample.files.sequences import check_frames, write_frames
-from resample.files.stereo_boxes import UNMARKED, StereoMarks
+from resample.files.sequences import check_frames, write_frames, write_in_parts
 from resample.files.writing import check_targets
 from resample_warp3d.command.filming.footage import Footage
 from resample_warp3d.command.numbered import NumberedFiles, names_folder
