@@ -19,7 +19,7 @@ SAYS_WHAT = {
     "--also": "input",
     "--channel": "input",
     "--labels": "input",
-    "--from": "input",
+    "--eyes": "output",
     "--depth-scale": "units",
     "--disparity-scale": "units",
     "--units": "units",
