@@ -24,9 +24,9 @@ from resample.command.settings import Choices, FrameFormat, Serving, chosen
 from resample.files.animations import Shots, check_film, fingerprint
 from resample.files.saving import screen_levels, write_png
 from resample.files.writing import check_targets
+from resample.progress import cancellable
 from resample.view.files import FileView
 from resample.view.views import PagePicture, settings_of
-from resample.watching import cancellable
 
 COMMAND, BLACK = "resample-stations map", (0.0, 0.0, 0.0)
 app = App(name="resample-stations", help="Maps of measurements at stations.")

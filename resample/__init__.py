@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
     from resample.painting.choices import Footprint, Opacity, Primitive
+    from resample.progress import Cancel, CancelledError, cancellable
     from resample.resampler import Resampler
     from resample.samples.finding import sample, sample_path
     from resample.types import Frame, Samples
-    from resample.watching import Cancel, CancelledError, cancellable
 
 _HOMES = {
     "Camera": "cameras.models",
@@ -75,9 +75,9 @@ __all__ = [
 
 
 def _exporter() -> Any:
-    from resample.files import exchange
+    from resample.files import conversion
 
-    return exchange
+    return conversion
 
 
 warn_of_namesake(__path__[0])

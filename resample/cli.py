@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 
 from resample import registry
 from resample.command.applications import Words, command_now, launcher
-from resample.command.helping import CommandLine
+from resample.command.help_formatter import CommandLine
 from resample.command.session import run
 from resample.lazy import installed_version
 

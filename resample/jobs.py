@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from resample import registry
-from resample.words import shortly
+from resample.messages import shortly
 
 COLORS = (3, 4)  # channels of a picture
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".bmp")

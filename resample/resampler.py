@@ -35,6 +35,7 @@ from resample.painting.shaped.ellipsoids import (
     paint_ellipsoids,
 )
 from resample.profiles.orders import Rays
+from resample.progress import Progress
 from resample.types import (
     Frame,
     LatticeField,
@@ -44,7 +45,6 @@ from resample.types import (
     Tables,
     View,
 )
-from resample.watching import Progress
 
 
 class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose what names become

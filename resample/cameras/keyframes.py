@@ -12,9 +12,9 @@ from resample.cameras.files import left_out, read_shots
 from resample.cameras.models import Camera
 from resample.cameras.tables import viewpoint_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
+from resample.messages import naming
 from resample.reading.texts import text_of, toml_of
 from resample.types import Doubles
-from resample.words import naming
 
 FORMS = {
     Orbit: "angles",

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 from resample.calling import takes
 from resample.cameras.lens import COUNT, COUNTS
 from resample.cameras.poses import pose_of, rigid
+from resample.messages import doubles_of, number
 from resample.types import Doubles, View
-from resample.words import doubles_of, number
 
 
 class Convention(StrEnum):

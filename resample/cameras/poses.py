@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.messages import doubles_of, number
 from resample.types import Doubles
-from resample.words import doubles_of, number
 
 ROUNDED = 2e-4  # largest error of R Rᵀ from rounding to four decimals
 QUATERNION = 1e-3  # largest error of a quaternion's length from rounding to three decimals

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from resample.cameras.models import Camera
 from resample.cameras.trajectories import Entry, PosedPicture, entry_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
+from resample.messages import naming
 from resample.reading.texts import text_of, toml_of
-from resample.words import naming
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Row = Annotated[list[float], Field(min_length=4, max_length=4)]

@@ -13,10 +13,10 @@ import numpy as np
 
 from resample.cameras.models import Camera
 from resample.cameras.poses import camera_to_world, from_quaternion, rigid
+from resample.messages import naming
 from resample.reading.arrays import read_npy
 from resample.reading.texts import json_of, text_of
 from resample.types import Doubles
-from resample.words import naming
 
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 Facts = Mapping[str, Any]

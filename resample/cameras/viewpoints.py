@@ -8,8 +8,8 @@ import numpy as np
 
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.poses import UpAxis, look_at, orbit
+from resample.messages import check_numbers, parts_of, shortly
 from resample.types import Doubles
-from resample.words import check_numbers, parts_of, shortly
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 NAMED = {

@@ -13,7 +13,7 @@ from resample.files.animations import (
     made_by,
     write_film,
 )
-from resample.watching import WorkerPool
+from resample.progress import WorkerPool
 
 if TYPE_CHECKING:
     from resample.cameras.keyframes import Keyframes

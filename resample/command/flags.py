@@ -24,7 +24,7 @@ from typing import (
 
 from cyclopts import Group, Parameter
 
-from resample.words import numbers_in
+from resample.messages import numbers_in
 
 if TYPE_CHECKING:
     from cyclopts.argument import Argument

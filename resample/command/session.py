@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 from resample.command.stopping import INTERRUPTED, StoppedError
 from resample.console import Progress, give_up, listening, open_streams, progress_bar, say
 from resample.memory import LOG, amount, peak_memory, require
-from resample.words import one_line
+from resample.messages import one_line
 
 if TYPE_CHECKING:
     import cyclopts
@@ -52,7 +52,7 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         say(f"error: {complaint}")
         status = USER_ERROR
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
-        from resample.command.complaints import explained, with_own_pip
+        from resample.command.usage_errors import explained, with_own_pip
 
         words = sys.argv[1:] if arguments is None else arguments
         say(f"error: {with_own_pip(explained(error, words))}")

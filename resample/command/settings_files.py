@@ -33,12 +33,12 @@ from resample.command.flags import (
 )
 from resample.command.settings import Choices
 from resample.command.stopping import at_most
-from resample.files.facts.origin import SUFFIXES as PICTURES
-from resample.files.facts.origin import settings_in, stating
+from resample.files.metadata.provenance import SUFFIXES as PICTURES
+from resample.files.metadata.provenance import settings_in, stating
 from resample.files.writing import check_targets, replacing
+from resample.messages import naming
 from resample.reading.limits import raised
 from resample.reading.texts import text_of, toml_of
-from resample.words import naming
 
 Command = Callable[..., Any]
 Settings = dict[str, Any]
@@ -174,7 +174,7 @@ def read_settings(
             raise ValueError(f"these are settings of {owner!r:.60}; give some of {name!r}")
         for key, value in list(content.items()):
             if key not in options:
-                from resample.command.complaints import meant
+                from resample.command.usage_errors import meant
 
                 near = meant(key, options)
                 hint = f"did you mean {near}?" if near else "--help lists what there is"

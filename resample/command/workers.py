@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from resample.command.settings import Sharing
 from resample.memory import ALLOWED, GIVEN_BACK, allow
+from resample.messages import one_line
+from resample.progress import WorkerPool
 from resample.reading.limits import restored
-from resample.watching import WorkerPool
-from resample.words import one_line
 
 if TYPE_CHECKING:
     from distributed import Client

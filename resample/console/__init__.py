@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TextIO
 
-from resample.words import visible
+from resample.messages import visible
 
 Progress = Callable[[float], None]
 

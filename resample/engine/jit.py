@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.compiled import library
-from resample.watching import OFTEN, is_watched, report
+from resample.progress import OFTEN, is_watched, report
 
 LOG = logging.getLogger("resample")
 P = ParamSpec("P")

@@ -40,8 +40,8 @@ from resample.files.writing import (
     write_json,
 )
 from resample.memory import ALLOWED, allow, allowing
+from resample.progress import Executor, WorkerPool, shared_out
 from resample.reading.texts import json_of, text_of
-from resample.watching import Executor, WorkerPool, shared_out
 
 FILMS = (".mp4", ".webp", ".gif", ".apng")
 FRAME = "frame-{:04d}.png"

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from resample.colors import to_srgb
 from resample.console import Color, say
-from resample.files.facts.colors import converted
-from resample.files.facts.metadata import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.films import FORMATS
+from resample.files.metadata.colors import converted
+from resample.files.metadata.fields import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.types import Floats

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
-from resample.files.facts.colors import is_encoded
-from resample.files.facts.metadata import orientation_of, upright
+from resample.files.metadata.colors import is_encoded
+from resample.files.metadata.fields import orientation_of, upright
 from resample.reading.native import plain, suppressed_output
 from resample.reading.pictures import check_honest, check_picture, complaint_of, opened
 from resample.types import Floats

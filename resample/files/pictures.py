@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.console import say_of
-from resample.files.facts.colors import oddities_of
-from resample.files.facts.geotiff import moved
-from resample.files.facts.metadata import (
+from resample.files.images import PictureFile, light_of, open_file, shown
+from resample.files.metadata.colors import oddities_of
+from resample.files.metadata.fields import (
     JPEG,
     TURNS,
     FileMetadata,
@@ -27,7 +27,7 @@ from resample.files.facts.metadata import (
     turn,
     upright,
 )
-from resample.files.images import PictureFile, light_of, open_file, shown
+from resample.files.metadata.geotiff import moved
 from resample.files.stores.opening import Address, Place, place_of
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits

@@ -10,16 +10,6 @@ from numpy.typing import NDArray
 
 from resample.colors import Background, over
 from resample.console import Color, note
-from resample.files.facts.metadata import (
-    JPEG,
-    TIFF,
-    FileMetadata,
-    WrittenPage,
-    complete,
-    describe,
-    exif_of,
-)
-from resample.files.facts.origin import state
 from resample.files.formats import (
     BY_PILLOW,
     NO_LOSS,
@@ -32,6 +22,16 @@ from resample.files.formats import (
     page_of,
 )
 from resample.files.images import open_file
+from resample.files.metadata.fields import (
+    JPEG,
+    TIFF,
+    FileMetadata,
+    WrittenPage,
+    complete,
+    describe,
+    exif_of,
+)
+from resample.files.metadata.provenance import state
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing

@@ -20,9 +20,6 @@ from resample.colors import from_srgb
 from resample.console import say, say_of
 from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
 from resample.files.chunked import is_in_store
-from resample.files.facts.colors import coded_colors, is_srgb, stretched
-from resample.files.facts.metadata import TIFF, page_tags
-from resample.files.facts.tags import Directory, Tag, is_animated_png
 from resample.files.films import (
     FORMATS,
     FRAME_BYTES,
@@ -47,6 +44,9 @@ from resample.files.formats import (
     levels,
     tell_colors,
 )
+from resample.files.metadata.colors import coded_colors, is_srgb, stretched
+from resample.files.metadata.fields import TIFF, page_tags
+from resample.files.metadata.tags import Directory, Tag, is_animated_png
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
 from resample.files.stores.opening import STORE, Address, Place

@@ -24,8 +24,8 @@ from pathlib import Path
 from platform import node
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from resample.messages import one_line
 from resample.reading.owners import BY_OTHERS, NotOwnError, check_own, tell_unused
-from resample.words import one_line
 
 try:
     import fcntl

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resample.messages import doubles_of
 from resample.painting.scenes.scene import check_samples
 from resample.painting.shaped.ellipsoids import Ellipsoids, check_ellipsoids
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.types import Doubles, Samples
-from resample.words import doubles_of
 
 
 def particles(

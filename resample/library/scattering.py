@@ -12,12 +12,12 @@ from typing import Any, Literal, NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from resample.messages import check_threads, doubles_of
 from resample.painting.scenes.plans import check_size, pair_of
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.named import plugin_of
 from resample.showable import array_of
 from resample.types import Doubles, Floats
-from resample.words import check_threads, doubles_of
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
 # Points are axis-aligned boxes, which cover rotated samples unevenly. Samples whose bounds exceed

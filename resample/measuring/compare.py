@@ -14,8 +14,8 @@ from resample.colors import Background, as_levels, over, to_srgb
 from resample.files.pictures import read_picture
 from resample.files.writing import replacing
 from resample.measuring.quality import measure
+from resample.messages import visible
 from resample.types import Floats
-from resample.words import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from resample.outofcore.passes import in_order
 from resample.outofcore.sharing import SharedBricks
-from resample.watching import report
+from resample.progress import report
 
 Step = tuple[int, ...]  # an index or a size along each axis, such as z, y, x
 Box = tuple[slice, ...]  # likewise

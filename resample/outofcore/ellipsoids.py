@@ -20,8 +20,8 @@ from resample.painting.shaped.ellipsoids import (
     empty_canvas,
     in_window,
 )
+from resample.progress import Progress
 from resample.types import Floats, Statistics
-from resample.watching import Progress
 
 BYTES = 4 * WIDTH + 8 + 12  # per ellipsoid: a record, its key while it is sorted, and its lists
 NOTHING = np.zeros(0, np.int32)

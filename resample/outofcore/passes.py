@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.watching import Executor, Progress, shared_out, told
+from resample.progress import Executor, Progress, shared_out, told
 
 MOST_THREADS = 8
 DIGIT = 16  # bits

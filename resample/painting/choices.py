@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from resample import registry
+from resample.messages import check_numbers, shortly
 from resample.profiles.filters import Gaussian, PixelFilter
 from resample.profiles.named import ByName, OneOf
 from resample.profiles.orders import CompositingOrder, EverySample, Summing
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import LatticeField, Samples
-from resample.words import check_numbers, shortly
 
 if TYPE_CHECKING:
     from resample.painting.scenes.painters import SamplePainter

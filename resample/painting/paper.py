@@ -24,6 +24,7 @@ from resample.profiles.memoization import once
 from resample.profiles.orders import sheets_of
 from resample.profiles.reconstruction import Reconstruction, variance
 from resample.profiles.subpixels import subpixels_of
+from resample.progress import Progress, told
 from resample.types import (
     Film,
     Floats,
@@ -32,7 +33,6 @@ from resample.types import (
     Statistics,
     View,
 )
-from resample.watching import Progress, told
 
 FINEST = 8  # sub-pixels per side of a pixel, at most, unless more are asked for
 POINT_SPACING = 0.6  # sub-pixels between points, at most; measured (docs/quality.md)

@@ -18,6 +18,7 @@ from resample.painting.scenes.scene import (
 )
 from resample.painting.splines import FIELD, levels_of
 from resample.profiles.orders import MONOTONE
+from resample.progress import Progress, told
 from resample.types import (
     ADDITIVE,
     ATTENUATED,
@@ -40,7 +41,6 @@ from resample.types import (
     Tables,
     View,
 )
-from resample.watching import Progress, told
 
 if TYPE_CHECKING:
     from resample.engine.rays.classifiers import SummedClassifier

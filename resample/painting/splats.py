@@ -26,8 +26,8 @@ from resample.profiles.filters import PixelFilter
 from resample.profiles.memoization import once
 from resample.profiles.reconstruction import Reconstruction, footprint_table, variance
 from resample.profiles.subpixels import subpixels_of
+from resample.progress import Progress
 from resample.types import Doubles, Film, Floats, Samples, Statistics, View
-from resample.watching import Progress
 
 if TYPE_CHECKING:
     from resample.engine.shaped.canvas import PaintedShapes

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from resample.profiles.subpixels import Strip, Subpixels
+from resample.progress import Progress
 from resample.types import Film, Floats, View
-from resample.watching import Progress
 
 
 def painted_on_subpixels(

@@ -10,9 +10,9 @@ from typing import ClassVar, Protocol, cast
 
 import numpy as np
 
+from resample.messages import number
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats, RadialTable
-from resample.words import number
 
 PROFILE_ERROR = 1e-5  # of the peak
 WIDEST = 64.0  # px, radius of a filter

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import number
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
-from resample.words import number
 
 if TYPE_CHECKING:
     from resample.engine.windows.boxes import Integral

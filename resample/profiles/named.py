@@ -4,7 +4,7 @@ from enum import StrEnum
 from typing import Any, Generic, TypeVar, cast
 
 from resample import registry
-from resample.words import shortly
+from resample.messages import shortly
 
 T = TypeVar("T")
 E = TypeVar("E", bound=StrEnum)

@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from resample.messages import number
 from resample.types import LAST_SHEET, Doubles, Floats, Layers, Sheets, View
-from resample.words import number
 
 QUALITIES = ("best", "usual", "fast")  # of rays
 MONOTONE = "monotone"

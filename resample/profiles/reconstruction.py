@@ -12,9 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
+from resample.messages import number
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats, Pieces, Profile, RadialTable
-from resample.words import number
 
 STEPS = 1024  # linear interpolation in 1024 steps errs by under 3e-6 of the peak
 PARTIAL_STEPS = 256  # in both directions; linear interpolation errs by under 2e-5 of the peak

@@ -10,8 +10,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import one_line
 from resample.reading.limits import check_members, check_unpacked
-from resample.words import one_line
 
 MAGIC = b"\x93NUMPY"  # first bytes of an array's file
 

@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from resample.messages import naming, one_line, visible
 from resample.reading.gltf import PARTS, SIZES, check_gltf, header_of
 from resample.reading.limits import (
     check_items,
@@ -17,7 +18,6 @@ from resample.reading.limits import (
     neighbour,
 )
 from resample.reading.texts import check_xml_file, check_xml_member
-from resample.words import naming, one_line, visible
 
 ARCHIVES = (".zip", ".3mf", ".zae")  # formats that contain files
 MARKUP = (".dae", ".xaml", ".svg")  # XML formats

@@ -15,7 +15,7 @@ from hashlib import sha256
 from pathlib import Path
 from threading import Lock
 
-from resample.words import one_line
+from resample.messages import one_line
 
 
 def plain(path: str | Path) -> str:

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from resample.messages import one_line
 from resample.reading.limits import PIECE, check_file, check_free, check_size, check_unpacked
 from resample.reading.native import plain, suppressed_output
-from resample.words import one_line
 
 START, SIZED = b"\xff\xd8", b"\xff\x4f\xff\x51"  # of JPEG and its variants; of JPEG 2000
 NO_FRAMES = (0xC4, 0xC8, 0xCC)  # markers in the range of frames that are not frames

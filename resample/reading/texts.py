@@ -8,8 +8,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import IO, Any
 
+from resample.messages import TOO_LARGE, TOO_MANY_DIGITS
 from resample.reading.limits import check_items, check_size, limits, refused
-from resample.words import TOO_LARGE, TOO_MANY_DIGITS
 
 OPENCV = re.compile(r"\A%YAML[^\n]*")  # a directive; OpenCV's has a colon, which is not YAML
 WIDEST = 1 << 63  # integers from here on do not fit into arrays

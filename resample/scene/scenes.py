@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, Literal, get_args
 
+from resample.progress import Cancel, cancellable, watched_cancel
 from resample.scene.picking import pixel_at
-from resample.watching import Cancel, cancellable, watched_cancel
 
 Quality = Literal["final", "preview"]
 LITTLE = 16  # px per side of pictures that only prepare

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.progress import Cancel
 from resample.scene.scenes import LITTLE
 from resample.view.views import Painter, Settings, Size, controls_of
-from resample.watching import Cancel
 
 if TYPE_CHECKING:
     from PIL.Image import Image

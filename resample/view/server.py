@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 
 from resample.command.settings import Serving
 from resample.console import say, say_notes
+from resample.messages import one_line
 from resample.view.sessions import LONGEST, PageSession, message_of
 from resample.view.views import Viewable, Warming
-from resample.words import one_line
 
 if TYPE_CHECKING:
     import uvicorn

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from resample.measuring.quality import psnr
+from resample.messages import one_line
+from resample.progress import Cancel, CancelledError, cancellable
 from resample.view.files import file_of
 from resample.view.views import (
     Comparing,
@@ -26,8 +28,6 @@ from resample.view.views import (
     check_page_options,
     exports_of,
 )
-from resample.watching import Cancel, CancelledError, cancellable
-from resample.words import one_line
 
 JPEG_QUALITY = 88  # of previews
 GAIN = 8  # factor of differences, so that small ones are visible

@@ -19,8 +19,8 @@ from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.command.flags import Marks, OptionTopic, about, marks_of
 from resample.command.settings import Choices, option_of
 from resample.command.settings_files import appearance_settings, as_toml, options_of, schema_of
+from resample.progress import Cancel, Progress
 from resample.types import View
-from resample.watching import Cancel, Progress
 
 Settings = Mapping[str, Any]  # options by name, as settings files have them
 Size = tuple[int, int]  # width and height, px

@@ -169,7 +169,7 @@ def kept(
 
 def write_levels(path: Path, given: Any) -> None:
     """Write an 8- or 16-bit picture, as `as_picture` takes it."""
-    from resample.files.exchange import as_picture
+    from resample.files.conversion import as_picture
 
     picture = as_picture(given)
     if picture.dtype not in (np.uint8, np.uint16):

@@ -32,7 +32,7 @@ from resample.command.flags import (
     with_intrinsics,
 )
 from resample.command.settings_files import OWN, as_toml, options_of, read_settings
-from resample.files.facts.origin import KEY
+from resample.files.metadata.provenance import KEY
 from resample.view.views import check_page_options
 from resample_texture.command.choices import MATRIX
 from resample_texture.geometry.matrices import parse_matrix

@@ -6,8 +6,8 @@ import pytest
 
 from resample import registry
 from resample.cli import app as core
-from resample.command import complaints
-from resample.command.complaints import SYNONYMS, meant, with_own_pip
+from resample.command import usage_errors
+from resample.command.usage_errors import SYNONYMS, meant, with_own_pip
 from tests.commands import ended, refused
 
 APPS = {"resample": core} | {name: registry.load("apps", name) for name in registry.names("apps")}
@@ -209,7 +209,7 @@ def test_what_is_to_be_installed_is_so_for_the_python_that_runs(
 ):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.executable", str(tmp_path / python))
-    monkeypatch.setattr(complaints, "which", lambda _: pip and str(tmp_path / pip))
+    monkeypatch.setattr(usage_errors, "which", lambda _: pip and str(tmp_path / pip))
     assert with_own_pip("vtk is missing; pip install x") == f"vtk is missing; {told}"
 
 

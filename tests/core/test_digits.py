@@ -2,8 +2,8 @@
 
 import pytest
 
+from resample.messages import LONGEST, naming, numbers_in, one_line
 from resample.reading.texts import json_of, toml_of
-from resample.words import LONGEST, naming, numbers_in, one_line
 from tests.fuzz.corpus import corpus
 from tests.fuzz.files import put
 from tests.fuzz.mutations import IS_NUMBER

@@ -14,10 +14,10 @@ import pytest
 
 from resample.files import images, saving
 from resample.files.animations import Shots, write_film
-from resample.files.facts.metadata import FileMetadata
-from resample.files.facts.tags import ASCII, Tag
 from resample.files.formats import WriteOptions, page_of
 from resample.files.images import BufferedJpeg
+from resample.files.metadata.fields import FileMetadata
+from resample.files.metadata.tags import ASCII, Tag
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import (
     DepthSlab,

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from resample import registry
 from resample.cli import app as core
-from resample.command.helping import COLUMNS, LINES, Asked, brief, examples_in
+from resample.command.help_formatter import COLUMNS, LINES, Asked, brief, examples_in
 from resample.samples.finding import expanded
 from tests.commands import ended, imported
 

@@ -71,7 +71,7 @@ def test_a_fault_changes_its_own_bytes_alone():
         ("resample/engine/jit.py", "kernels"), ("resample/engine/compiled/entries.py", "plumbing"),
         ("apps/points/resample_points/geometry/kernels/lines.py", "kernels"), (FILE, "readers"),
         ("apps/warp3d/resample_warp3d/warping.py", "warp3d"), ("tests/core/test_mutants.py", None),
-        ("plugins/figures/resample_figures/gallery.py", None), ("resample/words.py", "plumbing"),
+        ("plugins/figures/resample_figures/gallery.py", None), ("resample/messages.py", "plumbing"),
     ],
 )  # fmt: skip
 def test_a_file_belongs_to_a_stratum(file, stratum):

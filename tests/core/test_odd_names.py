@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from resample.cli import app
-from resample.files.facts.origin import settings_in, stating
+from resample.files.metadata.provenance import settings_in, stating
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample.messages import visible
 from resample.reading import native
 from resample.reading.native import plain
-from resample.words import visible
 from resample_volume.files.stores.statistics_cache import state_of_files
 from tests.commands import ended
 from tests.core.test_full_disk import STORES, WRITERS

@@ -9,7 +9,7 @@ from resample import Camera
 from resample.outofcore.bricks import BrickArray
 from resample.outofcore.passes import PassContext, counts_by_digit, passed, ranked
 from resample.outofcore.windows import spans_within
-from resample.watching import report
+from resample.progress import report
 
 LAYERS = ("rgba", "depth", "first_depth", "coverage")
 SIZE = 40, 160  # height and width, px

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image, ImageCms
 
 from resample.colors import from_srgb, to_srgb
-from resample.files.facts.colors import converted
 from resample.files.images import read_image
+from resample.files.metadata.colors import converted
 from resample_texture import cli
 from tests import commands
 

@@ -20,6 +20,7 @@ from resample.cameras.keyframes import read_keyframes
 from resample.command.settings_files import options_of
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
+from resample.messages import LONGEST, one_line, visible
 from resample.reading.arrays import read_npy, read_npz
 from resample.reading.limits import (
     allows_outside,
@@ -30,7 +31,6 @@ from resample.reading.limits import (
     raised,
 )
 from resample.reading.texts import json_of, toml_of
-from resample.words import LONGEST, one_line, visible
 from resample_meshes.files import load_mesh
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.mappings import read_map

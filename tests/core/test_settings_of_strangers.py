@@ -22,7 +22,7 @@ from resample.command import flags as abouts
 from resample.command.flags import Inline, OptionTopic, about, marks_of, with_intrinsics
 from resample.command.settings import Choices
 from resample.command.settings_files import OWN, options_of, read_settings
-from resample.files.facts.origin import KEY, settings_in
+from resample.files.metadata.provenance import KEY, settings_in
 from resample_comparisons.texture import scenes
 from resample_points.command import rendering as cloud_films
 from resample_texture.command.choices import MATRIX

@@ -12,7 +12,7 @@ from PIL import Image
 
 from resample import registry
 from resample.files.images import read_image
-from resample.watching import Cancel
+from resample.progress import Cancel
 
 FILE = Path(__file__).parents[2] / "examples" / "stations.py"
 MOST_LINES = 150

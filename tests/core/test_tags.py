@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image, TiffImagePlugin
 
-from resample.files.facts.tags import (
+from resample.files.metadata.tags import (
     ASCII,
     DOUBLE,
     Tag,

@@ -8,11 +8,11 @@ import pytest
 from resample import registry
 from resample.cameras.viewpoints import orbit_of, viewpoint_of
 from resample.command.flags import ANGLES, OptionTopic, about
-from resample.words import choices_in, numbers_in
+from resample.messages import choices_in, numbers_in
 from resample_texture.command.everyday import BetweenProjections
 from resample_volume import Volume, load_transfer
 from resample_volume.command.choices import AppearanceChoices
-from resample_volume.command.media import _other
+from resample_volume.command.multivolume import _other
 from resample_volume.editing import spelled
 from resample_volume.files.parsing.texts import sizes_of, three_numbers
 from resample_volume.surfaces.image_planes import ImagePlane

@@ -14,18 +14,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from resample.files.facts.origin import settings_in
-from resample.files.facts.tags import read_tags
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image
+from resample.files.metadata.provenance import settings_in
+from resample.files.metadata.tags import read_tags
 from resample.files.pictures import read_picture
 from resample.files.saving import DepthSlab, write_deep
 from resample.files.sequences import frames_of
+from resample.messages import one_line
 from resample.reading.arrays import read_npz
 from resample.reading.limits import bunzipped, deflated, unlzma
 from resample.reading.meshes import check_mesh
 from resample.reading.pictures import size_at_once, size_of
-from resample.words import one_line
 from resample_meshes.files import load_mesh
 from resample_points.files.readers import read_cloud
 from resample_points.geometry import spacing

@@ -18,7 +18,7 @@ from resample.command.settings import Sharing
 from resample.command.workers import at_work, check_sharing, share_memory, worker_pools
 from resample.files.animations import Shots, made_by, write_film
 from resample.memory import ALLOWED, allowing
-from resample.watching import WorkerPool
+from resample.progress import WorkerPool
 from tests.commands import ended
 from tests.killing import Killing
 

@@ -44,7 +44,7 @@ def attempted(
     attempt: Try, seed: int, folder: Path, allowed: tuple[type[BaseException], ...]
 ) -> str:
     """Result of one case in this process."""
-    from resample.words import one_line
+    from resample.messages import one_line
 
     try:
         attempt(seed, folder)

@@ -18,7 +18,7 @@ import tifffile
 from numpy.typing import NDArray
 from PIL import Image, ImageCms, ImageOps
 
-from resample.files.exchange import picture_and_encoding
+from resample.files.conversion import picture_and_encoding
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.formats import WriteOptions
 from resample.files.pictures import read_picture

@@ -15,7 +15,7 @@ from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.colors import to_srgb
 from resample.files.images import read_channels
-from resample.watching import Cancel
+from resample.progress import Cancel
 from resample_comparisons.points import mitsuba
 from resample_points import (
     Gaussians,

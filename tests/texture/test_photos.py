@@ -10,9 +10,9 @@ import OpenImageIO
 import pytest
 from PIL import Image, ImageCms, ImageOps
 
-from resample.files.facts.metadata import turn, upright
-from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
+from resample.files.metadata.fields import turn, upright
+from resample.files.metadata.tags import Tag, add_tags
 from resample.files.pictures import loadable_picture, read_picture
 from resample_texture import cli
 from tests import commands

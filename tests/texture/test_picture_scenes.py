@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from resample import Cancel, CancelledError
-from resample.files.exchange import as_picture
+from resample.files.conversion import as_picture
 from resample.measuring.quality import psnr
 from resample_texture import BackwardMap, ForwardMap, Homography, PictureScene, warp
 from resample_texture.geometry.mappings import pixel_centers

@@ -12,8 +12,8 @@ import OpenImageIO
 import pytest
 from PIL import Image
 
-from resample.files.facts.tags import Tag, add_tags
 from resample.files.images import read_channels
+from resample.files.metadata.tags import Tag, add_tags
 from resample.files.sequences import frames_of
 from resample_texture import cli
 from tests import commands

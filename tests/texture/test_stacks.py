@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.files.exchange import as_picture
+from resample.files.conversion import as_picture
 from resample_sky import coadd, reproject
 from resample_texture import (
     PictureScene,

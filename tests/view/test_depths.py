@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.watching import Cancel
+from resample.progress import Cancel
 from resample_warp3d.cli import app
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.source import SourceCamera

@@ -18,10 +18,10 @@ import pytest
 from PIL import Image
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from resample.progress import Cancel, CancelledError
 from resample.view import server
 from resample.view.sessions import difference
 from resample.view.views import PagePicture
-from resample.watching import Cancel, CancelledError
 from tests.view.conftest import Served, served
 
 

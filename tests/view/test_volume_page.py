@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from resample.command.settings import PictureFormat
-from resample.watching import Cancel
+from resample.progress import Cancel
 from resample_volume.cli import app
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.viewing import volume_view

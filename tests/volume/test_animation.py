@@ -28,7 +28,7 @@ from resample_volume.command.animation import (
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance
+from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.voxels.shading import Light
 from tests.commands import ended, refused

@@ -14,8 +14,13 @@ from resample_volume.classification.presets import load_transfer
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import opened
 from resample_volume.files.generated import checker_box
-from resample_volume.media.appearance import BY_DEFAULT, Appearance, Classification, check_together
-from resample_volume.media.xrays import XRay
+from resample_volume.multivolume.appearance import (
+    BY_DEFAULT,
+    Appearance,
+    Classification,
+    check_together,
+)
+from resample_volume.multivolume.xrays import XRay
 from resample_volume.voxels.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)

@@ -13,7 +13,7 @@ from resample_volume import classification as names
 from resample_volume import cli
 from resample_volume.classification import TISSUES
 from resample_volume.classification.presets import PRESETS
-from resample_volume.classification.surveys import POINTS
+from resample_volume.classification.value_statistics import POINTS
 from resample_volume.files.source import open_volume
 from tests import commands
 

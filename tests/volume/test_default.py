@@ -16,7 +16,7 @@ from resample_volume import Appearance, as_volume, render
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.cli import app
 from resample_volume.files.generated import vessel_tree
-from resample_volume.media.appearance import BY_DEFAULT
+from resample_volume.multivolume.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
 from resample_volume.voxels.visible import lattice_of
 from tests import commands

@@ -13,7 +13,7 @@ from resample_volume.calls import render
 from resample_volume.classification.presets import load_transfer
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance
+from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import filling, sphere_around
 from resample_volume.voxels.visible import classify

@@ -8,7 +8,7 @@ from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume.calls import render
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance
+from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.surfaces import meshes

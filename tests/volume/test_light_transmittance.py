@@ -13,7 +13,7 @@ from resample_comparisons.volume.painting import ImageSheets
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels import transmittance
 from resample_volume.voxels.shading import Light

@@ -8,8 +8,8 @@ import pytest
 from resample_volume.classification.materials import Materials, Windowed, spread
 from resample_volume.classification.presets import PRESETS, load_transfer, transfer_for
 from resample_volume.classification.regions import Faded
-from resample_volume.classification.surveys import POINTS, Units, survey, tissue
 from resample_volume.classification.transfer import from_points
+from resample_volume.classification.value_statistics import POINTS, Units, survey, tissue
 from resample_volume.inputs import as_volume
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)

@@ -9,7 +9,7 @@ from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels.shading import DepthCue, Light
 from tests import ray_truth

@@ -22,7 +22,7 @@ from resample_volume.data.recordings import (
 from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
 from resample_volume.files.source import open_recording, open_volume, read_labels
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels.visible import classify
 from tests.volume.of_voxels import of_voxels

@@ -11,12 +11,12 @@ from resample_volume import cli
 from resample_volume.calls import render
 from resample_volume.classification.presets import transfer_for
 from resample_volume.classification.scales import LogScale, edges_of, on_scale, scale_named, scaled
-from resample_volume.classification.surveys import survey
+from resample_volume.classification.value_statistics import survey
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance
+from resample_volume.multivolume.appearance import Appearance
 from resample_volume.picking import picked
 from resample_volume.viewing import volume_view
 from tests import commands

@@ -15,7 +15,7 @@ from resample.resampler import Resampler
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Classification
+from resample_volume.multivolume.appearance import Classification
 from resample_volume.surfaces.plane_meshes import Section
 from tests import commands
 

@@ -14,7 +14,7 @@ from resample.command.workers import WorkerPool
 from resample_volume import cli
 from resample_volume.files.source import open_recording, open_streamed
 from resample_volume.files.stores import chunks, statistics_cache
-from resample_volume.media.series import Series, whole
+from resample_volume.multivolume.series import Series, whole
 from tests import commands
 from tests.killing import Killing
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from resample.outofcore import bricks as caches
 from resample.outofcore.bricks import PinnedCache
-from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.bricks import Bricks
 from resample_volume.types import Volume
 

@@ -12,7 +12,7 @@ from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance
+from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.space import lines
 from resample_volume.space.annotations import AXES, PATIENT, cube_picture, round_length

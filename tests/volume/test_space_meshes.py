@@ -13,7 +13,7 @@ from resample.resampler import Resampler
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.surfaces.meshes import read_mesh, scene_mesh
 from resample_volume.voxels.shading import Light

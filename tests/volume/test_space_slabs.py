@@ -11,7 +11,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_volume.cli import app
-from resample_volume.media.appearance import Appearance, Classification
+from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.space.slabs import boxed, check_slabs, depths, slabs
 from resample_volume.surfaces.meshes import scene_mesh

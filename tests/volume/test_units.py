@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import SimpleITK
 
-from resample_volume.classification.surveys import Units, survey, units_of
+from resample_volume.classification.value_statistics import Units, survey, units_of
 from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import opened
 from resample_volume.files.readers import Dicom, Nifti, Nrrd

@@ -7,7 +7,7 @@ import pytest
 
 from resample.colors import to_srgb
 from resample_warp3d.command.filming.alignment import DepthRanges
-from resample_warp3d.depth.steadying import SteadyDepth
+from resample_warp3d.depth.stabilization import SteadyDepth
 from resample_warp3d.depth.temporal import LONGEST, Alignment, align, fitted, is_cut, thumbnail
 
 SHAPE, COUNT = (60, 80), 8

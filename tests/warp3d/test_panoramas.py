@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from resample.measuring.quality import psnr
+from resample_warp3d.views.multi_source import render_together
 from resample_warp3d.views.panoramas import SEAMLESS, faces, panorama
-from resample_warp3d.views.together import render_together
 from tests.warp3d.naive_sheet import ball, camera_at, pattern, plane, see
 
 HEIGHT = 192

@@ -13,7 +13,7 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.measuring.quality import psnr
 from resample_warp3d import cli
-from resample_warp3d.wide import StereoPanorama, project, unproject
+from resample_warp3d.projection_models import StereoPanorama, project, unproject
 from tests import commands
 from tests.warp3d.test_panoramas import EYE, THINGS
 

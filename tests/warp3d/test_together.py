@@ -8,10 +8,10 @@ from resample.engine import jit
 from resample_warp3d.depth.equation import between
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.types import DepthImage
-from resample_warp3d.views import merging, together
+from resample_warp3d.views import merging, multi_source
 from resample_warp3d.views.matching import balanced, match_colors, match_depths, scaled
 from resample_warp3d.views.merging import merge
-from resample_warp3d.views.together import PLAIN, Joining, PosedSource, agreed, render_together
+from resample_warp3d.views.multi_source import PLAIN, Joining, PosedSource, agreed, render_together
 from resample_warp3d.warping import render
 from tests.warp3d import naive_together as naive
 from tests.warp3d.naive_sheet import camera_at, depth_image, pattern, plane, see
@@ -239,7 +239,7 @@ def test_outliers_are_those_that_half_of_the_sources_look_through(rng):
     equations = [between(each.camera, target()) for each in given]
     sources = [each.source for each in given]
     out = naive.outvoted(views, sources, equations)
-    found = together.outvoted(views, sources, equations)
+    found = multi_source.outvoted(views, sources, equations)
     assert out[0].sum() > 50
     for view, kept, expected in zip(views, found, out, strict=True):
         np.testing.assert_array_equal((view.coverage > 0) & (kept.coverage == 0), expected)
@@ -254,7 +254,7 @@ def test_what_another_source_looks_through_goes_unless_a_third_one_sees_it(count
     given[1] = given[1]._replace(source=prepare(wall, noise=0.0, step=0.0))
     views = views_of(given)
     equations = [between(each.camera, target()) for each in given]
-    kept = together.outvoted(views, [each.source for each in given], equations)
+    kept = multi_source.outvoted(views, [each.source for each in given], equations)
     card = (views[0].depth < 2.6) & (views[1].depth > 3)
     assert card.sum() > 300
     assert (kept[0].coverage[card] > 0).mean() == pytest.approx(count - 2, abs=0.1)

@@ -8,9 +8,9 @@ from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.preparation import prepare
+from resample_warp3d.projection_models import mapping_between
 from resample_warp3d.types import AS_GIVEN, DepthImage, Equation
 from resample_warp3d.warping import render
-from resample_warp3d.wide import mapping_between
 from tests.warp3d.naive_sheet import EMPTY
 
 SHAPE = (24, 32)

@@ -14,10 +14,10 @@ from resample.calling import takes, understood
 from resample.cameras.panoramic import Equirectangular
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.colors import from_srgb
+from resample.messages import shortly
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Floats, Frame
-from resample.words import shortly
 from resample_points.data.cloud import Cloud
 from resample_points.data.coloring import colored
 from resample_points.data.gaussians import Gaussians

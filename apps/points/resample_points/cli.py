@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from resample.command import flags
 from resample.command.flags import Inline, OptionTopic
-from resample.command.helping import CommandLine, add_command
+from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
 from resample.command.settings_files import with_settings
@@ -73,7 +73,7 @@ def render(
     from resample.command.session import Session
     from resample.files.saving import check_suffix
     from resample.files.writing import check_targets
-    from resample.watching import told
+    from resample.progress import told
     from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
     from resample_points.command.rendering import check_memory, scene_of

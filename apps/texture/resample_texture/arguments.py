@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from resample import registry
 from resample.calling import choice_meant
 from resample.cameras.models import Convention
-from resample.files.exchange import picture_and_encoding
+from resample.files.conversion import picture_and_encoding
 from resample.files.stores.opening import Address
-from resample.words import doubles_of, shortly, warn
+from resample.messages import doubles_of, shortly, warn
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.calling import takes
+from resample.messages import check_threads
 from resample.outofcore.bricks import Box, boxes_of
 from resample.reading.limits import check_free
-from resample.words import check_threads
 from resample_texture.arguments import (
     REFLECT_101,
     Places,

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from resample.calling import takes
 from resample.cameras.models import AnyConvention
 from resample.painting.scenes.plans import shape_of
+from resample.progress import Cancel
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
 from resample.types import Doubles, Floats
-from resample.watching import Cancel
 from resample_texture.arguments import (
     PREMULTIPLIED,
     Places,
@@ -63,7 +63,7 @@ class PictureScene(AnyScene):
     Parameters
     ----------
     given
-        What `resample.files.exchange.as_picture` takes.
+        What `resample.files.conversion.as_picture` takes.
     linear_light, alpha, axis
         As `warp` takes them, but no stack.
 

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.calling import takes
 from resample.cameras.models import AnyConvention, Convention
+from resample.messages import check_threads, doubles_of
 from resample.types import Doubles
-from resample.words import check_threads, doubles_of
 from resample_texture.arguments import (
     Places,
     axis_of,
@@ -69,7 +69,7 @@ def warp(
     ----------
     image
         An array (H, W) or (H, W, C), or a stack of them, see `axis`, masked or not; or
-        anything else that `resample.files.exchange.as_picture` takes, such as a path. uint8
+        anything else that `resample.files.conversion.as_picture` takes, such as a path. uint8
         and uint16 are taken for light; bool, other integers of 8 to 64 bits and floats of 16 to 64
         bits for values, which are never encoded or limited to 0..1; complex ones are warped in
         both parts. Values that are masked, not finite or `nodata` are missing, channel by channel,

@@ -11,15 +11,15 @@ import numpy as np
 
 from resample.calling import understood
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
+from resample.messages import check_kind
 from resample.painting.scenes.plans import shape_of
+from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample.watching import Progress
-from resample.words import check_kind
 from resample_volume.classification.scales import scaled
-from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, resampler_for
+from resample_volume.multivolume.appearance import Appearance, resampler_for
 from resample_volume.rendering import Fitted, pictured
 from resample_volume.types import Volume
 
@@ -108,7 +108,7 @@ def render(
         check_kind("resampler", paint, Resampler, wanted)
         return pictured(media, view, shape, paint, fit, progress=progress)[0]
     from resample_volume.command.inputs import changed, opened
-    from resample_volume.command.media import with_objects
+    from resample_volume.command.multivolume import with_objects
     from resample_volume.command.rendering import annotated_picture
 
     look, resampling, beside, source, form = _chosen("render", options)

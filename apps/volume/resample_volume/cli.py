@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from resample.command import flags
 from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
-from resample.command.helping import CommandLine, add_command
+from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
 from resample.command.settings_files import with_settings
@@ -94,7 +94,7 @@ def render(
     from resample.files.saving import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import require_values
-    from resample_volume.command.media import media, with_objects
+    from resample_volume.command.multivolume import media, with_objects
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
         annotated_picture,

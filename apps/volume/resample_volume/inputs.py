@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import contiguous
+from resample.messages import one_line
 from resample.painting.scenes.scene import check_lattice, check_places
 from resample.types import Doubles
-from resample.words import one_line
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.data.recordings import check_whole, in_color, is_color
 from resample_volume.data.values import is_streamed
@@ -198,14 +198,14 @@ def _taker_of(given: Any) -> Callable[[Any, Part, str], Volume] | None:
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
-        from resample_volume.exchange import of_dataset
+        from resample_volume.conversion import of_dataset
 
         return of_dataset
     is_labeled = hasattr(given, "dims") and hasattr(given, "coords")
     is_grid = hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions")
     if not (is_labeled or is_grid or homes & {"SimpleITK", "nibabel"}):
         return None
-    from resample_volume.exchange import of_grid, of_labeled, of_nibabel, of_simple_itk
+    from resample_volume.conversion import of_grid, of_labeled, of_nibabel, of_simple_itk
 
     if "SimpleITK" in homes:
         return of_simple_itk

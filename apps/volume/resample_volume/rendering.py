@@ -11,19 +11,19 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
+from resample.messages import warn
 from resample.painting.choices import MEASURING, Projection
+from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import NO_TRIANGLES, Doubles, Frame, LatticeField, Samples, Triangles, View
-from resample.watching import Progress
-from resample.words import warn
 from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.regions import Faded
-from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
+from resample_volume.classification.value_statistics import survey
 from resample_volume.data.recordings import how
 from resample_volume.data.spacings import in_unit, mm_of, unit_of_space
 from resample_volume.data.values import as_array, as_arrays, is_streamed
-from resample_volume.media.appearance import (
+from resample_volume.multivolume.appearance import (
     BY_DEFAULT,
     Appearance,
     Classification,
@@ -36,7 +36,7 @@ from resample_volume.media.appearance import (
     resampler_for,
     transfer_of,
 )
-from resample_volume.media.xrays import AS_IT_IS, MU_WATER, Tone, XRay, attenuation, settled
+from resample_volume.multivolume.xrays import AS_IT_IS, MU_WATER, Tone, XRay, attenuation, settled
 from resample_volume.types import Placed, Volume
 from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.framing import (
@@ -55,7 +55,7 @@ from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer
 from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
-    from resample_volume.media.lattices import CommonLattice
+    from resample_volume.multivolume.lattices import CommonLattice
     from resample_volume.surfaces.meshes import SceneMesh
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
@@ -77,7 +77,7 @@ class Placement(NamedTuple):
 
 def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
-    from resample_volume.media.lattices import common_lattice
+    from resample_volume.multivolume.lattices import common_lattice
 
     unit = unit_of_space(media[0][0])
     media = [(in_unit(volume, unit), look) for volume, look in media]

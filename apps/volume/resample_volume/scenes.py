@@ -11,17 +11,17 @@ from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.outofcore.caching import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
+from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
 from resample.scene.previews import PER, Shrunk, enlarged_frame
 from resample.scene.scenes import AnyScene, Quality, is_quick
 from resample.types import Frame
-from resample.watching import Cancel, Progress
 from resample_volume.classification.materials import Windowed
-from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.values import as_array, values_of
 from resample_volume.inputs import as_volume
-from resample_volume.media.appearance import Appearance, resampler_for, transfer_of
-from resample_volume.media.xrays import XRay, settled
+from resample_volume.multivolume.appearance import Appearance, resampler_for, transfer_of
+from resample_volume.multivolume.xrays import XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
 from resample_volume.surfaces.image_planes import settled as settled_plane

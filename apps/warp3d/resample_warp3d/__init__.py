@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
     from resample_warp3d.methods.hybrid import Hybrid
+    from resample_warp3d.projection_models import StereoPanorama, mapping_between
     from resample_warp3d.registering import registered
     from resample_warp3d.scenes import DepthScene
     from resample_warp3d.sheet.sheets import background, behind
     from resample_warp3d.types import DepthImage, Equation, Hole, Source, Warped
     from resample_warp3d.viewing import view
     from resample_warp3d.views.merging import merge
+    from resample_warp3d.views.multi_source import Joining, PosedSource, agreed, render_together
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
-    from resample_warp3d.views.together import Joining, PosedSource, agreed, render_together
     from resample_warp3d.warping import render, warp, warp_disparity
-    from resample_warp3d.wide import StereoPanorama, mapping_between
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -40,14 +40,14 @@ _HOMES = {
     "Equirectangular": "resample.cameras.panoramic",
     "Hole": "types",
     "Hybrid": "methods.hybrid",
-    "Joining": "views.together",
+    "Joining": "views.multi_source",
     "Orthographic": "resample.cameras.models",
     "SEAMLESS": "views.panoramas",
     "Source": "types",
-    "StereoPanorama": "wide",
-    "PosedSource": "views.together",
+    "StereoPanorama": "projection_models",
+    "PosedSource": "views.multi_source",
     "Warped": "types",
-    "agreed": "views.together",
+    "agreed": "views.multi_source",
     "animate": "calls",
     "background": "sheet.sheets",
     "behind": "sheet.sheets",
@@ -59,11 +59,11 @@ _HOMES = {
     "refine": "depth.refining.conditioning",
     "registered": "registering",
     "render": "warping",
-    "render_together": "views.together",
+    "render_together": "views.multi_source",
     "stereo": "calls",
     "view": "viewing",
     "warp": "warping",
-    "mapping_between": "wide",
+    "mapping_between": "projection_models",
     "warp_disparity": "warping",
 }
 

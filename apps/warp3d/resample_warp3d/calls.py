@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.words import shortly
+from resample.messages import shortly
 
 Named = str | PathLike[str]
 

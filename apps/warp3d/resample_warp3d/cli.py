@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from resample.command import flags
 from resample.command.applications import demonstrator, fetcher
 from resample.command.flags import OptionTopic
-from resample.command.helping import CommandLine, add_command
+from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import (
     Serving,

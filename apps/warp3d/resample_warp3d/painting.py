@@ -14,9 +14,7 @@ from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.methods.hybrid import Hybrid, empty
-from resample_warp3d.sheet.filling import farthest_of_rows
-from resample_warp3d.types import Hole, Method, Rendered, Source
-from resample_warp3d.wide import (
+from resample_warp3d.projection_models import (
     MERGED,
     Passage,
     Shape,
@@ -24,6 +22,8 @@ from resample_warp3d.wide import (
     on_lattice,
     poles_rows,
 )
+from resample_warp3d.sheet.filling import farthest_of_rows
+from resample_warp3d.types import Hole, Method, Rendered, Source
 
 MARGIN = 8  # px that the halves of a panorama overlap, on each side
 LEAST_ROWS = 3  # of a panorama, beside each pole, taken from a picture of the pole

@@ -11,15 +11,15 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
+from resample.progress import Cancel
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
-from resample.watching import Cancel
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.hybrid import Hybrid, Preview
+from resample_warp3d.projection_models import CameraModel, mapping_between, taken_by
 from resample_warp3d.types import DepthImage, Equation, Method, Previewed, Source, Warped
 from resample_warp3d.warping import Filling, as_light, filled, nearness_of, render
-from resample_warp3d.wide import CameraModel, mapping_between, taken_by
 
 TO_SAMPLES = np.array([[PER, 0, 0.5 - PER / 2], [0, PER, 0.5 - PER / 2], [0, 0, 1]])
 MOST_NAMED = 1 << 24  # largest number of samples that float32 can index

@@ -13,11 +13,11 @@ from resample import registry
 from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb
-from resample.files.exchange import as_picture, picture_and_encoding
+from resample.files.conversion import as_picture, picture_and_encoding
+from resample.messages import check_threads, number
 from resample.painting.scenes.plans import pair_of, shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
-from resample.words import check_threads, number
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.files import read_depth
@@ -27,11 +27,11 @@ from resample_warp3d.methods.filtering import filtered
 from resample_warp3d.painting import explained as wide_explained
 from resample_warp3d.painting import painted
 from resample_warp3d.painting import trusted as wide_trusted
+from resample_warp3d.projection_models import CameraModel, Passage, Way, mapping_between, taken_by
 from resample_warp3d.sheet.filling import explained, trusted
 from resample_warp3d.sheet.filling import fill as fill_holes
 from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import DepthImage, Equation, Method, Rendered, Source, Warped
-from resample_warp3d.wide import CameraModel, Passage, Way, mapping_between, taken_by
 
 Filling = Literal["picture", "layer"]
 FILLINGS = get_args(Filling)
@@ -70,7 +70,7 @@ def warp(
     ----------
     color
         (H, W) or (H, W, C), any number of channels, linear light, premultiplied if one is opacity;
-        or anything else that `resample.files.exchange.as_picture` takes. Integers are
+        or anything else that `resample.files.conversion.as_picture` takes. Integers are
         divided by their type's largest value; uint8 of up to 4 channels is taken for sRGB levels
         with straight opacity, as photographs are. The result is linear light.
     depth

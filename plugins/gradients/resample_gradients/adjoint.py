@@ -26,7 +26,7 @@ from resample_texture.texels.forward import (
     widened,
 )
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.plates import texels_at
+from resample_texture.texels.padding import texels_at
 from resample_texture.types import Edge
 
 BATCH = 1 << 24  # most numbers in the patches of a batch

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.memory.mapped import contiguous
+from resample.messages import check_threads
 from resample.profiles.named import plugin_of
 from resample.types import Doubles
-from resample.words import check_threads
 from resample_gradients.interpolation import (
     coefficients,
     margin_of,

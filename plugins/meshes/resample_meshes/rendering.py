@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Sphere
 from resample.engine.jit import threads
+from resample.messages import number
 from resample.painting.scenes.plans import shape_of
 from resample.painting.scenes.scene import dealt_to_tiles
 from resample.profiles.filters import Box, PixelFilter
@@ -26,7 +27,6 @@ from resample.profiles.interpolation import (
 )
 from resample.profiles.named import ByName
 from resample.types import Doubles, Floats, Frame, Screen, View
-from resample.words import number
 from resample_meshes.files import load_mesh
 from resample_meshes.kernels.painting import MeshPicture, MeshScene, paint
 from resample_meshes.kernels.sampling import BLEND, MASK, OPAQUE, Skin
@@ -41,7 +41,7 @@ from resample_meshes.kernels.surfaces import (
 from resample_meshes.kernels.visibility import SubpixelGrid
 from resample_meshes.shapes import AlphaMode, Cover, Mesh, Pyramid
 from resample_texture.texels.forward import EDGES, tap_table
-from resample_texture.texels.plates import filtered
+from resample_texture.texels.padding import filtered
 from resample_texture.types import Edge
 
 MODES = {AlphaMode.OPAQUE: OPAQUE, AlphaMode.MASK: MASK, AlphaMode.BLEND: BLEND}

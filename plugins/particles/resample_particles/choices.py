@@ -121,7 +121,7 @@ class DensityOptions(Choices):
 
 def number_of(text: str) -> float:
     """Return where a slice is, from text."""
-    from resample.words import numbers_in
+    from resample.messages import numbers_in
 
     return numbers_in("a slice at", text, 1)[0]
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.cameras.models import Camera, Orthographic
+from resample.messages import number, warn
 from resample.painting.scenes.plans import shape_of
 from resample.showable import array_of
 from resample.types import Doubles
-from resample.words import number, warn
 from resample_particles.particles import Particles
 from resample_particles.placing import (
     PlacedParticles,
@@ -63,8 +63,8 @@ class DensityMap:
 
     def save(self, path: str | Path) -> None:
         """Write the numbers: `.npy` in float64, `.exr` in float32; rows go from top to bottom."""
-        from resample.files.facts.metadata import FileMetadata
         from resample.files.formats import WriteOptions
+        from resample.files.metadata.fields import FileMetadata
         from resample.files.pictures import Kind, Picture
         from resample.files.saving import write_picture
         from resample.files.writing import replacing, save_array

@@ -152,7 +152,7 @@ class ParticlePictures:
 def particles_in(session: "Session", file: Path, options: DensityOptions) -> "Particles":
     """Read the particles of a command, and find their smoothing lengths where there are none."""
     from resample.engine import jit
-    from resample.words import naming
+    from resample.messages import naming
     from resample_particles.files import read_particles
 
     wanted = () if options.quantity is None else (options.quantity,)
@@ -213,7 +213,7 @@ def density_of(
 ) -> "DensityMap":
     """Read the particles of a command, and make their map."""
     from resample.engine import jit
-    from resample.words import naming
+    from resample.messages import naming
     from resample_particles.density import column_density
 
     if start.model_fields_set:

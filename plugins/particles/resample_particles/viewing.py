@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
+from resample.progress import Cancel, cancellable
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView, image_of
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
-from resample.watching import Cancel, cancellable
 from resample_particles.choices import DensityOptions, write_map
 from resample_particles.files import kinds_in
 from resample_particles.pictures import ParticlePictures, pictures_of

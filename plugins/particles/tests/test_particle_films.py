@@ -11,8 +11,8 @@ from PIL import Image
 import resample_particles
 import resample_points
 from resample.cameras.viewpoints import Orbit
+from resample.progress import Cancel
 from resample.view.views import exports_of
-from resample.watching import Cancel
 from resample_particles import column_density, read_particles
 from resample_particles.particles import Particles
 from resample_particles.pictures import FEW

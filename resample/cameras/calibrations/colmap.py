@@ -10,8 +10,8 @@ import numpy as np
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_quaternion, rigid
 from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of, lines_of
+from resample.messages import naming
 from resample.reading.texts import text_of
-from resample.words import naming
 
 # Models by number, each with its number of parameters.
 NUMBERED = (

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import turned_by
 from resample.cameras.trajectories import columns_of
+from resample.messages import naming, numbers_in
 from resample.reading.limits import check_file, check_size
 from resample.reading.texts import check_xml_text, json_of, text_of, toml_of, yaml_of
 from resample.types import Doubles
-from resample.words import naming, numbers_in
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

@@ -11,9 +11,9 @@ import numpy as np
 from resample.cameras.models import Camera, LensModel
 from resample.cameras.poses import from_opengl
 from resample.cameras.trajectories import Entry, PosedPicture, Refused, entry_of, facts_of
+from resample.messages import naming
 from resample.reading.pictures import opened
 from resample.types import Doubles
-from resample.words import naming
 
 PINHOLES = ("", "PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "FULL_OPENCV", "RADIAL", "SIMPLE_RADIAL")
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from resample.lengths import ratio, times, unit_of_length
 from resample.memory import amount
+from resample.messages import one_line
 from resample.reading.limits import SIMILAR_FRAMES, limits, refused
 from resample.types import Doubles
-from resample.words import one_line
 
 if TYPE_CHECKING:
     from resample.files.stores.models import Axis, Channel, Dataset, Transformation

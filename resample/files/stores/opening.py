@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from resample.messages import one_line, visible
 from resample.reading.limits import LimitError
-from resample.words import one_line, visible
 
 STORE = ".zarr"  # suffix of stores
 SCHEMES = ("s3", "s3a", "gs", "az", "abfs", "abfss", "http", "https")

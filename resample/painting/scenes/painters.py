@@ -3,8 +3,8 @@
 from typing import Protocol
 
 from resample.painting.scenes.scene import PaintTarget, PreparedScene
+from resample.progress import Progress
 from resample.types import Samples, Statistics
-from resample.watching import Progress
 
 
 class SamplePainter(Protocol):

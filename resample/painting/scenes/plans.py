@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from resample.words import check_threads, shortly
+from resample.messages import check_threads, shortly
 
 Window = tuple[int, int, int, int]  # x0, y0, x1, y1, px of the whole picture; the end is exclusive
 LARGEST_PICTURE = 2**28  # px

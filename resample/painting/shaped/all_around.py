@@ -23,8 +23,8 @@ from resample.painting.shaped.ellipsoids import (
     check_ellipsoids,
     empty_canvas,
 )
+from resample.progress import Progress
 from resample.types import Doubles, Floats, Indices, Statistics, View
-from resample.watching import Progress
 
 if TYPE_CHECKING:
     from resample.engine.shaped.all_around import PlacedTiles

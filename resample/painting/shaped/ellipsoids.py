@@ -21,6 +21,7 @@ from resample.profiles.reconstruction import (
     partial_table,
     variance,
 )
+from resample.progress import Progress, told
 from resample.types import (
     Doubles,
     Floats,
@@ -31,7 +32,6 @@ from resample.types import (
     Tabulated,
     View,
 )
-from resample.watching import Progress, told
 
 if TYPE_CHECKING:
     from resample.engine.shaped.canvas import PaintedShapes

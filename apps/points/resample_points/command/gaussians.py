@@ -298,7 +298,7 @@ def gaussians_of(
     session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
 ) -> GaussianPictures:
     """Read the Gaussians of a command, join and crop them."""
-    from resample.words import naming
+    from resample.messages import naming
     from resample_points.data.gaussians import Crop, cropped_gaussians
     from resample_points.data.joining import joined_gaussians
     from resample_points.data.selecting import corners_of

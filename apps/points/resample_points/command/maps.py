@@ -12,7 +12,7 @@ from resample_points.command.choices import CloudOptions, Crop, Only
 
 if TYPE_CHECKING:
     from resample.command.session import Session
-    from resample.files.facts.metadata import FileMetadata
+    from resample.files.metadata.fields import FileMetadata
     from resample.files.pictures import Picture
     from resample.types import Floats
     from resample_points.files.coordinate_systems import CoordinateSystem
@@ -66,8 +66,8 @@ def write_map(session: "Session", files: Sequence[Path], output: Path, options: 
     from resample.console import say
     from resample.files.formats import WriteOptions
     from resample.files.saving import writing_rows
-    from resample.watching import told
-    from resample.words import naming
+    from resample.messages import naming
+    from resample.progress import told
     from resample_points.data.coloring import SCANNED
     from resample_points.data.selecting import join_clouds, select_points
     from resample_points.files.readers import read_cloud
@@ -122,8 +122,8 @@ def facts_of(raster: "Raster", what: str, system: "CoordinateSystem | None") -> 
     """Return what the file says of a map: its place, its coordinate system, its missing value."""
     import numpy as np
 
-    from resample.files.facts.geotiff import Geo
-    from resample.files.facts.metadata import FileMetadata
+    from resample.files.metadata.fields import FileMetadata
+    from resample.files.metadata.geotiff import Geo
 
     matrix = np.diag([raster.resolution, -raster.resolution, 1.0, 1.0])
     matrix[:2, 3] = raster.left, raster.top

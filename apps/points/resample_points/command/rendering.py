@@ -122,7 +122,7 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
     """Read, color and prepare the cloud of a file."""
     import numpy as np
 
-    from resample.watching import told
+    from resample.progress import told
     from resample_points.data.coloring import colored
     from resample_points.geometry.spacing import LARGEST, prepare_cloud
     from resample_points.scenes import CloudScene
@@ -145,7 +145,7 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
 
 def _chosen(file: Path, look: CloudOptions) -> "Cloud":
     """Read the clouds of a command, and select their points."""
-    from resample.words import naming
+    from resample.messages import naming
     from resample_points.data.selecting import join_clouds, select_points
     from resample_points.files.readers import read_cloud
 

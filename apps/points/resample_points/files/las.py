@@ -15,9 +15,9 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.progress import report
 from resample.reading.limits import check_free, check_ratio
 from resample.reading.native import damage, lacking
-from resample.watching import report
 from resample_points.data.cloud import Cloud, kept_columns
 from resample_points.data.coloring import SCANNED, colored_as_scanned
 from resample_points.data.fields import COLORS, Fields, cloud_of

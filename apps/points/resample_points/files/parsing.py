@@ -9,9 +9,9 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.progress import report
 from resample.reading.limits import check_size
 from resample.types import Doubles
-from resample.watching import report
 from resample_points.data.cloud import Cloud
 from resample_points.data.fields import COLORS, Fields, cloud_of, most_of, white_of
 from resample_points.data.parts import STEP, CloudBuilder, storage_for

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import most_of
+from resample.progress import report, told
 from resample.types import Doubles, Floats, Indices
-from resample.watching import report, told
 from resample_points.data.cloud import Cloud, checked, drawable, some_of
 from resample_points.data.parts import on_threads, rows_of, zeros_beside
 

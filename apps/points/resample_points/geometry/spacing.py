@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from resample.files.writing import load_arrays, source_fingerprint, store_arrays
 from resample.memory import amount, mapped
 from resample.memory.mapped import is_in_file
+from resample.messages import check_threads, number, warn
+from resample.progress import portion, told
 from resample.types import Doubles, Floats, Indices
-from resample.watching import portion, told
-from resample.words import check_threads, number, warn
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
 from resample_points.geometry.rings import MeasuredDiscs, shape_of, widened

@@ -15,6 +15,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular
 from resample.colors import from_srgb, to_srgb
+from resample.messages import check_kind, check_numbers, check_threads
 from resample.painting.scenes.plans import shape_of
 from resample.painting.shaped.ellipsoids import (
     FINEST,
@@ -25,7 +26,6 @@ from resample.painting.shaped.ellipsoids import (
     paint_ellipsoid_parts,
 )
 from resample.types import Doubles, Floats, Frame, View
-from resample.words import check_kind, check_numbers, check_threads
 from resample_points.data.cloud import Cloud
 from resample_points.data.gaussians import (
     Crop,

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.cameras.pixels import pixel_centers
+from resample.messages import check_threads
 from resample.painting.scenes.plans import shape_of
-from resample.words import check_threads
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import rows_of
 from resample_points.geometry.spacing import Surfels, prepare_cloud

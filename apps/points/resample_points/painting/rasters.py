@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import check_threads
+from resample.progress import report
 from resample.types import Doubles, Floats
-from resample.watching import report
-from resample.words import check_threads
 from resample_points.data.cloud import Cloud, check_cloud, columns_of
 from resample_points.data.coloring import SCANNED
 from resample_points.data.parts import rows_of, span_in

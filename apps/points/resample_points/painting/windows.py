@@ -16,8 +16,8 @@ from resample.memory.mapped import array_in_file
 from resample.outofcore.passes import PassContext, passed
 from resample.outofcore.windows import spans_within
 from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
+from resample.progress import progress_here, told
 from resample.types import Indices, Records, Screen
-from resample.watching import progress_here, told
 from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels
 

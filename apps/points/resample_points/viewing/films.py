@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 from resample.command.settings import Choices, FrameFormat
 from resample.files.animations import write_film
+from resample.progress import Progress
 from resample.view.files import path_file
 from resample.view.views import KEYFRAMES, ORBITING, Settings, Size, is_free, keyframes_as_toml
-from resample.watching import Progress
 from resample_points.command.choices import CloudStart
 from resample_points.command.films import Filmed
 from resample_points.command.rendering import path_of

@@ -10,7 +10,7 @@ from pydantic import Field
 from resample.command import flags
 from resample.command.flags import CALIBRATED, LENS, SIZE, Hyphen, OptionTopic, Switch
 from resample.command.settings import Choices, Written, height_and_width
-from resample.words import numbers_in, parts_of
+from resample.messages import numbers_in, parts_of
 from resample_texture.command.choices import (
     MATRIX,
     Besides,

@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import Progress, progress_bar, say
-from resample.files.facts.metadata import TIFF, FileMetadata, WrittenPage, complete, upright
-from resample.files.facts.origin import stated
-from resample.files.facts.tags import PNG_START, Tag, read_tags
 from resample.files.formats import (
     WriteOptions,
     check_output,
@@ -25,6 +22,9 @@ from resample.files.formats import (
     holds_gaps,
     takes_alpha,
 )
+from resample.files.metadata.fields import TIFF, FileMetadata, WrittenPage, complete, upright
+from resample.files.metadata.provenance import stated
+from resample.files.metadata.tags import PNG_START, Tag, read_tags
 from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import (
@@ -37,10 +37,10 @@ from resample.files.sequences import (
 )
 from resample.files.stores.opening import Address, Place
 from resample.files.writing import check_targets, replacing, write_json
+from resample.messages import one_line
 from resample.reading.limits import check_unpacked
 from resample.reading.pictures import decoding
 from resample.types import Floats
-from resample.words import one_line
 from resample_texture.arguments import method_named
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.rendering import (

@@ -18,9 +18,9 @@ from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, re
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import OTHERS, Session, bytes_written, libraries, require_picture
 from resample.files import pictures
-from resample.files.facts.geotiff import Geo, moved, unplaced
-from resample.files.facts.metadata import FileMetadata
 from resample.files.formats import WriteOptions, holds_missing, takes_alpha
+from resample.files.metadata.fields import FileMetadata
+from resample.files.metadata.geotiff import Geo, moved, unplaced
 from resample.files.pictures import (
     Kind,
     LoadablePicture,
@@ -128,7 +128,7 @@ def calibrated(
     """Read a lens, with the pinhole and rotation to rectify for if given."""
     from resample.cameras.models import LensModel
     from resample.cameras.poses import turned_by
-    from resample.words import naming
+    from resample.messages import naming
     from resample_texture.geometry.matrices import parse_matrix
 
     calibration = read_calibration(lens, LensModel.FISHEYE if fisheye else None)

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.messages import doubles_of
 from resample.types import Doubles
-from resample.words import doubles_of
 from resample_texture.geometry.mappings import BackwardMap, Homography, pixel_centers
 from resample_texture.geometry.matrices import from_corners
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
 
+from resample.messages import number
 from resample.profiles.named import plugin_of
 from resample.types import Floats
-from resample.words import number
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.texels.levels import in_levels
 from resample_texture.types import Edge, Method, Warped

@@ -20,8 +20,8 @@ from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import NOTHING, RECORD
 from resample.hybrid.splats import FLAT_TABLES
+from resample.messages import number
 from resample.types import Doubles, Floats, Records
-from resample.words import number
 from resample_texture.geometry.mappings import ForwardMap, Geometry
 from resample_texture.geometry.shifts import texels_at
 from resample_texture.texels.forward import (

@@ -39,7 +39,7 @@ from resample_texture.texels.kernels.blocks import (
 from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
 from resample_texture.texels.kernels.placing import TexelMapping
 from resample_texture.texels.kernels.texels import DENSE, EXACT, Extract
-from resample_texture.texels.plates import filtered, texels_at
+from resample_texture.texels.padding import filtered, texels_at
 from resample_texture.types import Edge, Warped
 
 FINER = 2.0  # cells per px where a smooth filter needs one

@@ -58,7 +58,7 @@ from resample_texture.texels.forward import (
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
 from resample_texture.texels.kernels.gathering import Pixels, gather_tiles
-from resample_texture.texels.plates import Sides, SourcePart, plates_of
+from resample_texture.texels.padding import Sides, SourcePart, plates_of
 from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh, weigh_in_blocks
 from resample_texture.types import Edge, Warped
 

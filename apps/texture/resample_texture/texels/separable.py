@@ -36,7 +36,7 @@ from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
 from resample_texture.texels.forward import CellGrid, TexelReader, oriented
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.plates import Sides, SourcePart, filtered_grid, texels_at
+from resample_texture.texels.padding import Sides, SourcePart, filtered_grid, texels_at
 from resample_texture.types import Edge, Warped
 
 FARTHEST = 256  # texels beyond the source that are stored

@@ -42,7 +42,7 @@ from resample_texture.texels.kernels.splats import (
     blocks_on_plane,
     splat_blocks,
 )
-from resample_texture.texels.plates import filtered
+from resample_texture.texels.padding import filtered
 from resample_texture.types import Edge, Warped
 
 Forward = Homography | ForwardMap

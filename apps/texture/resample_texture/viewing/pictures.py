@@ -10,10 +10,10 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.command.settings import Written, chosen
-from resample.files.exchange import levels_of
+from resample.files.conversion import levels_of
+from resample.progress import Cancel, cancellable
 from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, settings_of
-from resample.watching import Cancel, cancellable
 from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
 from resample_texture.command.jobs import Job, warp_file
 from resample_texture.command.rendering import PictureTarget, target_of

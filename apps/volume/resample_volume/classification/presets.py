@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from resample.words import choices_in, parts_of
+from resample.messages import choices_in, parts_of
 from resample_volume.classification import TISSUES
 from resample_volume.classification.automatic import automatic, ramp, tomographic
 from resample_volume.classification.materials import Materials, spread
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.scales import on_scale
-from resample_volume.classification.surveys import Survey, survey, tissue
 from resample_volume.classification.transfer import (
     SUFFIXES,
     Transfer,
     TransferFunction,
     from_points,
 )
+from resample_volume.classification.value_statistics import Survey, survey, tissue
 from resample_volume.types import Volume
 
 BLACK, WHITE, RED = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (0.85, 0.12, 0.08)

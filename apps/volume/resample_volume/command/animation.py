@@ -27,7 +27,7 @@ from resample.lazy import installed_version
 from resample.measuring.color_bars import with_color_bar
 from resample.resampler import Resampler
 from resample.types import Floats
-from resample_volume.media.appearance import BY_DEFAULT
+from resample_volume.multivolume.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
 from resample_volume.space.annotations import Annotations, annotated
 from resample_volume.types import Volume

@@ -9,11 +9,11 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.outofcore.bricks import spans
 from resample.profiles.orders import Summing
+from resample.progress import WorkerPool, shared_out
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample.watching import WorkerPool, shared_out
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
-from resample_volume.media.appearance import VolumeLayer, decided
+from resample_volume.multivolume.appearance import VolumeLayer, decided
 from resample_volume.rendering import Fit, Subject
 
 

@@ -23,7 +23,7 @@ from resample.command.flags import (
 )
 from resample.command.settings import Choices, Resampling
 from resample.console import Color
-from resample.words import parts_of
+from resample.messages import parts_of
 from resample_volume.classification import PRESETS, TISSUES
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
     from resample_volume.classification.labels import Labels
-    from resample_volume.media.appearance import Appearance, SceneObjects
+    from resample_volume.multivolume.appearance import Appearance, SceneObjects
     from resample_volume.rendering import Fitted
     from resample_volume.space.annotations import Annotations
     from resample_volume.types import Volume
@@ -318,7 +318,7 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed, or two exclude each other.
         """
         from resample_volume.classification.scales import scale_named
-        from resample_volume.media.appearance import Classification, check_together
+        from resample_volume.multivolume.appearance import Classification, check_together
 
         if self.label and self.labels is None:
             raise ValueError("label sets the look of a label; give the volume of labels, too")
@@ -354,8 +354,12 @@ class AppearanceChoices(Choices):
         """
         from resample.painting.choices import MEASURING, Projection
         from resample_volume.data.spacings import mm_of
-        from resample_volume.media.appearance import Appearance, Classification, named_transfer
-        from resample_volume.media.xrays import MU_WATER, XRay
+        from resample_volume.multivolume.appearance import (
+            Appearance,
+            Classification,
+            named_transfer,
+        )
+        from resample_volume.multivolume.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
@@ -514,7 +518,11 @@ class Beside(Choices):
         ValueError, OSError
             The renderer shows none, or a file cannot be read.
         """
-        from resample_volume.media.appearance import Classification, SceneObjects, check_together
+        from resample_volume.multivolume.appearance import (
+            Classification,
+            SceneObjects,
+            check_together,
+        )
 
         given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
         names = [name for name, texts in given.items() if texts]

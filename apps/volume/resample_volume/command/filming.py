@@ -16,10 +16,10 @@ from resample.console import progress_bar, say
 from resample.files.animations import Frames, Levels, Shots
 from resample.memory import available_memory, bytes_of
 from resample.profiles.orders import Summing
+from resample.progress import WorkerPool, told
 from resample.resampler import Resampler
 from resample.types import Floats
-from resample.watching import WorkerPool, told
-from resample_volume.classification.surveys import NO_LEVELS, Survey
+from resample_volume.classification.value_statistics import NO_LEVELS, Survey
 from resample_volume.command.animation import (
     Course,
     Flight,
@@ -38,7 +38,7 @@ from resample_volume.command.inputs import (
     with_memory,
 )
 from resample_volume.command.inputs import over_time as read_over_time
-from resample_volume.command.media import (
+from resample_volume.command.multivolume import (
     appearance_over_time,
     beside,
     can_stream,
@@ -50,8 +50,8 @@ from resample_volume.command.media import (
 )
 from resample_volume.command.rendering import say_missed, scene_of
 from resample_volume.data.values import bricks_of, is_streamed
-from resample_volume.media.appearance import Appearance, VolumeLayer
-from resample_volume.media.series import Ready, Series, is_chunked, whole
+from resample_volume.multivolume.appearance import Appearance, VolumeLayer
+from resample_volume.multivolume.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Subject
 from resample_volume.types import Recording
 

@@ -14,9 +14,9 @@ from resample.memory import allow, amount, available_memory, bytes_of, return_fr
 from resample.memory.mapped import is_in_file
 from resample.outofcore.bricks import SHARE
 from resample.outofcore.passes import PassContext
-from resample.watching import told
+from resample.progress import told
 from resample_volume.classification.scales import LINEAR, scaled
-from resample_volume.classification.surveys import findings, survey, without_padding
+from resample_volume.classification.value_statistics import findings, survey, without_padding
 from resample_volume.command.choices import ReadOptions
 from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError, how, volume_at
 from resample_volume.data.spacings import assumed, unit_of_space
@@ -186,7 +186,7 @@ def over_time(source: ReadOptions, name: str) -> Recording | None:
 
 def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     """Read a store's times into an array: in memory or, if they do not fit, in a mapped file."""
-    from resample_volume.media.series import whole
+    from resample_volume.multivolume.series import whole
 
     shape = recording.values.shape
     every = _as_array(with_memory(whole(recording), allowed_memory(source)))

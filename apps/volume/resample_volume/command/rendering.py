@@ -21,12 +21,12 @@ from resample.files.saving import EMPTY
 from resample.memory import require
 from resample.memory.mapped import is_in_file
 from resample.painting.choices import SUMS, Projection
+from resample.progress import told
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
-from resample.watching import told
-from resample_volume.classification.surveys import survey
+from resample_volume.classification.value_statistics import survey
 from resample_volume.data.values import is_streamed
-from resample_volume.media.appearance import VolumeLayer, check_several, check_together
+from resample_volume.multivolume.appearance import VolumeLayer, check_several, check_together
 from resample_volume.rendering import (
     AROUND,
     Fit,

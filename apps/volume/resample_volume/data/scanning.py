@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from resample.outofcore.bricks import Box, BrickArray, Step, spans
 from resample.outofcore.passes import PassContext, in_order, passed
+from resample.progress import report
 from resample.types import Doubles
-from resample.watching import report
 
 SAMPLED = 2e6  # sample size for the distribution of floating-point values
 LITTLE = 1 << 21  # values that NumPy counts in the time that OpenCV takes to import

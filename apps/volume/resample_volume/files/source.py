@@ -12,7 +12,7 @@ from resample.files.stores.opening import Address, is_address
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
-from resample_volume.classification.surveys import findings, label_count, survey
+from resample_volume.classification.value_statistics import findings, label_count, survey
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.spacings import assumed, unit_of_space
 from resample_volume.data.thresholds import otsu

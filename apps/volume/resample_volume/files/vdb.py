@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from resample.messages import one_line
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.native import plain
-from resample.words import one_line
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import (
     VolumeHeader,

@@ -9,9 +9,9 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
 from resample.lengths import length_text
 from resample.types import Doubles, Floats, Frame, View
-from resample_volume.classification.surveys import survey, without_padding
+from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.spacings import unit_of_space
-from resample_volume.media.appearance import Appearance
+from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.types import Volume

@@ -25,15 +25,15 @@ from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Floats, Frame
 from resample_volume.classification.scales import scale_named
-from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import (
     DataRange,
     Transfer,
     TransferFunction,
     from_points,
 )
-from resample_volume.media.appearance import Appearance, VolumeLayer, transfer_of
-from resample_volume.media.xrays import AS_IT_IS, Tone, negative
+from resample_volume.classification.value_statistics import survey
+from resample_volume.multivolume.appearance import Appearance, VolumeLayer, transfer_of
+from resample_volume.multivolume.xrays import AS_IT_IS, Tone, negative
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from resample.files.saving import DepthSlab, between, write_deep
 from resample.painting.choices import MEASURING
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame, View
-from resample_volume.media.appearance import VolumeLayer
+from resample_volume.multivolume.appearance import VolumeLayer
 from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import corners
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from resample.messages import parts_of
 from resample.types import Doubles
-from resample.words import parts_of
 from resample_volume.classification.presets import colormap
 from resample_volume.classification.scales import scale_named
-from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import TransferFunction, from_points
+from resample_volume.classification.value_statistics import survey
 from resample_volume.surfaces.meshes import choices_of, chosen_opacity
 from resample_volume.types import Volume
 from resample_volume.voxels.cropping import planes

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import choices_in
 from resample.painting.meshes import mesh_of
 from resample.painting.scenes.scene import check_places
 from resample.reading.limits import check_file
 from resample.reading.meshes import check_mesh, trimesh_resolver, unreadable
 from resample.reading.native import plain
 from resample.types import NO_TRIANGLES, Doubles, Triangles
-from resample.words import choices_in
 
 SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 GRAY = 0.6  # linear, of a mesh without colors

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import parts_of
 from resample.types import Doubles
-from resample.words import parts_of
 from resample_volume.classification.scales import scale_named
 from resample_volume.data.memory import require_memory
 from resample_volume.surfaces.image_planes import ImagePlane, outline

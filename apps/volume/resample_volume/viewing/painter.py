@@ -10,9 +10,10 @@ import numpy as np
 from resample import registry
 from resample.command.settings import PictureFormat, Resampling, chosen
 from resample.files.animations import write_film
-from resample.files.exchange import levels_of
+from resample.files.conversion import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.outofcore.caching import Memo, memoizing
+from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
 from resample.scene.scenes import Quality
 from resample.types import Frame
@@ -26,9 +27,8 @@ from resample.view.views import (
     keyframes_as_toml,
     projection_of,
 )
-from resample.watching import Cancel, Progress
 from resample_volume.classification.scales import value_at
-from resample_volume.classification.surveys import survey
+from resample_volume.classification.value_statistics import survey
 from resample_volume.command.animation import (
     FrameOptions,
     FrameOverlay,
@@ -38,7 +38,7 @@ from resample_volume.command.animation import (
 )
 from resample_volume.command.choices import AppearanceChoices, Beside
 from resample_volume.editing import points_of, spelled
-from resample_volume.media.appearance import Appearance, named_transfer, transfer_of
+from resample_volume.multivolume.appearance import Appearance, named_transfer, transfer_of
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene

@@ -16,7 +16,7 @@ from resample.view.views import ORBITING, Settings, is_free, settings_of
 from resample_volume.calls import render
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named
-from resample_volume.classification.surveys import survey
+from resample_volume.classification.value_statistics import survey
 from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import of_first_channel, prepared
 from resample_volume.data.spacings import unit_of_space

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import parts_of
 from resample.types import Doubles, Floats
-from resample.words import parts_of
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import along
 from resample_volume.voxels.visible import Voxels, lattice_of

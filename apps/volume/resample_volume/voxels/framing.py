@@ -15,8 +15,8 @@ from resample.cameras.viewpoints import MARGIN, Orbit, Sphere
 from resample.memory import require_memory
 from resample.memory.mapped import is_in_file
 from resample.types import Doubles, Floats, Indices, View
-from resample_volume.classification.surveys import ends, survey
 from resample_volume.classification.transfer import Transfer, visible_places
+from resample_volume.classification.value_statistics import ends, survey
 from resample_volume.data.parts import SHARE, slabs
 from resample_volume.data.scanning import step_of
 from resample_volume.data.values import values_of

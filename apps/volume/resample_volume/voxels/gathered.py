@@ -32,13 +32,13 @@ from resample.types import (
     SplineField,
     Tint,
 )
-from resample_volume.classification.surveys import counted, survey
 from resample_volume.classification.transfer import (
     Transfer,
     TransferTable,
     tabulated,
     visible_places,
 )
+from resample_volume.classification.value_statistics import counted, survey
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.memory.mapped import array_like
+from resample.messages import check_numbers
 from resample.types import Doubles, Flags, Floats, Lamp, Samples, Tint
-from resample.words import check_numbers
 from resample_volume.classification.labels import Labels
 from resample_volume.classification.transfer import TransferTable
 from resample_volume.data.memory import require_memory

@@ -12,8 +12,8 @@ from resample.command.films import is_file_of_path
 from resample.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.types import Doubles, Floats
+from resample_warp3d.projection_models import CameraModel
 from resample_warp3d.types import Warped
-from resample_warp3d.wide import CameraModel
 
 PATHS = ("sway", "orbit", "dolly")
 AMOUNTS = {"sway": 0.1, "orbit": 0.1, "dolly": 0.3}

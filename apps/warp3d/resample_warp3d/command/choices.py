@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample_warp3d.depth.encodings import DepthEncoding
     from resample_warp3d.types import Method
-    from resample_warp3d.views.together import Joining
+    from resample_warp3d.views.multi_source import Joining
 
 RELATIVE = ("relative", "relative-z")
 Refine = Literal["auto", "none", "snap", "sharpen", "shift", "complete", "densify"]
@@ -317,7 +317,7 @@ class Joint(Choices):
 
     def joining(self, *, unmixed: bool) -> "Joining":
         """Return the options; labels are not blended."""
-        from resample_warp3d.views.together import PLAIN, Joining
+        from resample_warp3d.views.multi_source import PLAIN, Joining
 
         chosen = (
             PLAIN

@@ -18,7 +18,7 @@ from resample_warp3d.command.inputs import DepthReader, read_views
 from resample_warp3d.command.numbered import NumberedFiles
 from resample_warp3d.command.rendering import CameraFilm, film_of
 from resample_warp3d.command.writing import MILLIMETERS, check_depth, write_depth
-from resample_warp3d.wide import CameraModel
+from resample_warp3d.projection_models import CameraModel
 
 ALONE = Sharing.usual()
 KEPT = ".depths"  # folder of finished files, until the film is complete

@@ -16,8 +16,8 @@ from resample.console import say
 from resample.files.images import read_channels
 from resample.files.pictures import Picture, form_of, header_of, read_picture
 from resample.memory import require, require_memory
+from resample.messages import naming
 from resample.types import Floats
-from resample.words import naming
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.depth.encodings import (
@@ -36,9 +36,9 @@ from resample_warp3d.depth.refining.conditioning import (
     refine,
 )
 from resample_warp3d.depth.refining.resizing import fitted
+from resample_warp3d.projection_models import CameraModel, taken_by
 from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
-from resample_warp3d.wide import CameraModel, taken_by
 
 NUMBERS = (".npy", ".npz", ".pfm", ".bin")  # suffixes of arrays
 BYTES_PER_PIXEL = 144  # for refining and preparing a source, without its colors

@@ -21,13 +21,13 @@ from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, RefinementChoice
+from resample_warp3d.projection_models import CameraModel, Way, mapping_between
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import Equation, Hole, Method, Source, Warped
-from resample_warp3d.wide import CameraModel, Way, mapping_between
 
 if TYPE_CHECKING:
-    from resample_warp3d.views.together import Joining
+    from resample_warp3d.views.multi_source import Joining
 
 REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
@@ -118,7 +118,7 @@ def joined(
     """Render sources together for a camera in a frame (height, width); None: there is but one."""
     if joining is None:
         return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
-    from resample_warp3d.views.together import PosedSource, agreed, layers_of, render_together
+    from resample_warp3d.views.multi_source import PosedSource, agreed, layers_of, render_together
 
     look = partial(
         render_together, target=target, shape=shape, method=choice.built(), joining=joining,

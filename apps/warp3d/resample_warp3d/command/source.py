@@ -16,12 +16,12 @@ from resample.command.flags import (
     with_intrinsics,
 )
 from resample.command.settings import Choices, Convention
-from resample.words import numbers_in
+from resample.messages import numbers_in
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.cameras.trajectories import PosedPicture
-    from resample_warp3d.wide import CameraModel
+    from resample_warp3d.projection_models import CameraModel
 
 FOV = 60.0  # degrees along the shorter side, assumed if unknown
 

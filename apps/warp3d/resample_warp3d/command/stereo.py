@@ -25,8 +25,8 @@ from resample_warp3d.command.rendering import Prepared, joined, joining_of, prep
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.depth.refining.conditioning import RefinementChoice
+from resample_warp3d.projection_models import CameraModel, StereoPanorama
 from resample_warp3d.types import Hole, Warped
-from resample_warp3d.wide import CameraModel, StereoPanorama
 
 LARGEST = 4096  # px of an eye's picture around, unless its size is given
 COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width

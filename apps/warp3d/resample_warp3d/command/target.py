@@ -14,12 +14,12 @@ from resample.command.flags import (
     with_intrinsics,
 )
 from resample.command.settings import Choices, height_and_width
-from resample.words import numbers_in
+from resample.messages import numbers_in
 
 if TYPE_CHECKING:
     from resample.cameras.models import AnyConvention, Camera
     from resample.types import Doubles
-    from resample_warp3d.wide import CameraModel
+    from resample_warp3d.projection_models import CameraModel
 
 
 class TargetCamera(Choices):

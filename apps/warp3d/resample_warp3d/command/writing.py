@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, over
 from resample.console import say
-from resample.files.exchange import light_of
+from resample.files.conversion import light_of
 from resample.files.formats import WriteOptions, check_output, coverage_picture
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from resample.console import say_of
-from resample.files.facts.metadata import orientation_of, upright
+from resample.files.metadata.fields import orientation_of, upright
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
 from resample.reading.displayed import WHITE, DisplayedInput

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
+from resample.messages import number
 from resample.types import Floats
-from resample.words import number
 from resample_warp3d.depth.refining.conditioning import Refine, Refined
 from resample_warp3d.depth.refining.conditioning import refine as conditioned
 from resample_warp3d.depth.refining.inspecting import known, linked, noise_of

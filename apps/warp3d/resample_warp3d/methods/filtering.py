@@ -13,9 +13,9 @@ from resample.profiles.filters import PixelFilter
 from resample.profiles.subpixels import Strip, Subpixels, subpixels_of
 from resample.types import Floats
 from resample_warp3d.methods.hybrid import Hybrid, empty
+from resample_warp3d.projection_models import Way
 from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.types import Method, Rendered, Source
-from resample_warp3d.wide import Way
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

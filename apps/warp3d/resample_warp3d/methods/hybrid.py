@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resample.messages import number
 from resample.types import Doubles
-from resample.words import number
 from resample_warp3d.depth.equation import is_identity, unmoved
+from resample_warp3d.projection_models import Passage, Way
 from resample_warp3d.sheet.filling import bridged
 from resample_warp3d.sheet.sheets import SheetCache
 from resample_warp3d.types import Equation, Rendered, Sheet, Source
-from resample_warp3d.wide import Passage, Way
 
 if TYPE_CHECKING:
     from resample_warp3d.sheet.kernels.screen import SheetScreen

@@ -20,8 +20,8 @@ from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import RECORD
 from resample.hybrid.splats import FLAT_TABLES
+from resample.messages import number
 from resample.types import Doubles
-from resample.words import number
 from resample_warp3d.types import DOWN, RIGHT, Equation, Links, Rendered, Source
 
 SIGMA = 0.45  # px of the source; sharper leaves gaps where surfaces curve, wider blurs

@@ -18,11 +18,11 @@ from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
+from resample.progress import Cancel, Progress, cancellable
 from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of, shown
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
-from resample.watching import Cancel, Progress, cancellable
 from resample_warp3d.command.animation import Range
 from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views, view_names
@@ -30,9 +30,9 @@ from resample_warp3d.command.rendering import Prepared, joined, joining_of, prep
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
+from resample_warp3d.projection_models import CameraModel
 from resample_warp3d.types import Hole, Warped
 from resample_warp3d.viewing.films import FILM, poses_as_text, write_depth_film
-from resample_warp3d.wide import CameraModel
 
 if TYPE_CHECKING:
     from PIL.Image import Image

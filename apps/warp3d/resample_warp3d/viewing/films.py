@@ -10,10 +10,10 @@ from resample.command.session import Session
 from resample.command.settings import chosen, option_of
 from resample.console import linear_color
 from resample.files.animations import write_film
+from resample.progress import Progress
 from resample.types import Doubles
 from resample.view.files import path_file
 from resample.view.views import STEP, Settings
-from resample.watching import Progress
 from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.choices import Depth, DepthWarping
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.pixels import pixel_centers
 from resample.types import Floats
+from resample_warp3d.projection_models import CameraModel, unproject
 from resample_warp3d.types import Hole, Warped
-from resample_warp3d.wide import CameraModel, unproject
 
 Blend = Literal["feathered", "confident", "best"]
 BLENDS = get_args(Blend)

@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import rays_at, turn
-from resample.files.exchange import as_picture
+from resample.files.conversion import as_picture
 from resample.types import Doubles, Floats, Indices
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.types import DepthImage
-from resample_warp3d.views.together import Agreed, Joining, PosedSource, agreed
+from resample_warp3d.views.multi_source import Agreed, Joining, PosedSource, agreed
 from resample_warp3d.warping import as_light
 
 SIDES = 4

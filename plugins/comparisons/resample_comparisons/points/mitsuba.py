@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from resample.cameras.models import Camera
+from resample.messages import one_line
 from resample.types import Floats
-from resample.words import one_line
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import CONSTANT
 

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from resample.cameras.models import AnyCamera
 from resample.painting.scenes.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
+from resample.progress import Progress
 from resample.types import Doubles, Floats, Samples, View
-from resample.watching import Progress
 from resample_volume.data.memory import require_memory
 
 if TYPE_CHECKING:

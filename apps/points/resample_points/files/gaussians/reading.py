@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from resample import registry
+from resample.messages import naming
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of
-from resample.words import naming
 from resample_points.data.gaussians import Gaussians, checked_gaussians
 from resample_points.data.training import training_of
 from resample_points.files.gaussians.compressed import is_compressed, read_compressed

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.images import open_file
+from resample.messages import one_line
 from resample.reading.limits import check_members, check_size, check_unpacked, neighbour
 from resample.reading.texts import json_of
 from resample.types import Doubles, Floats
-from resample.words import one_line
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import COUNTS
 from resample_points.files.gaussians.decoding import (

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.messages import one_line
 from resample.reading.limits import ANY, check_size, check_unpacked, deflated
 from resample.types import Floats
-from resample.words import one_line
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import COUNTS
 from resample_points.files.gaussians.decoding import (

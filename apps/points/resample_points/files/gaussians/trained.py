@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.progress import report
 from resample.types import Floats
-from resample.watching import report
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import COUNTS, parts_of, rounded_to, step_of
 from resample_points.files.gaussians.decoding import check_count, exponentials, sigmoids

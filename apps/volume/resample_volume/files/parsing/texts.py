@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import SCALES, times, unit_of_length
+from resample.messages import parts_of
 from resample.reading.limits import check_items, neighbour
-from resample.words import parts_of
 from resample_volume.types import VOXEL
 
 LONGEST_LINE = 1000  # bytes; lines of numbers are shorter

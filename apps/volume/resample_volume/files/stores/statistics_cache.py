@@ -26,7 +26,7 @@ import numpy as np
 from resample.files.stores.opening import Address, Place
 from resample.files.writing import load_arrays, store_arrays
 from resample.memory.mapped import folder
-from resample.watching import report
+from resample.progress import report
 from resample_volume.data.bricks import Bricks
 from resample_volume.data.scanning import BrickStats, are_few, step_of
 

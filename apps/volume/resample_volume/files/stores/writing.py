@@ -15,8 +15,8 @@ from resample.files.stores.metadata import OWN
 from resample.files.stores.opening import STORE, require_zarr
 from resample.files.writing import beside, unwritten
 from resample.outofcore.bricks import Step, boxes_of
+from resample.progress import Progress
 from resample.types import Doubles
-from resample.watching import Progress
 from resample_volume.data.spacings import unit_of_space
 from resample_volume.data.values import values_of
 from resample_volume.types import ChannelLook, Recording

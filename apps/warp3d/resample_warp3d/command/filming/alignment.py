@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from resample.console import say
-from resample.watching import Progress
+from resample.progress import Progress
 from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.filming.footage import Footage
 from resample_warp3d.command.inputs import DepthReader

@@ -11,8 +11,8 @@ import numpy as np
 
 from resample.colors import to_srgb
 from resample.files.pictures import Picture
+from resample.messages import numbers_in
 from resample.types import Floats
-from resample.words import numbers_in
 from resample_warp3d.command.filming.choices import MEAN, SHORTER, SPREAD, Estimating
 from resample_warp3d.depth.encodings import Raw
 

@@ -26,8 +26,8 @@ from resample_warp3d.command.filming.sources import FilmSources, with_depth
 from resample_warp3d.command.inputs import DepthReader
 from resample_warp3d.command.rendering import check_memory, joined, joining_of
 from resample_warp3d.command.target import TargetCamera
+from resample_warp3d.projection_models import CameraModel
 from resample_warp3d.types import Warped
-from resample_warp3d.wide import CameraModel
 
 
 class FlightSettings(NamedTuple):

@@ -17,7 +17,7 @@ from resample_warp3d.command.inputs import (
 )
 from resample_warp3d.command.rendering import Prepared, prepared
 from resample_warp3d.depth.refining.conditioning import RefinementChoice
-from resample_warp3d.depth.steadying import SteadyDepth
+from resample_warp3d.depth.stabilization import SteadyDepth
 
 ReadInputs = Callable[[int], Inputs]
 

@@ -15,7 +15,7 @@ from resample.files.pictures import form_of, read_picture
 from resample.files.saving import tell_empty, write_picture
 from resample.files.sequences import FILMS, READ
 from resample.files.writing import check_targets
-from resample.words import one_line
+from resample.messages import one_line
 from resample_warp3d.command.choices import Extras
 from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
 from resample_warp3d.command.filming.depth_model import DepthModel

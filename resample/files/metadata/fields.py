@@ -14,9 +14,9 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.facts.colors import assumed_of, colors_of, marks_of
-from resample.files.facts.geotiff import TAGS, Geo, geo_of, tags_of
-from resample.files.facts.tags import (
+from resample.files.metadata.colors import assumed_of, colors_of, marks_of
+from resample.files.metadata.geotiff import TAGS, Geo, geo_of, tags_of
+from resample.files.metadata.tags import (
     LONG,
     PNG_START,
     SHORT,

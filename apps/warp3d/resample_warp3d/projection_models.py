@@ -56,7 +56,7 @@ class StereoPanorama(Equirectangular):
     --------
     >>> import numpy as np
     >>> from resample_warp3d import StereoPanorama
-    >>> from resample_warp3d.wide import project
+    >>> from resample_warp3d.projection_models import project
     >>> left, right = StereoPanorama(right=-0.5), StereoPanorama(right=0.5)
     >>> ahead = np.array([0.0, 0.0, 1.0]), np.array(1.0)  # one unit away
     >>> [project(eye, (180, 360), *ahead)[0].round(6).tolist() for eye in (left, right)]

@@ -12,6 +12,7 @@ from resample.cameras.pixels import pixel_centers
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles
 from resample_warp3d.depth.equation import between, inverse, warp_places
+from resample_warp3d.projection_models import CameraModel, Passage, Way, mapping_between
 from resample_warp3d.types import Method, Source, Warped
 from resample_warp3d.views.matching import (
     Match,
@@ -23,7 +24,6 @@ from resample_warp3d.views.matching import (
     scaled,
 )
 from resample_warp3d.views.merging import Blend, angle_share, check_blend, merge, order_of_bits
-from resample_warp3d.wide import CameraModel, Passage, Way, mapping_between
 
 VOTES = ("majority", "none")
 SAME = 0.02  # relative nearness within which surfaces are the same

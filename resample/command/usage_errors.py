@@ -20,7 +20,7 @@ from cyclopts import (
 )
 
 from resample.command.flags import described
-from resample.words import one_line, visible
+from resample.messages import one_line, visible
 
 if TYPE_CHECKING:
     pass

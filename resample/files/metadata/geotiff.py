@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.files.facts.tags import DOUBLE, Directory, Tag, text, text_tag
+from resample.files.metadata.tags import DOUBLE, Directory, Tag, text, text_tag
 from resample.types import Doubles
 
 SCALE, POINTS, MATRIX, KEYS, NUMBERS, WORDS = 33550, 33922, 34264, 34735, 34736, 34737

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
+from resample.messages import check_numbers, doubles_of, shortly
 from resample.outofcore.caching import memoized
 from resample.types import Frame
-from resample.words import check_numbers, doubles_of, shortly
 from resample_volume.classification.automatic import BRIGHT
-from resample_volume.classification.surveys import Survey, survey
+from resample_volume.classification.value_statistics import Survey, survey
 from resample_volume.data.memory import require_memory
 from resample_volume.data.parts import slabs
 from resample_volume.data.recordings import how

@@ -5,12 +5,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from resample.console import note, say
+from resample.messages import choices_in
 from resample.painting.choices import Projection
 from resample.resampler import Resampler
-from resample.words import choices_in
 from resample_volume.classification.presets import BETWEEN, PRESETS
 from resample_volume.classification.scales import scaled
-from resample_volume.classification.surveys import findings, label_count
+from resample_volume.classification.value_statistics import findings, label_count
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import (
     allowed_memory,
@@ -23,12 +23,12 @@ from resample_volume.command.inputs import (
     with_memory,
 )
 from resample_volume.data.recordings import SeveralChannelsError, volume_at, with_times_first
-from resample_volume.media.appearance import Appearance, SceneObjects, VolumeLayer
+from resample_volume.multivolume.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.types import Recording
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
-    from resample_volume.media.series import Series
+    from resample_volume.multivolume.series import Series
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
@@ -113,7 +113,7 @@ def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[Volume
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
-    from resample_volume.media.series import chunked
+    from resample_volume.multivolume.series import chunked
 
     values = recording.values
     if source.channel is not None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from resample.colors import to_srgb
-from resample.files.facts.tags import PNG_START, before_pixels
+from resample.files.metadata.tags import PNG_START, before_pixels
 from resample.types import Doubles, Floats
 
 MARKS = (b"cICP", b"gAMA", b"cHRM", b"mDCV", b"cLLI")  # chunks of PNG besides the profile and sRGB

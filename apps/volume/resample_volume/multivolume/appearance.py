@@ -5,17 +5,17 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from resample.messages import check_kind, doubles_of, shortly
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST
 from resample.profiles.named import OneOf
 from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
-from resample.words import check_kind, doubles_of, shortly
 from resample_volume.classification.automatic import levels
 from resample_volume.classification.presets import Window, transfer_for
-from resample_volume.classification.surveys import survey
 from resample_volume.classification.transfer import Transfer
-from resample_volume.media.xrays import XRay
+from resample_volume.classification.value_statistics import survey
+from resample_volume.multivolume.xrays import XRay
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import GRADIENTS, finite_range

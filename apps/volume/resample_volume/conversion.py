@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import unit_of_length
+from resample.messages import one_line
 from resample.registry import load, missing
 from resample.types import Doubles
-from resample.words import one_line
 from resample_volume.data.recordings import alone, check_whole
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.formats.nifti import TO_LPS

@@ -9,11 +9,11 @@ import numpy as np
 from resample.painting.choices import Projection
 from resample_volume.classification.materials import Windowed
 from resample_volume.classification.regions import Faded
-from resample_volume.classification.surveys import Survey, survey, without_padding
+from resample_volume.classification.value_statistics import Survey, survey, without_padding
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
-from resample_volume.media.appearance import Appearance, named_or_own, transfer_of
-from resample_volume.media.xrays import XRay, settled
+from resample_volume.multivolume.appearance import Appearance, named_or_own, transfer_of
+from resample_volume.multivolume.xrays import XRay, settled
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.visible import finite_range, steepness, visible_with_slopes
 

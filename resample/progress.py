@@ -138,7 +138,7 @@ def portion(first: float, last: float) -> Iterator[None]:
 
     Examples
     --------
-    >>> from resample.watching import report, portion, told
+    >>> from resample.progress import report, portion, told
     >>> with told(print), portion(0.5, 0.75):
     ...     report(1, 2)
     0.625
@@ -194,7 +194,7 @@ class Executor(Protocol):
     Examples
     --------
     >>> from concurrent.futures import ThreadPoolExecutor
-    >>> from resample.watching import shared_out
+    >>> from resample.progress import shared_out
     >>> with ThreadPoolExecutor(2) as executor:
     ...     list(shared_out(executor, abs, [-1, 2, -3]))
     [1, 2, 3]

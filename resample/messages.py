@@ -26,7 +26,7 @@ def parts_of(text: str) -> list[str]:
 
     Examples
     --------
-    >>> from resample.words import parts_of
+    >>> from resample.messages import parts_of
     >>> parts_of("30,20,1.5") == parts_of("30/20/1.5") == parts_of(" 30, 20 1.5 ")
     True
     """
@@ -38,7 +38,7 @@ def choices_in(text: str) -> list[tuple[str, str]]:
 
     Examples
     --------
-    >>> from resample.words import choices_in
+    >>> from resample.messages import choices_in
     >>> choices_in("window=40,400,colors=gray")
     [('window', '40,400'), ('colors', 'gray')]
     """
@@ -91,7 +91,7 @@ def number(name: str, given: Any) -> float:
 
     Examples
     --------
-    >>> from resample.words import number
+    >>> from resample.messages import number
     >>> number("degrees", "30")
     Traceback (most recent call last):
     ...
@@ -154,7 +154,7 @@ def visible(text: str) -> str:
 
     Examples
     --------
-    >>> from resample.words import visible
+    >>> from resample.messages import visible
     >>> visible("scan\x1b[2J.ply")
     'scan\\x1b[2J.ply'
     >>> visible("caf\udce9.png")
@@ -191,7 +191,7 @@ def one_line(error: BaseException) -> str:
 
     Examples
     --------
-    >>> from resample.words import one_line
+    >>> from resample.messages import one_line
     >>> one_line(ValueError("size " + "1" * 10_000))
     'size 1111111111...'
     """
