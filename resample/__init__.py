@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Camera": "cameras.models",
-    "Cancel": "watching",
-    "CancelledError": "watching",
+    "Cancel": "progress",
+    "CancelledError": "progress",
     "Footprint": "painting.choices",
     "Frame": "types",
     "Opacity": "painting.choices",
@@ -35,7 +35,7 @@ _HOMES = {
     "Samples": "types",
     "Scatter": "library.scattering",
     "Scattering": "library.scattering",
-    "cancellable": "watching",
+    "cancellable": "progress",
     "look_at": "cameras.poses",
     "orbit": "cameras.poses",
     "particles": "library.particles",
