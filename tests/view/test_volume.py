@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import resample_volume
 from resample.cli import app as resample_app
 from resample.console import linear_color
 from resample.files.saving import screen_levels
+from resample.progress import Cancel
 from resample_volume.classification.materials import spread
 from resample_volume.classification.presets import load_transfer
 from resample_volume.cli import app
@@ -240,3 +242,20 @@ def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
             page.say("draw", settings | wrong, moving=False)
             assert said in page.told("error")["text"]
         assert page.drawn(settings)[0]["kind"] == "frame"
+
+
+@pytest.mark.parametrize("more", [{}, {"projection": "maximum"}, {"projection": "additive"}])
+def test_a_page_has_the_color_bar_of_the_picture(more: dict[str, str], tmp_path: Path) -> None:
+    painter = VolumePainter(prepared(ReadOptions(), BOX))
+    size = 160, 120
+    plain, barred = (
+        painter.paint({**more, "color-bar": bar}, size, quick=False, cancel=Cancel()).levels
+        for bar in (False, True)
+    )
+    painter.save({**more, "color-bar": True}, size, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as saved:
+        written = np.asarray(saved.convert("RGB"))
+    wide = written.shape[1] - size[0]
+    assert barred.shape == plain.shape
+    np.testing.assert_array_equal(barred[:, :-wide], plain[:, :-wide])
+    np.testing.assert_array_equal(barred[:, -wide:, :3], written[:, size[0] :])

@@ -21,7 +21,7 @@ from resample_volume.classification.value_statistics import survey, without_padd
 from resample_volume.data.values import as_array, values_of
 from resample_volume.inputs import as_volume
 from resample_volume.multivolume.appearance import Appearance, resampler_for, transfer_of
-from resample_volume.multivolume.xrays import XRay, settled
+from resample_volume.multivolume.xrays import Tone, XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
 from resample_volume.surfaces.image_planes import settled as settled_plane
@@ -152,6 +152,10 @@ class Scene(AnyScene):
         is_preview = is_quick(quality)
         subject, eye, _ = self._prepared(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
+
+    def tone(self, look: Appearance, resampler: Resampler, fit: Fit = "volume") -> Tone:
+        """Return how measured values become gray; parameters as of `render`."""
+        return self._prepared(look, None, (1, 1), resampler, fit)[0].tone
 
     def sample_ids(
         self,

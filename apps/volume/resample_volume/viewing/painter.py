@@ -9,14 +9,16 @@ import numpy as np
 
 from resample import registry
 from resample.command.settings import PictureFormat, Resampling, chosen
+from resample.console import Color
 from resample.files.animations import write_film
 from resample.files.conversion import levels_of
 from resample.files.saving import screen_levels, write_frame
+from resample.measuring.color_bars import with_color_bar
 from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
 from resample.scene.scenes import Quality
-from resample.types import Frame
+from resample.types import Floats, Frame
 from resample.view.files import path_file
 from resample.view.views import (
     KEYFRAMES,
@@ -36,7 +38,7 @@ from resample_volume.command.animation import (
     flight_of,
     shots,
 )
-from resample_volume.command.choices import AppearanceChoices, Beside
+from resample_volume.command.choices import AppearanceChoices, BesideFilm
 from resample_volume.editing import points_of, spelled
 from resample_volume.multivolume.appearance import Appearance, named_transfer, transfer_of
 from resample_volume.picking import Picked
@@ -44,6 +46,7 @@ from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.slicing import profile, slice_levels, slice_planes
 from resample_volume.space.annotations import annotated
+from resample_volume.space.color_bar import bar_of
 from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
@@ -53,7 +56,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
 
 
-SHOWN = (AppearanceChoices, Resampling, Beside, PictureFormat)  # options that a page changes
+SHOWN = (AppearanceChoices, Resampling, BesideFilm, PictureFormat)  # options that a page changes
 STILL = AppearanceChoices()
 STEERED = ("camera", "fov", "up", "fit")  # options that only move the camera
 MOST_COMPARED = 2  # looks that are kept
@@ -67,7 +70,7 @@ class VolumeRequest(NamedTuple):
     choices: AppearanceChoices
     appearance: Appearance
     resampler: Resampler
-    beside: Beside
+    beside: BesideFilm
     picture: PictureFormat
 
 
@@ -137,7 +140,11 @@ class VolumePainter:
         request = self._requests.parsed(settings)
         quality: Quality = "preview" if quick else "final"
         frame = self._frame(request, size, ".png", quality, cancel)
-        levels = levels_of(frame, "color", background=request.picture.behind(".png"))
+        behind = request.picture.behind(".png")
+        levels = levels_of(frame, "color", background=behind)
+        if request.beside.color_bar:  # over the right of the picture, so that pixels stay in place
+            bar = screen_levels(self._bar(request, frame, behind), background=behind)
+            levels[:, -bar.shape[1] :] = bar[..., : levels.shape[2]]
         # The projection from points around the volume's center, scene units, to pixels.
         camera, volume = self._placed_view(request, size, quality)
         view = projection_of(camera.view(), size, centered(volume)[1])
@@ -150,8 +157,11 @@ class VolumePainter:
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
         request = self._requests.parsed(settings)
-        frame = self._frame(request, size, path.suffix)
-        write_frame(path, frame, 8, request.picture.behind(path.suffix))
+        frame, behind = self._frame(request, size, path.suffix), request.picture.behind(path.suffix)
+        if request.beside.color_bar:
+            bar = self._bar(request, frame, behind)
+            frame = frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
+        write_frame(path, frame, 8, behind)
 
     def frame(self, settings: Settings, size: Size) -> Frame:
         """Render as the command does for a PNG, but without background.
@@ -160,6 +170,12 @@ class VolumePainter:
         be read.
         """
         return self._frame(self._requests.parsed(settings), size, ".png")
+
+    def _bar(self, request: VolumeRequest, frame: Frame, behind: Color | None) -> Floats:
+        """Return the color bar (H, B, 4) of a picture."""
+        medium = self.volume, request.appearance
+        tone = self._scene.tone(request.appearance, request.resampler, request.choices.fit)
+        return bar_of(medium, request.resampler, len(frame.rgba), behind, tone, frame)
 
     def _frame(
         self,
@@ -206,7 +222,11 @@ class VolumePainter:
         subject = Subject.of_several([medium], request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
         given = request.beside.annotations(behind)
-        drawn = FrameOverlay(subject.placed(self.volume), given, ()) if given.is_any else None
+        bars = []
+        if request.beside.color_bar:
+            bars = [bar_of(medium, request.resampler, height, behind, subject.tone)]
+        is_any = given.is_any or bars
+        drawn = FrameOverlay(subject.placed(self.volume), given, bars) if is_any else None
         paint = FrameOptions(request.resampler, (height, width), behind, None, drawn)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)

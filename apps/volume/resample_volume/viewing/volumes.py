@@ -31,7 +31,7 @@ COMMAND, FILM = "resample-volume render", "resample-volume animate"
 NAMED = {"order": "orders", "filter": "filters", "kernel": "reconstructions"}  # plugins of options
 LEFT_OUT = (
     *("reader", "shape", "dtype", "endian", "spacing", "level", "units", "time"),
-    *("channel", "channels", "scale", "size", "bits", "color-bar", "deep", "zoom-in"),
+    *("channel", "channels", "scale", "size", "bits", "deep", "zoom-in"),
 )
 KINDS: Sequence[Settings] = (  # with kernels of their own
     {"classify": "pre"},  # also of previews
