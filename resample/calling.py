@@ -26,7 +26,12 @@ ARGUMENTS = {
     "num_threads n_threads": ("threads",),
     "n_frames nframes": ("frames",),
     "points position positions": ("xyz",),
+    "mode bordermode border_mode padding_mode boundary": ("edge",),  # by names, not by numbers
+    "dsize size": ("shape",),  # width and height there
 }
+TURNED = "dsize size"  # arguments whose two numbers are the other way round here
+PAIRS = {"size": ("width", "height"), "camera": ("azimuth", "elevation")}  # ours, of two of theirs
+USUAL = "anti_aliasing antialias expand"  # arguments that here are always true
 # What others call an argument -> what to do instead.
 REMEDIES = {
     "flags order resample interpolation resampling": "it averages where a picture shrinks and "
@@ -143,8 +148,12 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     """
     found: dict[str, Any] = {}
     for name, value in given.items():
+        if value is True and name.lower() in USUAL.split() and name not in known:
+            continue
         ours = ours_of(name, known)
-        if not ours:
+        if name not in known and name.lower() in TURNED.split() and hasattr(value, "__len__"):
+            value = tuple(value)[::-1]  # noqa: PLW2901
+        if not ours or (ours == "edge" != name and not isinstance(value, str)):
             raise TypeError(f"{call} has no option {name!r}{answer(name, known, REMEDIES)}")
         if ours in found or (ours != name and ours in given):
             raise TypeError(f"{call} got {ours!r} twice, also as {name!r}")
@@ -166,6 +175,9 @@ def takes(options: type | None = None) -> Callable[[Callable[P, R]], Callable[P,
 
         @wraps(function)
         def call(*args: P.args, **given: P.kwargs) -> R:
+            for ours, both in PAIRS.items():
+                if ours in known and not known & set(both) and given.keys() >= set(both):
+                    given[ours] = tuple(given.pop(one) for one in both)
             if given.keys() <= known:
                 return function(*args, **given)
             strange = {} if not is_open else {

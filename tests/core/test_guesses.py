@@ -37,6 +37,16 @@ texture.warp(IMAGE, PLANE)
 texture.warp(IMAGE, PLANE, (48, 64))
 texture.warp(IMAGE, PLANE, output_shape=(48, 64))
 texture.warp(IMAGE, PLANE, edge="reflect")
+texture.warp(IMAGE, PLANE, dsize=(64, 48))
+texture.warp(IMAGE, PLANE, mode="constant")
+texture.warp(IMAGE, PLANE, borderMode="reflect")
+texture.resize(IMAGE, (24, 32), anti_aliasing=True)
+texture.resize(IMAGE, size=(32, 24))
+texture.rotate(IMAGE, 30, expand=True)
+volume.render(CUBE, iso=128)
+volume.render(CUBE, width=64, height=48)
+volume.render(CUBE, azimuth=30, elevation=20)
+points.render(XYZ, azimuth=30, elevation=20)
 texture.warp("a.png", PLANE)
 texture.warp(IMAGE, MAPS)
 texture.warp(IMAGE, PLANE[:2])
@@ -98,15 +108,11 @@ resample.warp(IMAGE, DEPTH, resample.Camera(LENS), resample.Camera(LENS, POSE))
 resample.resize(IMAGE, (32, 24))
 """.strip().splitlines()
 ANSWERED = {
-    "texture.warp(IMAGE, PLANE, dsize=(64, 48))": r"shape=\(height, width\)",
     "texture.warp(IMAGE, PLANE, flags=1)": "interpolation=",
     "texture.warp(IMAGE, PLANE, order=3)": "interpolation=",
     "texture.warp(IMAGE, PLANE, borderMode=1)": "edge=",
-    "texture.warp(IMAGE, PLANE, mode='constant')": "edge=",
     "texture.warp(IMAGE, PLANE, fil=0)": "did you mean 'fill'",
     "texture.resize(IMAGE, fx=0.5, fy=0.5)": r"scale\(image, factor\)",
-    "texture.resize(IMAGE, (24, 32), anti_aliasing=True)": "leave it out",
-    "texture.rotate(IMAGE, 30, expand=True)": "leave it out",
     "texture.remap(IMAGE, *MAPS)": "like.opencv",
     "texture.thumbnail(IMAGE, 16)": "resize",
     "texture.load('a.png')": "take paths",
@@ -115,7 +121,6 @@ ANSWERED = {
     "volume.render(CUBE, vmin=3)": "window=",
     "volume.render(CUBE, transfre='bone')": "did you mean 'transfer'",
     "volume.render(CUBE, cmap='bone', transfer='hot')": "twice",
-    "volume.render(CUBE, iso=3)": "first-hit needs an iso value",
     "volume.render([CUBE, CUBE])": "list of pairs",
     "volume.render(CUBE, volume.Appearance('bone'), window=(1, 2))": "leave window out",
     "volume.render(CUBE).image": "np.asarray",
@@ -157,6 +162,11 @@ def test_it_is_answered(call: str, answer: str) -> None:
     with pytest.raises((TypeError, ValueError, AttributeError), match=answer) as caught:
         run(call)
     assert "\n" not in str(caught.value)
+
+
+def test_sizes_of_others_are_width_and_height() -> None:
+    assert resample_texture.warp(IMAGE, PLANE, dsize=(64, 20)).image.shape == (20, 64, 3)
+    assert resample_texture.resize(IMAGE, size=(64, 20)).image.shape == (20, 64, 3)
 
 
 def test_options_of_calls_make_the_picture_of_the_command(tmp_path: Path) -> None:

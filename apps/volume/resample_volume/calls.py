@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resample.calling import understood
+from resample.calling import takes, understood
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.messages import check_kind
 from resample.painting.scenes.plans import shape_of
@@ -31,6 +31,7 @@ RANGES = ("clim", "contrast_limits")  # what others call the ends of a window
 CAMERA = ("camera", "fov", "up", "fit")  # of the look's options, those of the camera
 
 
+@takes()
 def render(
     volume: Any,
     appearance: Appearance | str = "auto",
@@ -184,7 +185,7 @@ def animate(
 
             name = str(Path(folder) / "volume.nrrd")
             write_volume(Path(name), as_volume(volume, "volume"))
-        run("volume", "animate", name, output=Path(output), **_with_window(given))
+        run("volume", "animate", name, output=Path(output), **_spelled(given))
 
 
 def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
@@ -210,13 +211,15 @@ def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:
     return without_padding(volume, survey(volume)), look
 
 
-def _with_window(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options with a window where others' words give its ends."""
+def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options with a window of others' words, and the projection of an iso value."""
     given = {name: value for name, value in options.items() if name not in RANGES}
     for name in RANGES:
         if name in options:
             low, high = options[name]
             given["window"] = f"{low}..{high}"
+    if "iso" in given:
+        given.setdefault("projection", "first-hit")
     return given
 
 
@@ -228,4 +231,4 @@ def _chosen(call: str, options: Mapping[str, Any]) -> "list[Any]":
     models: list[type[Choices]] = [AppearanceChoices, Resampling, BesidePicture, ReadOptions]
     models.append(PictureFormat)
     known = {field for model in models for field in model.model_fields} - {"bits", "deep"}
-    return chosen(understood(call, _with_window(options), sorted(known)), models)
+    return chosen(understood(call, _spelled(options), sorted(known)), models)
