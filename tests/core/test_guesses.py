@@ -44,6 +44,7 @@ texture.resize(IMAGE, (24, 32), anti_aliasing=True)
 texture.resize(IMAGE, size=(32, 24))
 texture.rotate(IMAGE, 30, expand=True)
 volume.render(CUBE, iso=128)
+volume.render(CUBE, volume.Appearance("bone", classification="pre"), background="white")
 volume.render(CUBE, width=64, height=48)
 volume.render(CUBE, azimuth=30, elevation=20)
 points.render(XYZ, azimuth=30, elevation=20)
@@ -123,6 +124,7 @@ ANSWERED = {
     "volume.render(CUBE, cmap='bone', transfer='hot')": "twice",
     "volume.render([CUBE, CUBE])": "list of pairs",
     "volume.render(CUBE, volume.Appearance('bone'), window=(1, 2))": "leave window out",
+    "volume.render(CUBE, resampler=resample.Resampler(), iso=3)": "leave iso, projection out",
     "volume.render(CUBE).image": "np.asarray",
     "volume.render(CUBE).to_pil()": "to_image",
     "volume.mip(CUBE)": "projection",

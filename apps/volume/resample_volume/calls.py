@@ -113,10 +113,15 @@ def render(
     from resample_volume.command.rendering import annotated_picture
 
     look, resampling, beside, source, form = _chosen("render", options)
-    own = {name for name in look.model_fields_set if name not in CAMERA}
+    own, first = look.model_fields_set - set(CAMERA), pairs[0][1]
     if own and any(isinstance(each, Appearance) for _, each in pairs):
         raise ValueError(f"an Appearance is a whole look; leave {', '.join(sorted(own))} out")
+    if resampler is not None and resampling.model_fields_set:
+        also = ", ".join(sorted(resampling.model_fields_set))
+        raise ValueError(f"a Resampler holds all choices of the renderer; leave {also} out")
     paint = resampler or look.renderer(resampling, source.scale)
+    if isinstance(first, Appearance) and not resampling.model_fields_set:
+        paint = resampler or resampler_for(first)
     media = []
     for one, each in pairs:
         if isinstance(one, str | PathLike):
