@@ -73,7 +73,7 @@ class SplatPainter:
             film, found = self._painted(samples, planes, view, size, fine, progress)
         else:
             least = 1 if self.subpixels else subpixels_of(self.pixel_filter).count
-            parts, found = subpixels_of(self.pixel_filter, max(fine, least)), np.zeros(2, np.int64)
+            parts, found = subpixels_of(self.pixel_filter, max(fine, least)), np.zeros(3, np.int64)
 
             def part(view: View, size: tuple[int, int]) -> Film:
                 film, counts = self._painted(samples, planes, view, size, 1, None)
@@ -82,9 +82,10 @@ class SplatPainter:
 
             film = painted_on_subpixels(part, view, size, parts, progress)
         clock.lap("paint")
-        painted, hidden = found.tolist()
-        tally = np.array([[0, painted, hidden, fine]])
-        statistics = Statistics(count, 0, painted + hidden, hidden, fine, clock.seconds)
+        painted, hidden, points = found.tolist()  # what is smaller than a sub-pixel is a point
+        tally = np.array([[points, painted - points, hidden, fine]])
+        splats = painted - points + hidden
+        statistics = Statistics(count, points, splats, hidden, fine, clock.seconds)
         return PaintTarget(film, np.zeros((0, 0), np.float32), tally), statistics
 
     def _painted(
@@ -96,14 +97,14 @@ class SplatPainter:
         fine: int,
         progress: Progress | None,
     ) -> tuple[Film, NDArray[np.int64]]:
-        """Picture of a size, with so many sub-pixels, and how many splats it shows and hides."""
+        """Picture of a size, with so many sub-pixels, and numbers of `_paint_rows`."""
         order = ShapedOrder(self.key if view.perspective else "depth")
         source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
         taken = light_taken(self.reconstruction, self.is_linear) if self.is_spread else None
         cutting = planes if len(planes) else None
         style = ShapedStyle(order, fine, is_linear=self.is_linear, taken=taken, planes=cutting)
         scene = ShapedScene(source, view, size, style)
-        canvas, counts, side = empty_canvas(size), np.zeros(2, np.int64), scene.tile()
+        canvas, counts, side = empty_canvas(size), np.zeros(3, np.int64), scene.tile()
         # Canvases of so many rows of tiles are held at a time.
         rows = max(1, MOST_TILES // -(-size[1] // side)) * side
         for top in range(0, size[0], rows):
@@ -120,11 +121,13 @@ def _paint_rows(
 ) -> Iterator[tuple[NDArray[np.int64], float]]:
     """Paint rows of a picture, some depths at a time; what opaque pixels hide is not projected.
 
-    Yield how many samples were painted and how many others are hidden, and the share of all work.
+    Yield how many samples were painted, how many others are hidden, and how many of the painted
+    are smaller than a sub-pixel, and the share of all work.
     """
     from resample.engine.shaped.canvas import SIDE, SIZE, PaintedShapes
     from resample.engine.shaped.lists import TileGrid
     from resample.engine.shaped.painting import clear_tiles, paint_behind, write_tiles
+    from resample.engine.shaped.records import LIMIT, SMALL
 
     side, fine, width, view = scene.tile(), scene.finest(), scene.size[1], scene.view
     grid = TileGrid(0, top, side, -(-width // side), -(-(bottom - top) // side), fine)
@@ -133,7 +136,7 @@ def _paint_rows(
     clear_tiles(held, is_open)
     for batch in _batches(scene, source.samples):
         part = source.samples if batch is None else _chosen(source.samples, batch)
-        counts = np.zeros(2, np.int64)
+        counts = np.zeros(3, np.int64)
         if done:
             shown = _may_be_seen(source._replace(samples=part), view, grid, is_open)
             counts[1] += shown.size - np.count_nonzero(shown)
@@ -145,11 +148,12 @@ def _paint_rows(
             lists = listed(records.records, records.front_to_back(), grid)
             paint_behind(records.records, lists, grid, view.near, scene.opacity(), held, is_open)
             counts[0] += records.count
+            counts[2] += np.count_nonzero(records.records[: records.count, LIMIT] == SMALL)
         done += count if batch is None else batch.size
         yield counts, done / (count + 1)
     picture = PaintedShapes(*(array[top:bottom] for array in canvas))
     write_tiles(held, grid, picture)
-    yield np.zeros(2, np.int64), 1.0
+    yield np.zeros(3, np.int64), 1.0
 
 
 def _batches(scene: ShapedScene, samples: Samples) -> Iterator[NDArray[np.int64] | None]:

@@ -178,7 +178,7 @@ def test_points_take_the_light_that_their_line_integrals_say(rng, camera, opacit
     at = at * view.focal + view.principal
     inside = ((at > 1) & (at < (SIZE["width"] - 1, SIZE["height"] - 1))).all(axis=1)
     frame = painter()(reordered(samples, np.flatnonzero(inside)), camera, **SIZE)
-    assert frame.statistics.splats == inside.sum()
+    assert frame.statistics.points == inside.sum()
     expected = (area * scale.astype(float) ** 2 * view.focal.prod() / squared)[inside].sum()
     assert frame.rgba[..., 3].sum(dtype=float) == pytest.approx(expected, rel=2e-3)
 
@@ -209,7 +209,7 @@ def test_a_point_between_splats_is_dimmed_by_the_one_in_front_only(camera):
     samples = Samples(position, colors, extinction, 0.2 * np.eye(3), scale)
     resampler = painter(subpixels=16)
     frame = resampler(samples, camera, **SIZE)
-    assert frame.statistics.splats == 3
+    assert (frame.statistics.points, frame.statistics.splats) == (1, 2)
     point, front, splats = (
         resampler(reordered(samples, some), camera, **SIZE).rgba for some in ([1], [0], [0, 2])
     )

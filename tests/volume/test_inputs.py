@@ -203,7 +203,6 @@ def test_what_is_no_volume_is_said_in_a_line(
         ("40/10/2/0.1/-0.2", Orbit(40, 10, 2, pan=(0.1, -0.2))),
         ("top", Orbit(0, 90)),
         ("front", Orbit(0, 0)),
-        (None, Orbit()),
     ],
 )
 def test_cameras_are_numbers_names_or_texts(given: Any, orbit: Orbit) -> None:
