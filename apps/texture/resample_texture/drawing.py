@@ -34,20 +34,18 @@ from resample_texture.texels.encoding import (
     decoded,
     encoded,
     has_straight_alpha,
+    in_levels,
     kept,
+    light_for,
     masked,
     mended,
     missing_in,
-    parts_of_complex,
-    unmasked,
-)
-from resample_texture.texels.levels import (
-    in_levels,
-    light_for,
     mixed_light,
+    parts_of_complex,
     share_of_levels,
     spared,
     texels_in_levels,
+    unmasked,
 )
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
 
@@ -157,7 +155,7 @@ def _drawn_whole(image: NDArray[Any], drawing: Drawing) -> Warped:
 
 
 def _drawn_in_levels(image: NDArray[Any], drawing: Drawing, share: Floats) -> Warped:
-    """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
+    """Warp levels, and light where pixels average it; see `resample_texture.texels.encoding`."""
     texels, encoding = texels_in_levels(image, drawing.alpha)
     if image.dtype == np.uint8 and not encoding.is_straight and not drawing.as_light:
         share = spared(share, texels, drawing.geometry, drawing.shape)

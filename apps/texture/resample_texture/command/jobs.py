@@ -305,7 +305,37 @@ def warp_file(
     frames = frames_of(source, job.warping.encoding)
     if frames is None:
         bar = "warping" if shows else None
-        return _warp_picture(session, source, output, job, coverage, bar=bar)
+        check_output(output, job.options, transparent=False)
+        check_targets(output, coverage)
+        with session.stage("read"):
+            held = palette_picture(source, output, job.warping, job.options)
+        if held is None:
+            job.say_palette(source)
+            with session.stage("read"):
+                written = Destination(output, job.options)
+                large = large_picture(source, job.aim, job.warping, job.roi, written)
+            if large is not None:
+                return _warp_large(session, large, output, job, coverage, bar)
+        with session.stage("read"):
+            given = source if held is None else held[0]
+            job.check_memory(given, output)
+            picture, target, size = job.opened(given)
+        if held is None:
+            job.check(picture, target, output)
+        result, share = job.warped(session, picture, target, output, bar)
+        has_nans = held is None and bool(np.isnan(result.data).any())
+        _say_lost(picture.about, result.about, output, has_nans=has_nans)
+        with session.stage("write"):
+            if held is None:
+                write_picture(output, result, job.options)
+            else:
+                write_palette_picture(output, result, held[1])
+            if coverage is not None:
+                write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
+        tell_empty(output, not share.any())
+        tell_unchanged(output, result, picture, "nothing is moved, turned or scaled")
+        told = report(session, size, result.data.shape, result.kind, job.warping)
+        return {**told, "channels": ["index"], "encoding": "palette"} if held else told
     if coverage is not None:
         raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
     check_frames(output, frames, job.options)
@@ -314,47 +344,6 @@ def warp_file(
         pictures = _warped_frames(session, frames, output, job, progress)
         write_frames(output, pictures, frames, job.options)
     return {"frames": len(frames.seconds), "seconds": session.times()}
-
-
-def _warp_picture(
-    session: Session,
-    source: Place,
-    output: Path,
-    job: Job,
-    coverage: Path | None = None,
-    bar: str | None = None,
-) -> dict[str, Any]:
-    check_output(output, job.options, transparent=False)
-    check_targets(output, coverage)
-    with session.stage("read"):
-        held = palette_picture(source, output, job.warping, job.options)
-    if held is None:
-        job.say_palette(source)
-        with session.stage("read"):
-            written = Destination(output, job.options)
-            large = large_picture(source, job.aim, job.warping, job.roi, written)
-        if large is not None:
-            return _warp_large(session, large, output, job, coverage, bar)
-    with session.stage("read"):
-        given = source if held is None else held[0]
-        job.check_memory(given, output)
-        picture, target, size = job.opened(given)
-    if held is None:
-        job.check(picture, target, output)
-    result, share = job.warped(session, picture, target, output, bar)
-    has_nans = held is None and bool(np.isnan(result.data).any())
-    _say_lost(picture.about, result.about, output, has_nans=has_nans)
-    with session.stage("write"):
-        if held is None:
-            write_picture(output, result, job.options)
-        else:
-            write_palette_picture(output, result, held[1])
-        if coverage is not None:
-            write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
-    tell_empty(output, not share.any())
-    tell_unchanged(output, result, picture, "nothing is moved, turned or scaled")
-    told = report(session, size, result.data.shape, result.kind, job.warping)
-    return {**told, "channels": ["index"], "encoding": "palette"} if held else told
 
 
 def _warp_large(

@@ -152,7 +152,16 @@ def map_coordinates(
         return np.asarray(ndimage.map_coordinates(image, places, *values[:5]))
     if places.ndim == 3:
         return _drawn(image, BackwardMap.from_opencv(places[1], places[0]), shape, values)
-    return _at_points(image, places, values)
+    # Draw points (2, ...) apart from each other, with pixels that show nothing between them.
+    points = places.reshape(2, -1)
+    side = max(math.ceil(math.sqrt(points.shape[1])), 1)
+    apart = np.full((2, 2 * side + 1, 2 * side + 1), np.nan)
+    row, column = np.divmod(np.arange(points.shape[1]), side)
+    apart[:, 2 * row + 1, 2 * column + 1] = points
+    output, geometry = values.output, BackwardMap.from_opencv(apart[1], apart[0])
+    shape, plain = (apart.shape[1], apart.shape[2]), values._replace(output=values.dtype_of(image))
+    drawn = _drawn(image, geometry, shape, plain)
+    return _stored(drawn[2 * row + 1, 2 * column + 1].reshape(places.shape[1:]), output)
 
 
 def zoom(
@@ -276,19 +285,6 @@ def _affine(
     """Draw a picture by own code, by a matrix (3, 3) of (row, column, 1)."""
     geometry = homography(SWAP @ full @ SWAP, convention="opencv", inverse=True)
     return _drawn(image, geometry, shape, values)
-
-
-def _at_points(image: NDArray[Any], places: NDArray[Any], values: Values) -> NDArray[Any]:
-    """Draw points (2, ...) apart from each other, with pixels that show nothing between them."""
-    points = places.reshape(2, -1)
-    side = max(math.ceil(math.sqrt(points.shape[1])), 1)
-    apart = np.full((2, 2 * side + 1, 2 * side + 1), np.nan)
-    row, column = np.divmod(np.arange(points.shape[1]), side)
-    apart[:, 2 * row + 1, 2 * column + 1] = points
-    output, geometry = values.output, BackwardMap.from_opencv(apart[1], apart[0])
-    shape, plain = (apart.shape[1], apart.shape[2]), values._replace(output=values.dtype_of(image))
-    drawn = _drawn(image, geometry, shape, plain)
-    return _stored(drawn[2 * row + 1, 2 * column + 1].reshape(places.shape[1:]), output)
 
 
 def _drawn(

@@ -10,7 +10,7 @@ from resample.messages import number
 from resample.profiles.named import plugin_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.texels.levels import in_levels
+from resample_texture.texels.encoding import in_levels
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
@@ -96,7 +96,19 @@ class Hybrid:
         if self.magnified not in ("cells", "splats"):
             raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
         _check_clamp(self.clamp, self.total)
-        self._check_average()
+        if self.average not in ("always", "shrinking"):
+            raise ValueError(f"average is always or shrinking, not {self.average!r}")
+        if self.average == "shrinking":
+            if not self._takes_areas or self.magnified != "cells" or self.total:
+                raise ValueError(
+                    "average=shrinking interpolates under the area filter; leave filter, magnified"
+                    " and total out"
+                )
+            if getattr(self.interpolation, "is_mean", False):
+                raise ValueError(
+                    f"{self.interpolation} takes texels for means, so it averages always; with"
+                    " average=shrinking give bilinear, cubic, lanczos or spline"
+                )
 
     @property
     def keeps_texels(self) -> bool:
@@ -154,7 +166,19 @@ class Hybrid:
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
         if self.magnified == "splats":
-            warped = self._splatted(source, geometry, shape, edge)
+            from resample.profiles.filters import Area, Gaussian
+            from resample_texture.texels.splatting import Splatting, splat
+
+            if isinstance(self.filter, Area):  # the Gaussian that comes closest to a box
+                sigma, filter_sigma = 0.55, 0.29
+            elif isinstance(self.filter, Gaussian):
+                sigma, filter_sigma = 0.577, self.filter.sigma
+            else:
+                raise ValueError(f"splats come under a Gaussian pixel filter, not {self.filter}")
+            splatting = Splatting(
+                sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
+            )
+            warped = splat(source, geometry, shape, edge, splatting)
         elif self.gathers(geometry):
             from resample_texture.texels.gather import gather, planned
 
@@ -207,39 +231,6 @@ class Hybrid:
             shrinking=self.average == "shrinking",
         )
 
-    def _check_average(self) -> None:
-        if self.average not in ("always", "shrinking"):
-            raise ValueError(f"average is always or shrinking, not {self.average!r}")
-        if self.average == "always":
-            return
-        if not self._takes_areas or self.magnified != "cells" or self.total:
-            raise ValueError(
-                "average=shrinking interpolates under the area filter; leave filter, magnified and"
-                " total out"
-            )
-        if getattr(self.interpolation, "is_mean", False):
-            raise ValueError(
-                f"{self.interpolation} takes texels for means, so it averages always; with"
-                " average=shrinking give bilinear, cubic, lanczos or spline"
-            )
-
-    def _splatted(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
-        from resample.profiles.filters import Area, Gaussian
-        from resample_texture.texels.splatting import Splatting, splat
-
-        if isinstance(self.filter, Area):  # the Gaussian that comes closest to a box
-            sigma, filter_sigma = 0.55, 0.29
-        elif isinstance(self.filter, Gaussian):
-            sigma, filter_sigma = 0.577, self.filter.sigma
-        else:
-            raise ValueError(f"splats come under a Gaussian pixel filter, not {self.filter}")
-        splatting = Splatting(
-            sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
-        )
-        return splat(source, geometry, shape, edge, splatting)
-
 
 @dataclass(frozen=True)
 class _Partly:
@@ -250,7 +241,7 @@ class _Partly:
 
     @property
     def in_levels(self) -> Method:
-        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        """The same for levels, see `resample_texture.texels.encoding.in_levels`."""
         method: Any = in_levels(self.method)
         return _Partly(method, self.wanted)
 
@@ -281,7 +272,7 @@ class _Planned:
 
     @property
     def in_levels(self) -> Method:
-        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        """The same for levels, see `resample_texture.texels.encoding.in_levels`."""
         method: Any = in_levels(self.method)
         return _Planned(method, self.plan._replace(cells=method.cells))
 

@@ -47,18 +47,25 @@ from resample_texture.texels.forward import (
     Bounds,
     CellGrid,
     PointSums,
+    Sides,
+    SourcePart,
     TexelReader,
     can_be_projected_partly,
-    oriented,
+    plates_of,
     project,
     project_partly,
     texels,
     widened,
 )
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
-from resample_texture.texels.kernels.gathering import Pixels, gather_tiles
-from resample_texture.texels.padding import Sides, SourcePart, plates_of
+from resample_texture.texels.kernels.gather import (
+    Map,
+    Pixels,
+    Plane,
+    collect_tiles,
+    fill_tiles,
+    measure,
+)
 from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh, weigh_in_blocks
 from resample_texture.types import Edge, Warped
 
@@ -183,7 +190,7 @@ def far_of(plan: GatherPlan) -> Far:
     left, top, right, bottom = (int(side) for side in sides)
     back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
     whole = region.whole if region else geometry
-    moved = Homography(back @ oriented(whole, plan.size), is_signed=True)
+    moved = Homography(back @ whole.normalized(plan.size), is_signed=True)
     x, y = (region.left, region.top) if region else (0, 0)  # of the picture
     first = max(left - x, 0), max(top - y, 0)
     last = min(right - x, plan.shape[1]), min(bottom - y, plan.shape[0])
@@ -260,7 +267,7 @@ def places_of(
     """Return the map from pixels to the source, as kernels take it."""
     if isinstance(geometry, Homography):
         region = geometry.region or TargetRegion(geometry, 0, 0, shape)
-        matrix = oriented(region.whole, region.size or size)
+        matrix = region.whole.normalized(region.size or size)
         inverse = np.ascontiguousarray(np.linalg.inv(matrix))
         return Plane(inverse, region.left, region.top)
     if geometry.x.shape != shape:
@@ -376,7 +383,7 @@ def collect_from(
                 ready, EDGES[edge], channels, sums.taps, map_u, map_v, tiles[batch], quality
             )
             parts = parts_of(bounds[batch], channels[1] + 1)
-            gather_tiles(pixels, sums.spread, parts)
+            collect_tiles(pixels, sums.spread, parts)
             collect(bounds[batch] - around, parts.start, parts.sums, picture)
     nowhere = np.array([[0.0, 0.0, -1.0]])
     return sums.warped(nowhere, NEARLY_FULL)

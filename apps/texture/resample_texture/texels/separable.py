@@ -34,9 +34,15 @@ from resample.profiles.interpolation import (
 )
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
-from resample_texture.texels.forward import CellGrid, TexelReader, oriented
+from resample_texture.texels.forward import (
+    CellGrid,
+    Sides,
+    SourcePart,
+    TexelReader,
+    filtered_grid,
+    texels_at,
+)
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.padding import Sides, SourcePart, filtered_grid, texels_at
 from resample_texture.types import Edge, Warped
 
 FARTHEST = 256  # texels beyond the source that are stored
@@ -142,7 +148,7 @@ def separable_plan(
     is_known = min(region.shape) > 0
     target = region.shape if is_known else (region.top + shape[0], region.left + shape[1])
     whole_size = region.size or size
-    inverse = np.linalg.inv(oriented(region.whole, whole_size))
+    inverse = np.linalg.inv(region.whole.normalized(whole_size))
     if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
         return None
     scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
@@ -352,7 +358,15 @@ def _weights(
     if taps.size > 1 and (side > 1.0 or of_texels):
         first, table = _folded(first, table, exact_prefilter(interpolation))
         taps = ONE
-    first, table = _trimmed(first, table)
+    # Leave out weights at both ends that are errors of rounding; the rest sums to 1.
+    many = table.shape[1]
+    is_some = np.abs(table) > TRIMMED * np.abs(table).max(axis=1, keepdims=True)
+    start = is_some.argmax(axis=1)
+    end = many - is_some[:, ::-1].argmax(axis=1)
+    most = int((end - start).max())
+    start = np.minimum(start, many - most)
+    kept = np.take_along_axis(np.where(is_some, table, 0.0), start[:, None] + np.arange(most), 1)
+    first, table = first + start, kept / kept.sum(axis=1, keepdims=True)
     return Weights(first, table.astype(np.float32), share, taps)
 
 
@@ -363,18 +377,6 @@ def _folded(first: Integers, table: Doubles, taps: Doubles) -> tuple[Integers, D
     for n, tap in enumerate(taps.tolist()):
         wide[:, n : n + many] += tap * table
     return first - taps.size // 2, wide
-
-
-def _trimmed(first: Integers, table: Doubles) -> tuple[Integers, Doubles]:
-    """Leave out weights at both ends that are errors of rounding; the rest sums to 1."""
-    many = table.shape[1]
-    is_some = np.abs(table) > TRIMMED * np.abs(table).max(axis=1, keepdims=True)
-    start = is_some.argmax(axis=1)
-    end = many - is_some[:, ::-1].argmax(axis=1)
-    most = int((end - start).max())
-    start = np.minimum(start, many - most)
-    kept = np.take_along_axis(np.where(is_some, table, 0.0), start[:, None] + np.arange(most), 1)
-    return first + start, kept / kept.sum(axis=1, keepdims=True)
 
 
 def _limits(

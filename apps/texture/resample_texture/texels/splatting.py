@@ -28,8 +28,8 @@ from resample_texture.texels.forward import (
     SourceBlocks,
     borders,
     check_texels,
+    filtered,
     moved,
-    oriented,
     visible_polygon,
     widened,
     with_margins,
@@ -42,7 +42,6 @@ from resample_texture.texels.kernels.splats import (
     blocks_on_plane,
     splat_blocks,
 )
-from resample_texture.texels.padding import filtered
 from resample_texture.types import Edge, Warped
 
 Forward = Homography | ForwardMap
@@ -167,7 +166,7 @@ def _blocks_of(
         numbers = splatting.shape(np.eye(3))
         x, y = with_margins(geometry.x, geometry.y)
         return SourceBlocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
-    matrix = oriented(geometry, source_shape)
+    matrix = geometry.normalized(source_shape)
     numbers = splatting.shape(matrix)
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
     lines = splat_view_bounds(matrix, shape, reach, splatting.radius)
@@ -213,7 +212,7 @@ def borders_of_splats(
         ripple = 4.0 * math.exp(-2.0 * (math.pi * sigma) ** 2)
         return lines, max(LEAST_FULL, full - ripple)
     front = lines[-1]
-    nearest = nearest_drawn(oriented(geometry, source_shape), radius)
+    nearest = nearest_drawn(geometry.normalized(source_shape), radius)
     lines[:-1] -= radius * front
     return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full
 
