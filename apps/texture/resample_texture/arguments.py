@@ -300,7 +300,9 @@ def given_pictures(
     given: Any, axis: AnyAxis | None = None, matrices: int | None = None, kinds: str = "biufc"
 ) -> GivenPictures:
     """Read what `warp` takes as a picture or a stack; see `axis_of`."""
-    values, is_encoded = picture_and_encoding(given, kinds=kinds)
+    values, is_encoded = given, None
+    if type(given) not in (np.ndarray, np.ma.MaskedArray) or given.dtype.kind not in kinds:
+        values, is_encoded = picture_and_encoding(given, kinds=kinds)
     is_named = isinstance(given, str | PathLike | Address) or hasattr(given, "dims")
     if is_named and axis is None and values.ndim == 3:
         axis = CHANNELS  # files and names of dimensions say so
@@ -325,26 +327,26 @@ def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None
         raise ValueError(f"axis {axis} of {shape}; leave that out, its dimensions say enough")
     if image.ndim == 2:
         return None
-    found = _guessed(shape, matrices) if axis is None else axis
+    found = axis
+    if axis is None:
+        rows, columns, channels = shape[-3:]
+        is_narrow, is_one = channels <= MOST_CHANNELS, image.ndim == 3
+        has_each = matrices == shape[0]
+        if is_one and has_each and not is_narrow:
+            found = FRAMES
+        elif is_narrow and (not is_one or not has_each or channels <= MOST_COLORS):
+            found = CHANNELS if is_one else FRAMES
+        else:
+            told = "" if matrices is None else f", with {matrices} matrices,"
+            kinds = "axis=-1 if so, axis=0 if it is a stack (N, H, W)" if is_one else "axis=0 if so"
+            raise ValueError(
+                f"{shape}{told} would be {rows} rows of {columns} pixels with {channels} channels"
+                f" each; give {kinds}, or, of channels first,"
+                f" numpy.moveaxis(image, {image.ndim - 3}, -1)"
+            )
     if found == FRAMES and matrices not in (None, shape[0]):
         raise ValueError(f"{matrices} matrices for {shape[0]} frames; give one, or one for each")
     return FRAMES if found == FRAMES else CHANNELS
-
-
-def _guessed(shape: tuple[int, ...], matrices: int | None) -> AnyAxis:
-    """Return the axis of an array of which nothing is said, or refuse it."""
-    rows, columns, channels = shape[-3:]
-    is_narrow, is_one, has_each = channels <= MOST_CHANNELS, len(shape) == 3, matrices == shape[0]
-    if is_one and has_each and not is_narrow:
-        return FRAMES
-    if is_narrow and (not is_one or not has_each or channels <= MOST_COLORS):
-        return CHANNELS if is_one else FRAMES
-    told = "" if matrices is None else f", with {matrices} matrices,"
-    kinds = "axis=-1 if so, axis=0 if it is a stack (N, H, W)" if is_one else "axis=0 if so"
-    raise ValueError(
-        f"{shape}{told} would be {rows} rows of {columns} pixels with {channels} channels each;"
-        f" give {kinds}, or, of channels first, numpy.moveaxis(image, {len(shape) - 3}, -1)"
-    )
 
 
 def matrices_in(given: Any, shape: tuple[int, int]) -> NDArray[Any] | None:
@@ -384,7 +386,20 @@ def resized(
     `size` and the others are as `resample_texture.resize` takes its shape and the others.
     """
     if box is not None:
-        left, top, right, bottom = _checked(box, source_shape, fit)
+        rows, columns = source_shape
+        sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
+        if len(sides) != 4 or not (
+            0 <= sides[0] < sides[2] <= columns and 0 <= sides[1] < sides[3] <= rows
+        ):
+            raise ValueError(
+                f"box {shortly(box)} of a picture of {columns} × {rows} px; give left, top, right"
+                " and bottom of a part of it"
+            )
+        if fit == "pad":
+            raise ValueError(
+                "pad fills up around whole pictures; leave box out, or cut it out first"
+            )
+        left, top, right, bottom = sides
         part = bottom - top, right - left
         placed, shape = resized(part, size, height=height, width=width, fit=fit)
         return Homography(placed.matrix @ [[1, 0, -left], [0, 1, -top], [0, 0, 1]]), shape
@@ -426,25 +441,6 @@ def _filled(
     rows, columns = source_shape
     down = _side("height", height, rows * (width or 0) / columns)
     return fit or "stretch", (down, _side("width", width, columns * (height or 0) / rows))
-
-
-def _checked(
-    box: Sequence[float], source_shape: tuple[float, float], fit: Fit | None
-) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom of a part of a picture (height, width)."""
-    sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
-    height, width = source_shape
-    if len(sides) != 4 or not (
-        0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height
-    ):
-        raise ValueError(
-            f"box {shortly(box)} of a picture of {width} × {height} px; give left, top, right and"
-            " bottom of a part of it"
-        )
-    if fit == "pad":
-        raise ValueError("pad fills up around whole pictures; leave box out, or cut it out first")
-    left, top, right, bottom = sides
-    return left, top, right, bottom
 
 
 def _side(name: str, given: int | None, following: float) -> int:

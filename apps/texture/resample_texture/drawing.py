@@ -100,7 +100,10 @@ def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
         if drawing.fill is not None:
             return filled(moved, drawing.fill)
         if drawing.as_light:
-            return Warped(_as_light(moved.image, drawing), moved.coverage)
+            if moved.image.dtype.kind == "f":
+                return Warped(moved.image.astype(np.float32), moved.coverage)
+            choices: dict[str, Any] = {"linear_light": drawing.linear_light, "alpha": drawing.alpha}
+            return Warped(decoded(moved.image, **choices)[0], moved.coverage)
         return moved
     # Whether a picture is large enough to be drawn in parts, to save memory.
     channels = math.prod(image.shape[2:])
@@ -123,14 +126,6 @@ def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
         return drawing
     quick = method.planned(size, drawing.geometry, drawing.shape, Edge(drawing.edge))
     return drawing._replace(method=quick)
-
-
-def _as_light(image: NDArray[Any], drawing: Drawing) -> Floats:
-    """Return the light, in floats, of a picture of levels or of light."""
-    if image.dtype.kind == "f":
-        return image.astype(np.float32)
-    light, _ = decoded(image, linear_light=drawing.linear_light, alpha=drawing.alpha)
-    return light
 
 
 def _drawn_whole(image: NDArray[Any], drawing: Drawing) -> Warped:
@@ -297,8 +292,7 @@ def drawn_in_parts(image: Any, drawing: Drawing, parts: DrawnParts) -> Warped:
         wanted: Any = np.s_[...] if is_near is None else is_near[there]
         if is_near is not None and not wanted.any():
             continue
-        part, inner = _part_of(drawing, window, size)
-        seen = _window_of(window, image, drawing.edge)
+        seen, part, inner = _part_of(image, drawing, window)
         drawn = _drawn_whole(seen, part)
         result.image[there][wanted] = drawn.image[inner][wanted]
         result.coverage[there][wanted] = drawn.coverage[inner][wanted]
@@ -311,7 +305,13 @@ class _Read:
     def __init__(self, image: Any, drawing: Drawing) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])
-        has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
+        has_gaps = drawing.has_gaps
+        if has_gaps is None:  # look at all of it, some rows at a time
+            height, width = image.shape[:2]
+            ends = [*range(0, height, max(1, MOST_IN_WINDOW // math.prod(image.shape[1:]))), height]
+            has_gaps = image.dtype.kind == "f" and not all(
+                np.isfinite(image[slice(*rows), 0:width]).all() for rows in pairwise(ends)
+            )
         self.gaps = self.channels if has_gaps else 0
         self.is_in_levels = False  # whether texels are levels
 
@@ -361,51 +361,30 @@ def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
         yield slice(start, start + last - first), slice(first, last)
 
 
-def _has_gaps(image: Any) -> bool:
-    """Whether a sliceable picture has values that are not finite."""
-    if image.dtype.kind != "f":
-        return False
-    step = max(1, MOST_IN_WINDOW // math.prod(image.shape[1:]))
-    height, width = image.shape[:2]
-    ends = [*range(0, height, step), height]
-    return not all(np.isfinite(image[slice(*rows), 0:width]).all() for rows in pairwise(ends))
-
-
 def _part_of(
-    drawing: Drawing, window: PictureWindow, size: tuple[int, int]
-) -> tuple[Drawing, tuple[slice, slice]]:
-    """Return the drawing for a window of the target, and the window's part of it."""
-    left, top, right, bottom = window.target
+    image: Any, drawing: Drawing, window: PictureWindow
+) -> tuple[NDArray[Any], Drawing, tuple[slice, slice]]:
+    """Return the part of a picture that a window shows, its drawing, and its part of that."""
+    size, (left, top, right, bottom) = (image.shape[0], image.shape[1]), window.target
     geometry, shape, inner = drawing.geometry, (bottom - top, right - left), np.s_[:, :]
     if isinstance(geometry, BackwardMap):
         roi = (left, top, right - left, bottom - top)
         geometry, shape, inner = within(geometry, drawing.shape, roi, drawing.method)
-    edge = drawing.edge if window.source.is_within(size) else Edge.CLAMP
+    assert not isinstance(geometry, ForwardMap)  # forward maps are not drawn in windows
     behind = drawing.behind
     if behind is not None and behind.shape[:2] != (1, 1):
         y, x = top - (inner[0].start or 0), left - (inner[1].start or 0)
         behind = behind[y : y + shape[0], x : x + shape[1]]
-    assert not isinstance(geometry, ForwardMap)  # forward maps are not drawn in windows
-    return drawing._replace(
-        geometry=between(geometry, window, size, drawing.shape),
-        shape=shape,
-        edge=edge,
-        behind=behind,
-    ), inner
-
-
-def _window_of(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
-    """Return the part of a picture (H, W, ...), continued beyond its edges, for a window."""
-    size = image.shape[0], image.shape[1]
-    part: NDArray[Any]
+    part = drawing._replace(
+        geometry=between(geometry, window, size, drawing.shape), shape=shape, behind=behind
+    )
     if window.source.is_within(size):
-        part = image[window.source.part]
-        return part
+        return image[window.source.part], part, inner
+    # Continue the picture beyond its edges.
     left, top, right, bottom = window.source
-    rows, _ = texels_at(np.arange(top, bottom), size[0], Edge(edge))
-    columns, _ = texels_at(np.arange(left, right), size[1], Edge(edge))
-    part = image[rows[:, None], columns]
-    return part
+    rows, _ = texels_at(np.arange(top, bottom), size[0], Edge(drawing.edge))
+    columns, _ = texels_at(np.arange(left, right), size[1], Edge(drawing.edge))
+    return image[rows[:, None], columns], part._replace(edge=Edge.CLAMP), inner
 
 
 def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Drawing]:

@@ -55,6 +55,7 @@ EDGES = {
     Edge.MIRROR: MIRROR,
 }
 NOTHING = np.zeros((0, 0))
+Range = tuple[int, int]  # first texel and last + 1
 Bounds = tuple[int, int, int, int]  # left, top, right and bottom, px
 MOST_VALUES = 1 << 20  # of a source in memory at a time
 MOST_OF_BLOCK = 4  # times `MOST_VALUES` for a single block
@@ -134,8 +135,7 @@ def texels(
     weights = prefilter(interpolation)
     if weights.size == 1:
         return Texels(source, source, source, source)
-    one = np.ones(1, np.float32)
-    filters = (one, one), (weights, one), (one, weights), (weights, weights)
+    filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
     ready = [
         filtered(source, *filters[kind], edge) if kind in kinds and kind > 0 else source
         for kind in range(4)
@@ -470,14 +470,6 @@ class Widened(NamedTuple):
         return self.reader.texels(np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1))
 
 
-class Run(NamedTuple):
-    """Consecutive blocks, and the texels that they read: first and last + 1 of each axis."""
-
-    blocks: slice
-    across: tuple[int, int]
-    down: tuple[int, int]
-
-
 def can_be_projected_partly(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
     cells: CellGrid,
@@ -520,53 +512,44 @@ def project_partly(
     height, width, channels = source.shape
     sums = sums_of(wanted, channels, cells)
     blocks = meeting(blocks_of(geometry, (height, width), shape, edge, cells), wanted)
-    for run in _runs(blocks.axes, source.shape, edge, sums.taps.shape[0] // 2):
-        some = blocks._replace(axes=blocks.axes[run.blocks], bounds=blocks.bounds[run.blocks])
-        _add(sums, source, some, run, edge)
+    weights = prefilter(cells.interpolation)
+    filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
+    for which, across, down in _runs(blocks.axes, source.shape, edge, sums.taps.shape[0] // 2):
+        some = blocks._replace(axes=blocks.axes[which], bounds=blocks.bounds[which])
+        values = (across[1] - across[0]) * (down[1] - down[0]) * channels
+        if values > MOST_VALUES and _is_joinable(some.axes[0], (height, width)):
+            step = 1 << int(some.axes[0, 1, LEVEL])
+            ready = _joined_rows(source, across, down, step)
+            held = Texels(ready, ready, ready, ready)
+            extract = Extract(height, width, down[0], across[0], step)
+        else:
+            kinds = kinds_of(some.axes) if weights.size > 1 else frozenset({0})
+            made = {n: _coefficients(source, across, down, filters[n], edge) for n in kinds}
+            plain = made.get(0, next(iter(made.values())))
+            held = Texels(*(made.get(kind, plain) for kind in range(4)))
+            extract = Extract(height, width, down[0], across[0])
+        sums.paint(held, extract, NO_TOTALS, some, edge)
     return sums.warped(*borders(geometry, (height, width), edge))
 
 
-def _add(sums: PointSums, source: TexelReader, blocks: SourceBlocks, run: Run, edge: Edge) -> None:
-    """Add the blocks of a run to the sums."""
-    height, width, channels = source.shape
-    kinds, interpolation = kinds_of(blocks.axes), sums.cells.interpolation
-    values = (run.across[1] - run.across[0]) * (run.down[1] - run.down[0]) * channels
-    if values > MOST_VALUES and _is_joinable(blocks.axes[0], (height, width)):
-        step = 1 << int(blocks.axes[0, 1, LEVEL])
-        # Sum every `step` rows of a part of a source, read strip by strip.
-        columns, channels = np.arange(*run.across), source.shape[2]
-        several = max(1, MOST_VALUES // (columns.size * channels * step)) * step
-        joined = []
-        for first in range(*run.down, several):
-            rows = source.texels(np.arange(first, min(first + several, run.down[1])), columns)
-            total = rows[::step].copy()
-            for n in range(1, step):
-                total += rows[n::step]
-            joined.append(total)
-        ready = np.concatenate(joined)
-        held = Texels(ready, ready, ready, ready)
-        extract = Extract(height, width, run.down[0], run.across[0], step)
-    else:
-        # A part of a source, prefiltered as `forward.texels` does for the whole.
-        weights = prefilter(interpolation)
-        filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
-        needed = {kind if prefilter(interpolation).size > 1 else 0 for kind in kinds}
-        made = {n: _coefficients(source, run.across, run.down, filters[n], edge) for n in needed}
-        some = next(iter(made.values()))
-        plain = made.get(0, some)
-        held = Texels(*(made.get(kind, plain) for kind in range(4)))
-        extract = Extract(height, width, run.down[0], run.across[0])
-    sums.paint(held, extract, NO_TOTALS, blocks, edge)
+def _joined_rows(source: TexelReader, across: Range, down: Range, step: int) -> Floats:
+    """Sum every `step` rows of a part of a source, read strip by strip."""
+    columns = np.arange(*across)
+    several = max(1, MOST_VALUES // (columns.size * source.shape[2] * step)) * step
+    joined = []
+    for first in range(*down, several):
+        rows = source.texels(np.arange(first, min(first + several, down[1])), columns)
+        total = rows[::step].copy()
+        for n in range(1, step):
+            total += rows[n::step]
+        joined.append(total)
+    return np.concatenate(joined)
 
 
 def _coefficients(
-    source: TexelReader,
-    across: tuple[int, int],
-    down: tuple[int, int],
-    filters: tuple[Floats, Floats],
-    edge: Edge,
+    source: TexelReader, across: Range, down: Range, filters: tuple[Floats, Floats], edge: Edge
 ) -> Floats:
-    """Apply a separable filter to a part of a source (H, W, C); see `plates.filtered`."""
+    """Apply a separable filter to a part of a source (H, W, C) that is read on demand."""
     along_u, along_v = filters
     left, above = along_u.size // 2, along_v.size // 2
     height, width, channels = source.shape
@@ -583,31 +566,24 @@ def _coefficients(
 
 def _runs(
     axes: Integers, source_shape: tuple[int, int, int], edge: Edge, reach: int
-) -> Iterator[Run]:
-    """Yield runs of consecutive blocks that read few enough texels together."""
+) -> Iterator[tuple[slice, Range, Range]]:
+    """Yield runs of consecutive blocks, with columns and rows that they read, few enough texels."""
     across, down = (_read(axes[:, n], source_shape[1 - n], edge, reach) for n in (0, 1))
     most = MOST_VALUES // source_shape[2]
     first, sides = 0, None
     for n, (columns, rows) in enumerate(zip(across.tolist(), down.tolist(), strict=True)):
-        here = *columns, *rows
-        both = (
-            here
-            if sides is None
-            else (
-                (
-                    min(sides[0], here[0]),
-                    max(sides[1], here[1]),
-                    min(sides[2], here[2]),
-                    max(sides[3], here[3]),
-                )
-            )
-        )
-        if sides is not None and (both[1] - both[0]) * (both[3] - both[2]) > most:
-            yield Run(slice(first, n), sides[:2], sides[2:])
-            first, both = n, here
+        left, right, top, bottom = both = *columns, *rows
+        if sides is not None:
+            left, right = min(left, sides[0]), max(right, sides[1])
+            top, bottom = min(top, sides[2]), max(bottom, sides[3])
+            if (right - left) * (bottom - top) > most:
+                yield slice(first, n), sides[:2], sides[2:]
+                first = n
+            else:
+                both = left, right, top, bottom
         sides = both
     if sides is not None:
-        yield Run(slice(first, len(axes)), sides[:2], sides[2:])
+        yield slice(first, len(axes)), sides[:2], sides[2:]
 
 
 def _read(axis: Integers, size: int, edge: Edge, reach: int) -> Integers:
@@ -622,9 +598,6 @@ def _read(axis: Integers, size: int, edge: Edge, reach: int) -> Integers:
             there = texels_at(np.arange(first, last), size, edge)
             ends[n] = there.min(), there.max() + 1
     return ends
-
-
-Range = tuple[int, int]  # first texel and last + 1
 
 
 def texels_at(index: Integers, size: int, edge: Edge) -> Integers:

@@ -142,7 +142,10 @@ def gather(
     `wanted`.
     """
     _, geometry, shape, edge, cells, places, tiles, around, axes = plan
-    held = _source_part(source, geometry)
+    region = geometry.region if isinstance(geometry, Homography) else None
+    held = SourcePart(source, (source.shape[0], source.shape[1]))
+    if region is not None and region.size is not None:
+        held = SourcePart(source, region.size, region.first)
     if axes is not None:
         return weigh(axes, held, edge, cells)
     view = _view((*held.size, source.shape[2]), edge, cells)
@@ -332,15 +335,6 @@ def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
     """Return the whole texels between two corners, with some around them."""
     (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
     return Sides((int(left), int(right)), (int(top), int(bottom)))
-
-
-def _source_part(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
-    """Return the source (H, W, C), with its place in the whole if it is a part."""
-    size = source.shape[0], source.shape[1]
-    region = geometry.region if isinstance(geometry, Homography) else None
-    if region is None or region.size is None:
-        return SourcePart(source, size)
-    return SourcePart(source, region.size, region.first)
 
 
 def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:

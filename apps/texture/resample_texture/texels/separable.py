@@ -222,12 +222,19 @@ def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) 
     sides = Sides(_ends(across, beside_across), _ends(down, beside_down))
     flat = filtered_grid(source, sides, edge, across.prefilter, down.prefilter)
     taps = down.from_start(sides.down[0]), across.from_start(sides.across[0])
-    plain, limit_taps = _plain(source, edge, cells, limits_down, limits_across, taps)
+    # The texels that limit, and the weights of the corners between them.
+    plain, corners = _no_limits()._replace(excess=excess(cells.interpolation)), taps
+    if limits_down is not None and limits_across is not None:
+        outer = Sides(limits_across.ends, limits_down.ends).wider(MARGIN)
+        plate = outer.plate(filtered_grid(source, outer, edge, ONE, ONE), outer, channels)
+        own = own_extent(cells.interpolation)
+        plain = Limits(plate, plain.excess, own, faint(cells.interpolation))
+        corners = limits_down.from_start(outer.down[0]), limits_across.from_start(outer.across[0])
     beside = (
         _from_start(beside_down, sides.down[0]),
         _from_start(beside_across, sides.across[0]),
     )
-    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps, *beside)
+    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *corners, *beside)
     sizes = _tile_sizes(plan, channels)
     weigh_grid(grid, sizes, warped.image.reshape(-1), warped.coverage.reshape(-1))
     return warped
@@ -277,25 +284,6 @@ def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
         beside = limits_across.most(wide)
         numbers, corners = max(numbers, beside), beside * limits_down.most(ROWS)
     return TileSizes(wide, numbers * channels, beside * channels, corners * channels)
-
-
-def _plain(
-    source: SourcePart,
-    edge: Edge,
-    cells: CellGrid,
-    down: Weights | None,
-    across: Weights | None,
-    taps: tuple[AxisTaps, AxisTaps],
-) -> tuple[Limits, tuple[AxisTaps, AxisTaps]]:
-    """Return the texels that limit, and the weights of the corners between them."""
-    if down is None or across is None:
-        return _no_limits()._replace(excess=excess(cells.interpolation)), taps
-    sides = Sides(across.ends, down.ends).wider(MARGIN)
-    flat = filtered_grid(source, sides, edge, ONE, ONE)
-    plate = sides.plate(flat, sides, source.texels.shape[2])
-    corners = down.from_start(sides.down[0]), across.from_start(sides.across[0])
-    own = own_extent(cells.interpolation)
-    return Limits(plate, excess(cells.interpolation), own, faint(cells.interpolation)), corners
 
 
 def _no_limits() -> Limits:
@@ -356,8 +344,12 @@ def _weights(
         first, table = side_weights(interpolation, low, high)
     taps = prefilter(interpolation)
     if taps.size > 1 and (side > 1.0 or of_texels):
-        first, table = _folded(first, table, exact_prefilter(interpolation))
-        taps = ONE
+        # Turn weights of coefficients into those of texels.
+        exact, many = exact_prefilter(interpolation), table.shape[1]
+        wide = np.zeros((len(table), many + exact.size - 1))
+        for n, tap in enumerate(exact.tolist()):
+            wide[:, n : n + many] += tap * table
+        first, table, taps = first - exact.size // 2, wide, ONE
     # Leave out weights at both ends that are errors of rounding; the rest sums to 1.
     many = table.shape[1]
     is_some = np.abs(table) > TRIMMED * np.abs(table).max(axis=1, keepdims=True)
@@ -368,15 +360,6 @@ def _weights(
     kept = np.take_along_axis(np.where(is_some, table, 0.0), start[:, None] + np.arange(most), 1)
     first, table = first + start, kept / kept.sum(axis=1, keepdims=True)
     return Weights(first, table.astype(np.float32), share, taps)
-
-
-def _folded(first: Integers, table: Doubles, taps: Doubles) -> tuple[Integers, Doubles]:
-    """Return the weights of texels, given those of their coefficients."""
-    count, many = table.shape
-    wide = np.zeros((count, many + taps.size - 1))
-    for n, tap in enumerate(taps.tolist()):
-        wide[:, n : n + many] += tap * table
-    return first - taps.size // 2, wide
 
 
 def _limits(

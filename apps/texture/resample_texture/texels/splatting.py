@@ -34,7 +34,7 @@ from resample_texture.texels.forward import (
     widened,
     with_margins,
 )
-from resample_texture.texels.kernels.blocks import Integers, view_bounds_of
+from resample_texture.texels.kernels.blocks import view_bounds_of
 from resample_texture.texels.kernels.splats import (
     Shape,
     Splatted,
@@ -170,7 +170,14 @@ def _blocks_of(
     numbers = splatting.shape(matrix)
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
     lines = splat_view_bounds(matrix, shape, reach, splatting.radius)
-    root = _root(lines, source_shape, edge)
+    # Draw the source, or all that is seen of its continuation.
+    root = np.array([0, 0, source_shape[1], source_shape[0]])
+    if edge is not Edge.TRANSPARENT:
+        polygon, root = visible_polygon(lines, FARTHEST), np.zeros(4, np.int64)
+        if polygon.size:
+            check_texels(polygon, source_shape)
+            low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
+            root = np.array([*low, *(high - low)], np.int64)
     axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
 
@@ -188,19 +195,6 @@ def splat_view_bounds(
     lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
     lines[4, 2] -= nearest_drawn(matrix, radius)
     return lines
-
-
-def _root(lines: Doubles, source_shape: tuple[int, int], edge: Edge) -> Integers:
-    """Rectangle (4,) of the plane to draw: the source, or all that is seen of its continuation."""
-    height, width = source_shape
-    if edge is Edge.TRANSPARENT:
-        return np.array([0, 0, width, height])
-    polygon = visible_polygon(lines, FARTHEST)
-    if not polygon.size:
-        return np.zeros(4, np.int64)
-    check_texels(polygon, source_shape)
-    low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
-    return np.array([*low, *(high - low)], np.int64)
 
 
 def borders_of_splats(

@@ -273,14 +273,6 @@ def _noted(
 
 
 @kernel
-def _push(roots: Integers, root: int, stack: Integers) -> None:
-    """Begin a stack with a root."""
-    stack[0] = 0
-    for axis in range(2):
-        stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
-
-
-@kernel
 def _divided(
     matrix: Doubles,
     lines: Doubles,
@@ -348,7 +340,9 @@ def split_plane(
 
     # Descend from each root.
     for root in range(roots.shape[0]):
-        _push(roots, root, stack)
+        stack[0] = 0
+        for axis in range(2):
+            stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
         depth = 1
         while depth > 0:
             # Stop at the visit limit: near a degenerate horizon the descent would not end.

@@ -330,34 +330,6 @@ def _single(labels: LabelSource, rows: Doubles) -> int:
 
 
 @kernel
-def _find_row(
-    mapping: PixelMapping, labels: LabelSource, found: LabelPicture, tally: Tally, row: int
-) -> None:
-    """Find the labels of a row of pixels."""
-    for column in range(found.texel.shape[1]):
-        # Skip pixels that show nothing.
-        if not _fill_matrix(mapping, row, column, tally.rows):
-            continue
-        # Try the cheap case first: all texels around have one label.
-        alike = _single(labels, tally.rows)
-        if alike >= 0:
-            found.texel[row, column], found.coverage[row, column] = alike, np.float32(1.0)
-            continue
-        # Otherwise add the exact areas; what is too much to count takes the most common label.
-        met = _add_pixel(labels, tally)
-        if met < 0 and labels.common >= 0:
-            found.texel[row, column] = labels.common
-            found.coverage[row, column] = np.float32(1.0)
-        if met <= 0:
-            continue
-        # Store the label of the largest area, and how much of the pixel has any.
-        best, total = _largest(tally, met)
-        if total >= NOTHING:
-            found.texel[row, column] = tally.texel[best]
-            found.coverage[row, column] = np.float32(1.0 if total > 1.0 - NOTHING else total)
-
-
-@kernel
 def _find_band(
     mapping: PixelMapping, labels: LabelSource, found: LabelPicture, rows: tuple[int, int]
 ) -> None:
@@ -370,7 +342,27 @@ def _find_band(
         np.zeros((5, MOST_CORNERS, 2)),
     )
     for row in range(rows[0], rows[1]):
-        _find_row(mapping, labels, found, tally, row)
+        for column in range(found.texel.shape[1]):
+            # Skip pixels that show nothing.
+            if not _fill_matrix(mapping, row, column, tally.rows):
+                continue
+            # Try the cheap case first: all texels around have one label.
+            alike = _single(labels, tally.rows)
+            if alike >= 0:
+                found.texel[row, column], found.coverage[row, column] = alike, np.float32(1.0)
+                continue
+            # Otherwise add the exact areas; what is too much to count takes the most common label.
+            met = _add_pixel(labels, tally)
+            if met < 0 and labels.common >= 0:
+                found.texel[row, column] = labels.common
+                found.coverage[row, column] = np.float32(1.0)
+            if met <= 0:
+                continue
+            # Store the label of the largest area, and how much of the pixel has any.
+            best, total = _largest(tally, met)
+            if total >= NOTHING:
+                found.texel[row, column] = tally.texel[best]
+                found.coverage[row, column] = np.float32(1.0 if total > 1.0 - NOTHING else total)
 
 
 @parallel_kernel
