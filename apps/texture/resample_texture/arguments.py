@@ -4,6 +4,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from os import PathLike
 from typing import Any, Literal, NamedTuple
 
@@ -32,8 +33,8 @@ MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel s
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
 Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
-MOST_CHANNELS = 15  # of an array of which nothing says what its last axis is
-MOST_COLORS = 4  # channels of which a picture is likelier than a stack of frames so narrow
+MOST_CHANNELS = 15  # of an array whose last axis is not named
+MOST_COLORS = 4  # so many numbers are likelier channels than columns of narrow frames
 CHANNELS: Literal[-1] = -1
 Fit = Literal["contain", "cover", "stretch", "pad"]
 AnySize = tuple[int, int] | int | float  # height and width; longer side; share
@@ -171,7 +172,7 @@ def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]
 
 
 def check_shape(shape: tuple[int, int]) -> None:
-    """Refuse a height and width that no target can have."""
+    """Reject an impossible height and width of a target."""
     height, width = shape
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
@@ -189,7 +190,7 @@ def adds(method: Method) -> bool:
 
 
 def check_sums(dtype: np.dtype[Any], method: Method) -> None:
-    """Refuse sums of types that do not hold them."""
+    """Reject sums of whole numbers, whose types do not hold them."""
     if dtype.kind in "bui" and adds(method):
         raise ValueError(f"sums do not fit {dtype}; give floats: image.astype('float32')")
 
@@ -248,7 +249,7 @@ def warn_if_unknown(image: NDArray[Any]) -> None:
 
 
 def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) -> None:
-    """Refuse an `out` array that does not fit the result."""
+    """Reject an `out` array that does not fit the result."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != image.dtype:
         given = f"{out.dtype} of {out.shape}" if isinstance(out, np.ndarray) else repr(type(out))
         raise ValueError(f"out is {given}; the result is {image.dtype} of {shape}")
@@ -258,9 +259,15 @@ def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) ->
         raise ValueError("out is read-only; give an array that can be written")
 
 
+@lru_cache(maxsize=16)
+def _method(name: str) -> Any:
+    """Return a plugin by name, made once: methods do not change."""
+    return registry.build("methods", name)
+
+
 def method_named(method: str | Method, **choices: Any) -> Method:
     """Return a method by name, with the given choices."""
-    chosen: Any = registry.build("methods", method) if isinstance(method, str) else method
+    chosen: Any = _method(method) if isinstance(method, str) else method
     if not callable(chosen):
         raise TypeError(f"method {shortly(method)}; give a name or an object that warps")
     made = {name: value for name, value in choices.items() if value is not None}
@@ -273,7 +280,7 @@ def method_named(method: str | Method, **choices: Any) -> Method:
 
 
 class GivenPictures(NamedTuple):
-    """A picture, or a stack of them, and what is known of it."""
+    """A picture, or a stack of them, its axis and whether it is encoded."""
 
     values: NDArray[Any]  # (H, W) or (H, W, C), or (N, ...) of them
     is_encoded: bool | None  # whether its file says that levels are sRGB-encoded
@@ -285,7 +292,7 @@ class GivenPictures(NamedTuple):
         return self.axis == FRAMES
 
     def check_alone(self, name: str) -> None:
-        """Refuse a stack where one picture is taken."""
+        """Reject a stack of pictures."""
         if self.is_stack:
             raise ValueError(f"{name} is of one picture, not of a stack {self.values.shape}")
 
@@ -363,7 +370,7 @@ def matrices_in(given: Any, shape: tuple[int, int]) -> NDArray[Any] | None:
 
 
 def stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
-    """Stack warped pictures; `image`: that they were."""
+    """Stack warped pictures; `image` tells whether they are masked."""
     images = [warped.image for warped in each]
     stack: NDArray[Any] = np.stack([np.ma.getdata(one) for one in images])
     if isinstance(image, np.ma.MaskedArray):

@@ -33,8 +33,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_parts, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import whole_move
-from resample_texture.geometry.windows import Rect, windows_of
+from resample_texture.geometry.regions import Rect, whole_move, windows_of
 from resample_texture.types import (
     FRAMES,
     AnyEdge,
@@ -137,16 +136,12 @@ def warp_chunks(
     shape = whole_pair(shape, "height", "width")
     if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
-    # Height and width of chunks.
-    given = side
-    if given is None:
+    if side is None:
         chunks = getattr(out, "shards", None) or getattr(out, "chunks", None)
-        given = chunks[:2] if chunks and isinstance(chunks[0], int) else SIDE
-    sides = (given, given) if isinstance(given, int) else given
-    height, width = whole_pair(sides, "height", "width")
-    if min(height, width) < 1:
-        raise ValueError(f"chunks of {height} × {width} px; give 1 px or more")
-    sides = height, width
+        side = chunks[:2] if chunks and isinstance(chunks[0], int) else SIDE
+    sides = whole_pair((side, side) if isinstance(side, int) else side, "height", "width")
+    if min(sides) < 1:
+        raise ValueError(f"chunks of {sides[0]} × {sides[1]} px; give 1 px or more")
     check_shape(shape)
     border = edge_named(edge)
     if border == REFLECT_101:
@@ -211,17 +206,15 @@ class _Chunk(NamedTuple):
         return self.paint(source).image
 
     def paint(self, source: Any) -> Warped:
-        """Warp it from a source, of which it reads its part."""
-        # Draw one chunk from the part of a source that it shows, or from one in memory.
+        """Warp it from the part of a stored source that it shows, or from one in memory."""
         parts = None
         if isinstance(source, _LazyPicture):
             parts = parts_of(source, self.drawing)
             source = source if parts else source.whole()
-        warped = (
-            drawn(source, self.drawing)
-            if parts is None
-            else drawn_in_parts(source, self.drawing, parts)
-        )
+        if parts is None:
+            warped = drawn(source, self.drawing)
+        else:
+            warped = drawn_in_parts(source, self.drawing, parts)
         return type(warped)(warped.image[self.part], warped.coverage[self.part])
 
 

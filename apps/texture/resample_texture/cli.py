@@ -443,19 +443,18 @@ def animate(
     from resample.console import linear_color
     from resample.files.animations import check_film
     from resample.files.pictures import read_picture
-    from resample_texture.command import animation
-    from resample_texture.command.rendering import require_film
+    from resample_texture.command import rendering
     from resample_texture.types import AnyLight, Edge
 
-    flight = animation.Flyover(path, frames, height_and_width(size))
+    flight = rendering.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     check_film(output, fps)
-    require_film(image, flight.size)
+    rendering.require_film(image, flight.size)
     read = read_picture(image)
     light: AnyLight | None = "pixels" if read.kind.is_encoded else None
-    paint = animation.FlightOptions(registry.build("methods", method), Edge(edge), behind, light)
-    picture = animation.with_alpha(read.data)
-    write_shared(output, animation.shots(picture, flight, paint), fps=fps, resume=resume)
+    paint = rendering.FlightOptions(registry.build("methods", method), Edge(edge), behind, light)
+    picture = rendering.with_alpha(read.data)
+    write_shared(output, rendering.shots(picture, flight, paint), fps=fps, resume=resume)
 
 
 app.command(fetcher("resample_texture", "astronaut"))

@@ -13,15 +13,18 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_texture.arguments import PREMULTIPLIED, REFLECT_101, adds, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import (
+from resample_texture.geometry.regions import (
     Picks,
+    PictureWindow,
+    VisibleTiles,
+    between,
     picks_of_move,
     texels_at,
     unfolded,
     whole_move,
     whole_shift,
+    windows_of,
 )
-from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
     LEAST,
     LEVELS,
@@ -71,7 +74,7 @@ class Drawing(NamedTuple):
     has_gaps: bool | None = None  # whether some values are not finite; None: unknown
     behind: NDArray[Any] | None = None  # (h, w, C) or (1, 1, C) background, of the source's type
     fill: Any = None  # value where nothing covers a pixel, others are means; None: premultiplied
-    linear_light: AnyLight | None = None  # as of `warp`, as is `alpha`
+    linear_light: AnyLight | None = None  # as `warp` takes it; likewise `alpha`
     alpha: AnyAlpha | None = None
 
     def stored(self, warped: Warped, encoding: Encoding, part: Any = np.s_[:, :]) -> Warped:
@@ -168,7 +171,7 @@ def _drawn_in_levels(image: NDArray[Any], drawing: Drawing, share: Floats) -> Wa
     if not is_stored or encoding.gaps or drawing.as_light or drawing.behind is not None:
         warped = mixed_light(warped, averaged, share, encoding)
         return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
-    # Where levels alone fill a pixel, they are what is stored.
+    # Store levels as they are where they alone fill a pixel.
     made = drawing.stored(warped, encoding._replace(is_encoded=False))
     is_partly = (warped.coverage > 0.0) & (warped.coverage < 1.0)
     some = np.flatnonzero((share[..., 0] < 1.0) | is_partly)

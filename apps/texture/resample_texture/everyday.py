@@ -267,7 +267,7 @@ def undistort(
 def _opened(
     image: Any, linear_light: AnyLight | None, choices: ResizeOptions
 ) -> tuple[GivenPictures, dict[str, Any]]:
-    """Return a picture or stack, and what its file says of light, as `warp` takes it."""
+    """Return a picture or stack, and options of its light and axis for `warp`."""
     picture = given_pictures(image, choices.pop("axis", None))
     is_linear = light_for(linear_light, picture.values.dtype, picture.is_encoded)
     return picture, {"linear_light": is_linear, "axis": picture.axis}
@@ -303,7 +303,7 @@ def project(
     Raises
     ------
     ValueError, LookupError
-        A size does not fit its projection, an angle is none, or as `warp` does.
+        A size does not fit its projection, an angle is not finite, or as `warp` does.
 
     Examples
     --------

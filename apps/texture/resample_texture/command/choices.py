@@ -1,4 +1,4 @@
-"""Options of the command line: what is warped to what, how, and where it is written."""
+"""Options of the command line: targets, methods and outputs of warps."""
 
 import re
 from collections.abc import Sequence
@@ -117,7 +117,7 @@ class WarpGeometry(Choices):
     ] = None
 
     def check(self) -> None:
-        """Refuse a wrong target before any picture is read."""
+        """Reject a wrong target before any picture is read."""
         self.given()
         self.shape()
 
@@ -177,7 +177,7 @@ class PictureFiltering(Choices):
         return self.model_dump(include={"filter", "interpolation", "quality"})
 
     def check(self) -> None:
-        """Refuse unknown names before any work is done.
+        """Reject unknown names before any work is done.
 
         Raises ValueError, LookupError: a plugin is unknown or refuses its parameters.
         """
@@ -210,7 +210,7 @@ class Filling(PictureWarping):
 
 
 class Reports(Choices):
-    """Which files are written besides a picture."""
+    """Files written in addition to a picture."""
 
     heading: ClassVar[str] = "Further outputs"
     about: ClassVar[OptionTopic] = OptionTopic.TARGET
@@ -220,7 +220,7 @@ class Reports(Choices):
 
 
 class Besides(Reports):
-    """Which part of a warp is written, and which files besides it."""
+    """The part of a warp to write, and further files."""
 
     roi: Annotated[
         str | None,
@@ -287,7 +287,7 @@ class NewSize(Choices):
     ] = None
 
     def check(self) -> None:
-        """Refuse a wrong size before any picture is read."""
+        """Reject a wrong size before any picture is read."""
         self.model_copy(update={"box": None}).target((1, 1))
         self._part()
 
@@ -320,7 +320,7 @@ class Factor(Choices):
     ]
 
     def check(self) -> None:
-        """Refuse a wrong factor before any picture is read."""
+        """Reject a wrong factor before any picture is read."""
         self.target((1, 1))
 
     def pair(self) -> tuple[float, float]:
@@ -462,7 +462,7 @@ class BetweenProjections(Choices):
     ] = "0,0,0"
 
     def check(self) -> None:
-        """Refuse unknown projections, and a size or angles that are none."""
+        """Reject unknown projections, and invalid sizes or angles."""
         from resample import registry
 
         before, after, shape = self.given()
@@ -473,7 +473,7 @@ class BetweenProjections(Choices):
     def given(self) -> tuple[str, str, tuple[int, int]]:
         """Return both projections, and height and width of the target, px.
 
-        Raises ValueError: one is missing, or the size is none.
+        Raises ValueError: one is missing, or the size is invalid.
         """
         if self.before is None or self.after is None or self.size is None:
             options = {"--from": self.before, "--to": self.after, "--size": self.size}

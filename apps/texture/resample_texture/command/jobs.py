@@ -132,7 +132,7 @@ class Job:
     warping: PictureWarping
     options: WriteOptions
     roi: tuple[int, int, int, int] | None = None
-    told: set[str] = field(default_factory=set)  # what has been said
+    told: set[str] = field(default_factory=set)  # names of messages already given
 
     def opened(self, source: Place | Picture) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
         """Read a picture, return it, its target and its size; a JPEG only as large as is needed.
@@ -160,7 +160,7 @@ class Job:
         return reader.picture(), target, reader.shape
 
     def check_memory(self, source: Place | Picture, output: Path) -> None:
-        """Refuse a warp that does not fit into memory, before a file's pixels are read."""
+        """Reject a warp that does not fit into memory, before a file's pixels are read."""
         if isinstance(source, Picture):
             (height, width, count), kind = source.data.shape, source.kind
         else:
@@ -187,7 +187,7 @@ class Job:
         return warped(*given, keeps_gaps=gaps, adds_alpha=adds_alpha, bar=bar)
 
     def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
-        """Refuse an output file that could not be written, before any work is done."""
+        """Reject an output file that could not be written, before any work is done."""
         check_source(output, picture, self.options)
         is_open = self.warping.edge == "transparent" and not self.warping.total
         is_open = is_open and takes_alpha(output, self.options)
@@ -427,7 +427,7 @@ def palette_picture(
 
 
 def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:
-    """Write numbers with their palette; what is missing becomes transparent, if there is room."""
+    """Write numbers with their palette; missing ones become transparent, if there is room."""
     (data, _, about), is_png = picture, path.suffix.lower() == ".png"
     gaps = np.isnan(data[..., 0])
     missing = None if about.geo is None else about.geo.missing

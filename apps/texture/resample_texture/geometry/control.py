@@ -22,7 +22,7 @@ STRAIGHT = 1e-9  # share of the second axis of points in the first, of those on 
 KINDS = "thin-plate", "affine", "projective", "polynomial"
 STEP = 8.0  # px between nodes, at most
 SAFETY = 0.5  # of the allowed error, at places that are checked
-MOST_AT_ONCE = 1 << 20  # places that a function is asked for
+MOST_AT_ONCE = 1 << 20  # places per call of a function
 
 PlaceFunction = Callable[[Any, Any], Any]  # from x and y to x and y
 
@@ -75,7 +75,7 @@ def coarsely(
 
 
 def _cell(node: Doubles, place: Any) -> Any:
-    """Return the node before each place, of those that have one after them."""
+    """Return the node before each place; never the last node."""
     return np.clip(np.searchsorted(node, place, side="right") - 1, 0, node.size - 2)
 
 
@@ -201,7 +201,7 @@ def _points(given: ArrayLike, name: str) -> Doubles:
 
 
 def _check_count(points: Doubles, least: int, kind: str, name: str) -> None:
-    """Refuse points that are too few, or on a line."""
+    """Reject points that are too few, or on a line."""
     if len(points) < least:
         raise ValueError(f"{kind} needs {least} points or more, not {len(points)}")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)

@@ -50,10 +50,10 @@ class PictureProjection(Protocol):
     """How directions lie in a picture (height, width)."""
 
     def check(self, shape: tuple[int, int]) -> None:
-        """Refuse a size that the projection cannot have, by a `ValueError`."""
+        """Reject an impossible size by a `ValueError`."""
 
     def tiles(self, shape: tuple[int, int]) -> list[Tile]:
-        """Return the parts of the picture, each of which is smooth."""
+        """Return the smooth parts of the picture."""
 
     def shows(self, place: Doubles, shape: tuple[int, int]) -> NDArray[np.bool_]:
         """Whether places (..., 2) are of the picture, or beside it, as round a fisheye's circle."""
@@ -342,10 +342,10 @@ def rotation(turn: tuple[float, float, float]) -> Doubles:
 
 
 class SourceTile(NamedTuple):
-    """A part of a picture that goes on where its neighbours begin."""
+    """A part of a picture, continued into its neighbours."""
 
     image: NDArray[Any]
-    places: Callable[[Doubles], Doubles]  # in it of directions, and a bit beyond what it shows
+    places: Callable[[Doubles], Doubles]  # in it, of directions on it and a little beyond
     shows: Callable[[Doubles], NDArray[np.bool_]]  # whether it, not another part, shows directions
     is_endless: bool = False  # it repeats beyond its edges
 
@@ -400,7 +400,7 @@ def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:
     At the poles its rows have no direction.
     """
     height, width = image.shape[:2]
-    # Beyond a pole the picture goes on at the opposite longitude: one period has both.
+    # Beyond a pole the picture continues at the opposite longitude: one period has both.
     beyond = np.roll(image[::-1], width // 2, axis=1)
     join: Any = np.ma if isinstance(image, np.ma.MaskedArray) else np
     both, radius = join.concatenate([image, beyond]), min(radius, math.pi / 4)

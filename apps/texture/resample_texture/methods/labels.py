@@ -14,7 +14,7 @@ from resample_texture.geometry.mappings import (
     places_of,
     source_coordinates,
 )
-from resample_texture.geometry.shifts import Picks, nearest_texels
+from resample_texture.geometry.regions import Picks, nearest_texels
 from resample_texture.texels.encoding import missing_in, unmasked
 from resample_texture.types import Edge, Warped
 

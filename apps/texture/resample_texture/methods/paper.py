@@ -23,7 +23,7 @@ from resample.hybrid.splats import FLAT_TABLES
 from resample.messages import number
 from resample.types import Doubles, Floats, Records
 from resample_texture.geometry.mappings import ForwardMap, Geometry
-from resample_texture.geometry.shifts import texels_at
+from resample_texture.geometry.regions import texels_at
 from resample_texture.texels.forward import (
     FARTHEST,
     check_texels,

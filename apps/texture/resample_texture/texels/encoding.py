@@ -15,7 +15,7 @@ pixel averages is light. So a pixel hardly longer than a texel is interpolated i
 
 import dataclasses
 import math
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -315,7 +315,7 @@ def has_straight_alpha(planes: NDArray[Any], alpha: AnyAlpha | None) -> bool:
 
 
 def check_picture(image: NDArray[Any]) -> None:
-    """Refuse arrays that are not pictures of a known type."""
+    """Reject arrays that are not pictures of a known type."""
     if image.dtype.name not in DTYPES:
         raise ValueError(f"a picture's type is one of {', '.join(DTYPES)}, not {image.dtype}")
     if image.ndim not in (2, 3) or 0 in image.shape:
@@ -482,6 +482,14 @@ def in_levels(method: Method) -> Method:
     if hasattr(method, "in_levels"):
         levels: Method = method.in_levels
         return levels
+    try:
+        return _with_limits_of_levels(method)
+    except TypeError:  # a plugin's options that cannot be hashed
+        return _with_limits_of_levels.__wrapped__(method)
+
+
+@lru_cache(maxsize=16)
+def _with_limits_of_levels(method: Method) -> Method:
     interpolation = getattr(method, "interpolation", None)
     if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):
         return method

@@ -25,7 +25,7 @@ from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, taps
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
-from resample_texture.geometry import shifts
+from resample_texture.geometry import regions
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.texels.kernels.blocks import (
     CUT,
@@ -191,7 +191,7 @@ def blocks_of(
     if isinstance(geometry, ForwardMap):
         if geometry.x.shape != source_shape:
             raise ValueError(f"a map of {geometry.x.shape} does not fit a source of {source_shape}")
-        # Refuse texels that are stretched too far to be drawn.
+        # Reject texels that are stretched too far to be drawn.
         for places in (geometry.x, geometry.y):
             if np.abs(places).max(initial=0.0, where=np.isfinite(places)) <= MOST_APART / 2:
                 continue
@@ -217,7 +217,7 @@ def blocks_of(
 def split(
     matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: CellGrid
 ) -> tuple[Integers, Integers]:
-    """Split a plane into blocks; parameters and result as of `split_plane`."""
+    """Split a plane into blocks, see `split_plane`; reject a plane without end."""
     axes, bounds, is_whole = split_plane(
         matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest
     )
@@ -272,7 +272,7 @@ def _roots(
 
 
 def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
-    """Refuse to draw a continued source texel by texel if too much of it is visible."""
+    """Reject to draw a continued source texel by texel if too much of it is visible."""
     x, y = polygon.T
     area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
     if area > max(MOST_TEXELS, source_shape[0] * source_shape[1]):
@@ -603,7 +603,7 @@ def _read(axis: Integers, size: int, edge: Edge, reach: int) -> Integers:
 def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
     """Return the texels that filters read at indices within and beyond the source."""
     continued = Edge.MIRROR if edge is Edge.TRANSPARENT else edge
-    return shifts.texels_at(index, size, continued)[0]
+    return regions.texels_at(index, size, continued)[0]
 
 
 class SourcePart(NamedTuple):
@@ -631,7 +631,7 @@ class Sides(NamedTuple):
         return self.down[1] - self.down[0], self.across[1] - self.across[0]
 
     def plate(self, flat: Floats, part: "Sides", channels: int) -> Plate:
-        """Return a plate of the rectangle, of which only a part is stored."""
+        """Return a plate of the rectangle, with only a part of it stored."""
         (left, _), (top, _) = self
         columns = part.shape[1]
         before = ((part.down[0] - top) * columns + part.across[0] - left) * channels
@@ -710,7 +710,7 @@ def _continued(source: SourcePart, sides: Sides, edge: Edge, spare: int = 0) -> 
         return flat
     count = rows.size * columns.size * channels
     plane = flat[:count].reshape(rows.size, columns.size, channels)
-    # Copy what is stored as it is, and texel by texel what continues it.
+    # Copy the stored part at once, and its continuation texel by texel.
     down, across = _straight(rows), _straight(columns)
     plane[down, across] = source.texels[_of(rows, down), _of(columns, across)]
     for part in (slice(0, down.start), slice(down.stop, rows.size)):

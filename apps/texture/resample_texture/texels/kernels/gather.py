@@ -1,4 +1,4 @@
-"""Pixels that gather: where they lie in a source, on a plane or by a map, and what they read.
+"""Gathering pixels: their places in a source, on a plane or by a map, and the values there.
 
 Under filters other than the area, a pixel of a map is cut into so many parts that neither pixels
 nor texels are skipped; each part reads the source where the map, linear between pixel centers,

@@ -1,4 +1,4 @@
-"""Blocks of texels as parts of a source: where cells fall on screen, and what they add.
+"""Blocks of texels as parts of a source: placing their cells on screen, and adding them to pixels.
 
 Places are in pixels from the top left corner of the block's own pixels.
 For the area filter a cell is a box as wide as its projection along x and y (√(a² + b²) of its two

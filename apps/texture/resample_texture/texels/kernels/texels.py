@@ -22,7 +22,7 @@ class Extract(NamedTuple):
     width: int
     top: int = 0  # row and column at which the part begins
     left: int = 0
-    joined: int = 1  # rows of the source of which each row of the part is the sum
+    joined: int = 1  # rows of the source summed in each row of the part
 
 
 @inner_kernel
@@ -325,7 +325,7 @@ def extents(block: Integers, axis: int) -> tuple[float, float]:
 
 @inner_kernel
 def texels_along(block: Integers, axis: int) -> int:
-    """Texels of a block along an axis, or groups of those that are joined."""
+    """Texels, or groups of joined texels, of a block along an axis."""
     return int(block[axis, LENGTH] >> block[axis, LEVEL])
 
 
