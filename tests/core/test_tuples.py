@@ -9,7 +9,7 @@ from resample import registry
 from resample.cameras.viewpoints import orbit_of, viewpoint_of
 from resample.command.flags import ANGLES, OptionTopic, about
 from resample.messages import choices_in, numbers_in
-from resample_texture.command.everyday import BetweenProjections
+from resample_texture.command.choices import BetweenProjections
 from resample_volume import Volume, load_transfer
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.command.multivolume import _other

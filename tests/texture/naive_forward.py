@@ -12,7 +12,7 @@ import numpy as np
 from resample.profiles.filters import Area
 from resample.profiles.interpolation import prefilter
 from resample_texture.geometry.mappings import Homography
-from resample_texture.texels.forward import blocks_of, moved, oriented, widened
+from resample_texture.texels.forward import blocks_of, moved, widened
 from resample_texture.types import Edge
 
 
@@ -49,7 +49,7 @@ def placed_on_plane(geometry, source_shape):
     """Function that gives a source point's place and how far one texel along u and v reaches."""
 
     def place(u, v):
-        matrix = oriented(geometry, source_shape)
+        matrix = geometry.normalized(source_shape)
         x, y, d = matrix @ [u, v, 1.0]
         x, y = x / d, y / d
         steps = [
@@ -170,7 +170,7 @@ def finished(sums, geometry, source_shape, edge, cells):
 
 def shows(geometry, source_shape, edge, x, y):
     """Whether a point of the screen sees the source, or what continues it."""
-    u, v, front = np.linalg.inv(oriented(geometry, source_shape)) @ [x, y, 1.0]
+    u, v, front = np.linalg.inv(geometry.normalized(source_shape)) @ [x, y, 1.0]
     if front <= 0:
         return False
     inside = 0 < u < source_shape[1] * front and 0 < v < source_shape[0] * front

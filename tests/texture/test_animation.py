@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample_comparisons.texture.opencv import InterLinear
-from resample_texture.command.animation import FlightOptions, Flyover, frame, shots, with_alpha
+from resample_texture.command.rendering import FlightOptions, Flyover, frame, shots, with_alpha
 
 SMALL = (24, 40)
 SKY = FlightOptions(InterLinear(), background=(0.0, 0.0, 1.0))

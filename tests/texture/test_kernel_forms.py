@@ -15,7 +15,7 @@ from resample_texture.texels.kernels.blocks import (
     view_bounds,
     view_bounds_of,
 )
-from resample_texture.texels.kernels.painting import paint_blocks
+from resample_texture.texels.kernels.placing import paint_blocks
 from resample_texture.texels.kernels.splats import blocks_on_map, blocks_on_plane, splat_blocks
 from resample_texture.texels.splatting import Splatting
 from resample_texture.types import Edge

@@ -147,7 +147,7 @@ def test_a_map_whose_pixels_lie_within_the_picture_leaves_none_open(bounds, is_w
         asked = SimpleNamespace(
             form=SimpleNamespace(shape=(*SHAPE, 3)),
             method=SimpleNamespace(visible_tiles=lambda *_: tiles),
-            _part=lambda *_, x=x: (BackwardMap(x, place), (2, 3), None),
+            _drawing=lambda *_, x=x: ((None, BackwardMap(x, place), (2, 3)), None),
         )
         assert rendering.Large._covers_all(asked, 0, 2) is expected
 

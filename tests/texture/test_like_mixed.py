@@ -11,7 +11,7 @@ from conftest import real
 from resample_texture import Homography
 from resample_texture.like import common, ndimage, opencv
 from resample_texture.texels.gather import places_of
-from resample_texture.texels.kernels.mixing import put_shares
+from resample_texture.texels.kernels.gather import put_shares
 
 SHAPE = (150, 170)
 TILE = common.TILE

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample_texture.geometry.shifts import picks_of_move, whole_move
+from resample_texture.geometry.regions import picks_of_move, whole_move
 from resample_texture.types import Edge, Warped
 from resample_texture.warping import warp
 

@@ -7,7 +7,7 @@ from resample_texture import Homography, drawing, warp
 from resample_texture.arguments import geometry_of, method_named
 from resample_texture.geometry.mappings import BackwardMap
 from resample_texture.geometry.matrices import turning
-from resample_texture.geometry.windows import Rect, windows_of
+from resample_texture.geometry.regions import Rect, windows_of
 from resample_texture.types import Edge
 
 SIZE, SHAPE = (450, 630), (420, 570)

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from os import PathLike
 from typing import Any, Literal, NamedTuple
 
@@ -32,8 +33,8 @@ MARGIN = 3  # px of a map around a region, beyond the filter, from which pixel s
 REFLECT_101 = "reflect-101"  # as `mirror`, about the outermost texels' centers: d c b | a b c d
 
 Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in the source
-MOST_CHANNELS = 15  # of an array of which nothing says what its last axis is
-MOST_COLORS = 4  # channels of which a picture is likelier than a stack of frames so narrow
+MOST_CHANNELS = 15  # of an array whose last axis is not named
+MOST_COLORS = 4  # so many numbers are likelier channels than columns of narrow frames
 CHANNELS: Literal[-1] = -1
 Fit = Literal["contain", "cover", "stretch", "pad"]
 AnySize = tuple[int, int] | int | float  # height and width; longer side; share
@@ -171,7 +172,7 @@ def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]
 
 
 def check_shape(shape: tuple[int, int]) -> None:
-    """Refuse a height and width that no target can have."""
+    """Reject an impossible height and width of a target."""
     height, width = shape
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
         raise ValueError(
@@ -189,7 +190,7 @@ def adds(method: Method) -> bool:
 
 
 def check_sums(dtype: np.dtype[Any], method: Method) -> None:
-    """Refuse sums of types that do not hold them."""
+    """Reject sums of whole numbers, whose types do not hold them."""
     if dtype.kind in "bui" and adds(method):
         raise ValueError(f"sums do not fit {dtype}; give floats: image.astype('float32')")
 
@@ -248,7 +249,7 @@ def warn_if_unknown(image: NDArray[Any]) -> None:
 
 
 def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) -> None:
-    """Refuse an `out` array that does not fit the result."""
+    """Reject an `out` array that does not fit the result."""
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != image.dtype:
         given = f"{out.dtype} of {out.shape}" if isinstance(out, np.ndarray) else repr(type(out))
         raise ValueError(f"out is {given}; the result is {image.dtype} of {shape}")
@@ -258,9 +259,15 @@ def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) ->
         raise ValueError("out is read-only; give an array that can be written")
 
 
+@lru_cache(maxsize=16)
+def _method(name: str) -> Any:
+    """Return a plugin by name, made once: methods do not change."""
+    return registry.build("methods", name)
+
+
 def method_named(method: str | Method, **choices: Any) -> Method:
     """Return a method by name, with the given choices."""
-    chosen: Any = registry.build("methods", method) if isinstance(method, str) else method
+    chosen: Any = _method(method) if isinstance(method, str) else method
     if not callable(chosen):
         raise TypeError(f"method {shortly(method)}; give a name or an object that warps")
     made = {name: value for name, value in choices.items() if value is not None}
@@ -273,7 +280,7 @@ def method_named(method: str | Method, **choices: Any) -> Method:
 
 
 class GivenPictures(NamedTuple):
-    """A picture, or a stack of them, and what is known of it."""
+    """A picture, or a stack of them, its axis and whether it is encoded."""
 
     values: NDArray[Any]  # (H, W) or (H, W, C), or (N, ...) of them
     is_encoded: bool | None  # whether its file says that levels are sRGB-encoded
@@ -285,7 +292,7 @@ class GivenPictures(NamedTuple):
         return self.axis == FRAMES
 
     def check_alone(self, name: str) -> None:
-        """Refuse a stack where one picture is taken."""
+        """Reject a stack of pictures."""
         if self.is_stack:
             raise ValueError(f"{name} is of one picture, not of a stack {self.values.shape}")
 
@@ -300,7 +307,9 @@ def given_pictures(
     given: Any, axis: AnyAxis | None = None, matrices: int | None = None, kinds: str = "biufc"
 ) -> GivenPictures:
     """Read what `warp` takes as a picture or a stack; see `axis_of`."""
-    values, is_encoded = picture_and_encoding(given, kinds=kinds)
+    values, is_encoded = given, None
+    if type(given) not in (np.ndarray, np.ma.MaskedArray) or given.dtype.kind not in kinds:
+        values, is_encoded = picture_and_encoding(given, kinds=kinds)
     is_named = isinstance(given, str | PathLike | Address) or hasattr(given, "dims")
     if is_named and axis is None and values.ndim == 3:
         axis = CHANNELS  # files and names of dimensions say so
@@ -325,26 +334,26 @@ def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None
         raise ValueError(f"axis {axis} of {shape}; leave that out, its dimensions say enough")
     if image.ndim == 2:
         return None
-    found = _guessed(shape, matrices) if axis is None else axis
+    found = axis
+    if axis is None:
+        rows, columns, channels = shape[-3:]
+        is_narrow, is_one = channels <= MOST_CHANNELS, image.ndim == 3
+        has_each = matrices == shape[0]
+        if is_one and has_each and not is_narrow:
+            found = FRAMES
+        elif is_narrow and (not is_one or not has_each or channels <= MOST_COLORS):
+            found = CHANNELS if is_one else FRAMES
+        else:
+            told = "" if matrices is None else f", with {matrices} matrices,"
+            kinds = "axis=-1 if so, axis=0 if it is a stack (N, H, W)" if is_one else "axis=0 if so"
+            raise ValueError(
+                f"{shape}{told} would be {rows} rows of {columns} pixels with {channels} channels"
+                f" each; give {kinds}, or, of channels first,"
+                f" numpy.moveaxis(image, {image.ndim - 3}, -1)"
+            )
     if found == FRAMES and matrices not in (None, shape[0]):
         raise ValueError(f"{matrices} matrices for {shape[0]} frames; give one, or one for each")
     return FRAMES if found == FRAMES else CHANNELS
-
-
-def _guessed(shape: tuple[int, ...], matrices: int | None) -> AnyAxis:
-    """Return the axis of an array of which nothing is said, or refuse it."""
-    rows, columns, channels = shape[-3:]
-    is_narrow, is_one, has_each = channels <= MOST_CHANNELS, len(shape) == 3, matrices == shape[0]
-    if is_one and has_each and not is_narrow:
-        return FRAMES
-    if is_narrow and (not is_one or not has_each or channels <= MOST_COLORS):
-        return CHANNELS if is_one else FRAMES
-    told = "" if matrices is None else f", with {matrices} matrices,"
-    kinds = "axis=-1 if so, axis=0 if it is a stack (N, H, W)" if is_one else "axis=0 if so"
-    raise ValueError(
-        f"{shape}{told} would be {rows} rows of {columns} pixels with {channels} channels each;"
-        f" give {kinds}, or, of channels first, numpy.moveaxis(image, {len(shape) - 3}, -1)"
-    )
 
 
 def matrices_in(given: Any, shape: tuple[int, int]) -> NDArray[Any] | None:
@@ -361,7 +370,7 @@ def matrices_in(given: Any, shape: tuple[int, int]) -> NDArray[Any] | None:
 
 
 def stacked(each: list[Warped], image: NDArray[Any]) -> Warped:
-    """Stack warped pictures; `image`: that they were."""
+    """Stack warped pictures; `image` tells whether they are masked."""
     images = [warped.image for warped in each]
     stack: NDArray[Any] = np.stack([np.ma.getdata(one) for one in images])
     if isinstance(image, np.ma.MaskedArray):
@@ -384,7 +393,20 @@ def resized(
     `size` and the others are as `resample_texture.resize` takes its shape and the others.
     """
     if box is not None:
-        left, top, right, bottom = _checked(box, source_shape, fit)
+        rows, columns = source_shape
+        sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
+        if len(sides) != 4 or not (
+            0 <= sides[0] < sides[2] <= columns and 0 <= sides[1] < sides[3] <= rows
+        ):
+            raise ValueError(
+                f"box {shortly(box)} of a picture of {columns} × {rows} px; give left, top, right"
+                " and bottom of a part of it"
+            )
+        if fit == "pad":
+            raise ValueError(
+                "pad fills up around whole pictures; leave box out, or cut it out first"
+            )
+        left, top, right, bottom = sides
         part = bottom - top, right - left
         placed, shape = resized(part, size, height=height, width=width, fit=fit)
         return Homography(placed.matrix @ [[1, 0, -left], [0, 1, -top], [0, 0, 1]]), shape
@@ -426,25 +448,6 @@ def _filled(
     rows, columns = source_shape
     down = _side("height", height, rows * (width or 0) / columns)
     return fit or "stretch", (down, _side("width", width, columns * (height or 0) / rows))
-
-
-def _checked(
-    box: Sequence[float], source_shape: tuple[float, float], fit: Fit | None
-) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom of a part of a picture (height, width)."""
-    sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
-    height, width = source_shape
-    if len(sides) != 4 or not (
-        0 <= sides[0] < sides[2] <= width and 0 <= sides[1] < sides[3] <= height
-    ):
-        raise ValueError(
-            f"box {shortly(box)} of a picture of {width} × {height} px; give left, top, right and"
-            " bottom of a part of it"
-        )
-    if fit == "pad":
-        raise ValueError("pad fills up around whole pictures; leave box out, or cut it out first")
-    left, top, right, bottom = sides
-    return left, top, right, bottom
 
 
 def _side(name: str, given: int | None, following: float) -> int:

@@ -7,7 +7,6 @@ assigned slices.
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from typing import Any, NamedTuple, Unpack
@@ -34,8 +33,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.drawing import MOST_IN_WINDOW, Drawing, drawn, drawn_in_parts, parts_of
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import whole_move
-from resample_texture.geometry.windows import Rect, windows_of
+from resample_texture.geometry.regions import Rect, whole_move, windows_of
 from resample_texture.types import (
     FRAMES,
     AnyEdge,
@@ -138,7 +136,12 @@ def warp_chunks(
     shape = whole_pair(shape, "height", "width")
     if out is not None and tuple(out.shape) != (*shape, *kept.shape[2:]):
         raise ValueError(f"out is of {tuple(out.shape)}; the result is {(*shape, *kept.shape[2:])}")
-    sides = _sides(side, out)
+    if side is None:
+        chunks = getattr(out, "shards", None) or getattr(out, "chunks", None)
+        side = chunks[:2] if chunks and isinstance(chunks[0], int) else SIDE
+    sides = whole_pair((side, side) if isinstance(side, int) else side, "height", "width")
+    if min(sides) < 1:
+        raise ValueError(f"chunks of {sides[0]} × {sides[1]} px; give 1 px or more")
     check_shape(shape)
     border = edge_named(edge)
     if border == REFLECT_101:
@@ -154,7 +157,24 @@ def warp_chunks(
     is_partly, boxes = _is_read_in_parts(kept, way), boxes_of(shape, sides)
     chunk = partial(_chunk, way=way, is_partly=is_partly)
     if out is None:
-        return _lazy(source, kept, boxes, chunk)
+        try:
+            dask: Any = import_module("dask")
+            import_module("dask.array")
+        except ImportError as error:
+            raise ValueError(
+                f"without out the result is a dask array, and {error.name} is not installed: "
+                "pip install 'hybrid-resample[dist]'"
+            ) from None
+        given = source if dask.is_dask_collection(source) else dask.delayed(source, traverse=False)
+        made: dict[int, list[Any]] = defaultdict(list)  # by first row
+        for box in boxes:
+            one = chunk(box)
+            seen = one.bounds(kept)
+            block = dask.delayed(one.load)(given[seen.part], seen, kept.shape)
+            form = *(side.stop - side.start for side in box), *kept.shape[2:]
+            made[box[0].start].append(dask.array.from_delayed(block, form, kept.dtype))
+        rows = [dask.array.concatenate(row, axis=1) for row in made.values()]
+        return dask.array.concatenate(rows, axis=0)
     shown: Any = kept if is_partly else kept.whole()
     for box in boxes:
         out[box] = chunk(box).paint(shown).image
@@ -186,8 +206,15 @@ class _Chunk(NamedTuple):
         return self.paint(source).image
 
     def paint(self, source: Any) -> Warped:
-        """Warp it from a source, of which it reads its part."""
-        warped = _drawn(source, self.drawing)
+        """Warp it from the part of a stored source that it shows, or from one in memory."""
+        parts = None
+        if isinstance(source, _LazyPicture):
+            parts = parts_of(source, self.drawing)
+            source = source if parts else source.whole()
+        if parts is None:
+            warped = drawn(source, self.drawing)
+        else:
+            warped = drawn_in_parts(source, self.drawing, parts)
         return type(warped)(warped.image[self.part], warped.coverage[self.part])
 
 
@@ -197,40 +224,6 @@ def _chunk(box: Box, way: Drawing, is_partly: bool) -> _Chunk:
     roi = columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
     geometry, form, part = within(way.geometry, way.shape, roi, way.method)
     return _Chunk(way._replace(geometry=geometry, shape=form), part, is_partly)
-
-
-def _lazy(stored: Any, kept: _LazyPicture, boxes: list[Box], chunk: Callable[[Box], _Chunk]) -> Any:
-    """Return the target as a dask array, whose chunks depend on the parts they show."""
-    try:
-        dask: Any = import_module("dask")
-        import_module("dask.array")
-    except ImportError as error:
-        raise ValueError(
-            f"without out the result is a dask array, and {error.name} is not installed: "
-            "pip install 'hybrid-resample[dist]'"
-        ) from None
-    given = stored if dask.is_dask_collection(stored) else dask.delayed(stored, traverse=False)
-    made: dict[int, list[Any]] = defaultdict(list)  # by first row
-    for box in boxes:
-        one = chunk(box)
-        seen = one.bounds(kept)
-        block = dask.delayed(one.load)(given[seen.part], seen, kept.shape)
-        form = *(side.stop - side.start for side in box), *kept.shape[2:]
-        made[box[0].start].append(dask.array.from_delayed(block, form, kept.dtype))
-    rows = [dask.array.concatenate(row, axis=1) for row in made.values()]
-    return dask.array.concatenate(rows, axis=0)
-
-
-def _sides(given: int | tuple[int, int] | None, out: Any) -> tuple[int, int]:
-    """Return height and width of chunks."""
-    if given is None:
-        chunks = getattr(out, "shards", None) or getattr(out, "chunks", None)
-        given = chunks[:2] if chunks and isinstance(chunks[0], int) else SIDE
-    sides = (given, given) if isinstance(given, int) else given
-    height, width = whole_pair(sides, "height", "width")
-    if min(height, width) < 1:
-        raise ValueError(f"chunks of {height} × {width} px; give 1 px or more")
-    return height, width
 
 
 def _is_read_in_parts(source: _LazyPicture, way: Drawing) -> bool:
@@ -243,12 +236,3 @@ def _is_read_in_parts(source: _LazyPicture, way: Drawing) -> bool:
     if isinstance(geometry, BackwardMap):
         return True
     return parts_of(source, way) is not None
-
-
-def _drawn(source: Any, drawing: Drawing) -> Warped:
-    """Draw one chunk from the part of a source that it shows, or from one in memory."""
-    parts = None
-    if isinstance(source, _LazyPicture):
-        parts = parts_of(source, drawing)
-        source = source if parts else source.whole()
-    return drawn(source, drawing) if parts is None else drawn_in_parts(source, drawing, parts)

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, Any, Literal, NoReturn
 
 from cyclopts import Parameter
 
@@ -13,14 +13,21 @@ from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width
 from resample.command.settings_files import with_settings
+from resample.files.stores.opening import Place
 from resample.lazy import installed_version
-from resample_texture.command import everyday
 from resample_texture.command.choices import (
     Besides,
+    BetweenProjections,
     Edges,
+    Factor,
     Filling,
+    NewSize,
     Picture,
+    PictureFiltering,
     PictureWarping,
+    Reports,
+    Rotation,
+    Undistortion,
     WarpGeometry,
 )
 
@@ -42,8 +49,29 @@ app.first = (
 )
 app.register_install_completion_command()
 
+Files = Annotated[
+    list[Picture],
+    Parameter(
+        help="Pictures, files of several pages, films, folders or quoted patterns such as "
+        '"photos/*.jpg", followed by the output unless --output names it.'
+    ),
+]
+Output = Annotated[
+    flags.OptionalOutput,
+    Parameter(
+        help="Written to: .png, .tif, .exr, .webp, .avif or .jpg; for several a folder, or a "
+        'quoted pattern such as "small/*.webp"; for pages and frames .tif, .gif, .webp, .apng or '
+        ".mp4. [default: the last of the files]"
+    ),
+]
+
 PLACE, WARPING, WRITTEN = WarpGeometry.usual(), PictureWarping.usual(), Written.usual()
-BESIDES, SERVING = Besides.usual(), Serving.usual()
+BESIDES, SERVING, NEW_SIZE = Besides.usual(), Serving.usual(), NewSize.usual()
+PROJECTING, FILTERING, REPORTS = (
+    BetweenProjections.usual(),
+    PictureFiltering.usual(),
+    Reports.usual(),
+)
 PAGE = Filling.usual()  # a page must not fade at the photo's edges
 FLOOR = "warp sample:bricks --corners 170,0,214,0,700,384,-316,384 --size 384"
 DEMO = {
@@ -55,10 +83,10 @@ DEMO = {
 
 @app.command
 def warp(
-    files: everyday.Files,
+    files: Files,
     /,
     *,
-    output: everyday.Output = None,
+    output: Output = None,
     place: Annotated[WarpGeometry, flags.Flat] = PLACE,
     warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
@@ -125,23 +153,146 @@ def view(
         show(lambda: picture_view(image, (place, warping)), page)
 
 
-for change in (
-    everyday.resize,
-    everyday.scale,
-    everyday.rotate,
-    everyday.undistort,
-    everyday.project,
-):
-    app.command(change)
+@app.command
+def resize(
+    files: Files,
+    /,
+    *,
+    output: Output = None,
+    new: Annotated[NewSize, flags.Flat] = NEW_SIZE,
+    warping: Annotated[Filling, flags.Flat] = PAGE,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    besides: Annotated[Besides, flags.Flat] = BESIDES,
+) -> None:
+    """Resize pictures; each fills its target exactly, or keeps its aspect by --fit.
+
+    For example:
+
+        resample-texture resize sample:bricks small.png --size 100
+        resample-texture resize sample:bricks half.jpg --size 50%
+        resample-texture resize sample:test-card wide.png --size 640x360 --fit cover
+    """
+    from resample_texture.command.jobs import warp_all
+
+    new.check()
+    warping = new.opened(warping)
+    warp_all(files, output, new.target, warping=warping, written=written, besides=besides)
+
+
+@app.command
+def scale(
+    files: Files,
+    /,
+    *,
+    output: Output = None,
+    by: Annotated[Factor, flags.Flat],
+    warping: Annotated[Filling, flags.Flat] = PAGE,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    besides: Annotated[Besides, flags.Flat] = BESIDES,
+) -> None:
+    """Scale pictures by an exact factor; their sizes are rounded to whole px.
+
+    For example:
+
+        resample-texture scale sample:bricks half.png --factor 0.5
+        resample-texture scale sample:bricks narrow.png --factor 0.5,1
+        resample-texture scale sample:test-card large.png --factor 2 --filter lanczos
+    """
+    from resample_texture.command.jobs import warp_all
+
+    by.check()
+    warp_all(files, output, by.target, warping=warping, written=written, besides=besides)
+
+
+@app.command
+def rotate(
+    files: Files,
+    /,
+    *,
+    output: Output = None,
+    turn: Annotated[Rotation, flags.Flat],
+    warping: Annotated[PictureWarping, flags.Flat] = WARPING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    besides: Annotated[Besides, flags.Flat] = BESIDES,
+) -> None:
+    """Rotate pictures about their center; multiples of 90 degrees copy pixels.
+
+    For example:
+
+        resample-texture rotate sample:bricks turned.png --degrees 30
+        resample-texture rotate sample:bricks upright.png --degrees 90
+        resample-texture rotate sample:bricks level.png --degrees -1.5 --keep-size
+    """
+    from resample_texture.command.jobs import warp_all
+
+    warp_all(files, output, turn.target, warping=warping, written=written, besides=besides)
+
+
+@app.command
+def undistort(
+    files: Files,
+    /,
+    *,
+    output: Output = None,
+    out_of: Annotated[Undistortion, flags.Flat],
+    warping: Annotated[PictureWarping, flags.Flat] = WARPING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    besides: Annotated[Besides, flags.Flat] = BESIDES,
+) -> None:
+    r"""Remove a lens's distortion from pictures and rectify them, or add it.
+
+    For example:
+
+        resample-texture undistort sample:bricks a.png \
+            --lens 400,400,256,256,-0.2,0,0,0
+        resample-texture undistort sample:bricks b.png --inverse \
+            --lens 400,400,256,256,-0.2,0,0,0
+        resample-texture undistort sample:bricks c.png --fisheye \
+            --lens 300,300,256,256,0,0,0,0
+    """
+    from resample_texture.command.jobs import warp_all
+
+    aim = out_of.aim()
+    warp_all(files, output, aim, warping=warping, written=written, besides=besides)
+
+
+@app.command
+def project(
+    files: Files,
+    /,
+    *,
+    output: Output = None,
+    projecting: Annotated[BetweenProjections, flags.Flat] = PROJECTING,
+    filtering: Annotated[PictureFiltering, flags.Flat] = FILTERING,
+    written: Annotated[Written, flags.Flat] = WRITTEN,
+    reports: Annotated[Reports, flags.Flat] = REPORTS,
+) -> None:
+    r"""Show pictures of one projection in another, without seams: panoramas, cube maps, fisheyes.
+
+    For example:
+
+        resample-texture project sample:bricks a.png --size 400 \
+            --from perspective:fov=90 --to fisheye:fov=90
+        resample-texture project sample:bricks b.png --size 640x480 --turn 30,10 \
+            --from fisheye:fov=180 --to perspective:fov=70
+        resample-texture project sample:bricks c.png --size 400x200 \
+            --from stereographic --to equirectangular
+    """
+    from resample_texture.command.jobs import warp_all
+
+    projecting.check()
+    warping = PictureWarping(**dict(filtering))
+    besides = Besides(**dict(reports))
+    warp_all(files, output, projecting.target, warping=warping, written=written, besides=besides)
 
 
 @app.command
 def rectify(
-    files: everyday.Files,
+    files: Files,
     /,
     *,
     corners: Annotated[str, OptionTopic.APPEARANCE, flags.Hyphen],
-    output: everyday.Output = None,
+    output: Output = None,
     size: flags.AppearanceFlag[str | None] = None,
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
@@ -203,10 +354,9 @@ def info(
     import json
 
     from resample.files.sequences import files_of
-    from resample_texture.command.facts import facts_in
 
     files = files_of(images)
-    told = [facts_in(file) for file in files]
+    told = [_facts(file) for file in files]
     if len(told) > 1:
         told = [{"file": str(file), **facts} for file, facts in zip(files, told, strict=True)]
     if as_json:
@@ -217,6 +367,39 @@ def info(
         for facts in told
     )
     sys.stdout.write("\n".join(tables))
+
+
+def _facts(path: Place) -> dict[str, Any]:
+    """Return what a file of one or more pictures says, as JSON values.
+
+    Raises ValueError, OSError: it cannot be read.
+    """
+    from resample.files.pictures import picture_at
+    from resample.files.sequences import frames_of
+
+    frames = frames_of(path)
+    facts: dict[str, Any] = {"kind": "picture"}
+    if frames is not None:
+        duration = round(sum(frames.seconds), 3)
+        facts = {"kind": "pictures", "count": len(frames.seconds), "seconds": duration}
+        facts["plays"] = frames.plays or "without end"
+        if frames.pages is None:
+            first = next(iter(frames.read())).data
+            return {**facts, "size": [first.shape[1], first.shape[0]]}
+    header = picture_at(path).header
+    kind, about = header.kind, header.about
+    meaning = "levels of displays" if kind.is_encoded else "linear light"
+    return {
+        **facts,
+        "size": [header.size[1], header.size[0]],
+        "channels": list(kind.channels),
+        "values": about.number or f"{kind.bits} bits",
+        "meaning": "numbers" if about.number else meaning,
+        "assumed": about.assumed or None,
+        "colors": about.colors or None,
+        "orientation": header.orientation,
+        "georeference": about.geo is not None and about.geo.has_place,
+    }
 
 
 @app.command
@@ -260,19 +443,18 @@ def animate(
     from resample.console import linear_color
     from resample.files.animations import check_film
     from resample.files.pictures import read_picture
-    from resample_texture.command import animation
-    from resample_texture.command.rendering import require_film
+    from resample_texture.command import rendering
     from resample_texture.types import AnyLight, Edge
 
-    flight = animation.Flyover(path, frames, height_and_width(size))
+    flight = rendering.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     check_film(output, fps)
-    require_film(image, flight.size)
+    rendering.require_film(image, flight.size)
     read = read_picture(image)
     light: AnyLight | None = "pixels" if read.kind.is_encoded else None
-    paint = animation.FlightOptions(registry.build("methods", method), Edge(edge), behind, light)
-    picture = animation.with_alpha(read.data)
-    write_shared(output, animation.shots(picture, flight, paint), fps=fps, resume=resume)
+    paint = rendering.FlightOptions(registry.build("methods", method), Edge(edge), behind, light)
+    picture = rendering.with_alpha(read.data)
+    write_shared(output, rendering.shots(picture, flight, paint), fps=fps, resume=resume)
 
 
 app.command(fetcher("resample_texture", "astronaut"))

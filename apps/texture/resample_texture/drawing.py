@@ -13,15 +13,18 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_texture.arguments import PREMULTIPLIED, REFLECT_101, adds, check_out, within
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.geometry.shifts import (
+from resample_texture.geometry.regions import (
     Picks,
+    PictureWindow,
+    VisibleTiles,
+    between,
     picks_of_move,
     texels_at,
     unfolded,
     whole_move,
     whole_shift,
+    windows_of,
 )
-from resample_texture.geometry.windows import PictureWindow, VisibleTiles, between, windows_of
 from resample_texture.texels.encoding import (
     LEAST,
     LEVELS,
@@ -34,20 +37,18 @@ from resample_texture.texels.encoding import (
     decoded,
     encoded,
     has_straight_alpha,
+    in_levels,
     kept,
+    light_for,
     masked,
     mended,
     missing_in,
-    parts_of_complex,
-    unmasked,
-)
-from resample_texture.texels.levels import (
-    in_levels,
-    light_for,
     mixed_light,
+    parts_of_complex,
     share_of_levels,
     spared,
     texels_in_levels,
+    unmasked,
 )
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped, WarpedMeans
 
@@ -73,7 +74,7 @@ class Drawing(NamedTuple):
     has_gaps: bool | None = None  # whether some values are not finite; None: unknown
     behind: NDArray[Any] | None = None  # (h, w, C) or (1, 1, C) background, of the source's type
     fill: Any = None  # value where nothing covers a pixel, others are means; None: premultiplied
-    linear_light: AnyLight | None = None  # as of `warp`, as is `alpha`
+    linear_light: AnyLight | None = None  # as `warp` takes it; likewise `alpha`
     alpha: AnyAlpha | None = None
 
     def stored(self, warped: Warped, encoding: Encoding, part: Any = np.s_[:, :]) -> Warped:
@@ -102,7 +103,10 @@ def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
         if drawing.fill is not None:
             return filled(moved, drawing.fill)
         if drawing.as_light:
-            return Warped(_as_light(moved.image, drawing), moved.coverage)
+            if moved.image.dtype.kind == "f":
+                return Warped(moved.image.astype(np.float32), moved.coverage)
+            choices: dict[str, Any] = {"linear_light": drawing.linear_light, "alpha": drawing.alpha}
+            return Warped(decoded(moved.image, **choices)[0], moved.coverage)
         return moved
     # Whether a picture is large enough to be drawn in parts, to save memory.
     channels = math.prod(image.shape[2:])
@@ -127,14 +131,6 @@ def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
     return drawing._replace(method=quick)
 
 
-def _as_light(image: NDArray[Any], drawing: Drawing) -> Floats:
-    """Return the light, in floats, of a picture of levels or of light."""
-    if image.dtype.kind == "f":
-        return image.astype(np.float32)
-    light, _ = decoded(image, linear_light=drawing.linear_light, alpha=drawing.alpha)
-    return light
-
-
 def _drawn_whole(image: NDArray[Any], drawing: Drawing) -> Warped:
     """Warp a picture without windows."""
     if image.dtype.kind == "c":
@@ -157,7 +153,7 @@ def _drawn_whole(image: NDArray[Any], drawing: Drawing) -> Warped:
 
 
 def _drawn_in_levels(image: NDArray[Any], drawing: Drawing, share: Floats) -> Warped:
-    """Warp levels, and light where pixels average it; see `resample_texture.texels.levels`."""
+    """Warp levels, and light where pixels average it; see `resample_texture.texels.encoding`."""
     texels, encoding = texels_in_levels(image, drawing.alpha)
     if image.dtype == np.uint8 and not encoding.is_straight and not drawing.as_light:
         share = spared(share, texels, drawing.geometry, drawing.shape)
@@ -175,7 +171,7 @@ def _drawn_in_levels(image: NDArray[Any], drawing: Drawing, share: Floats) -> Wa
     if not is_stored or encoding.gaps or drawing.as_light or drawing.behind is not None:
         warped = mixed_light(warped, averaged, share, encoding)
         return drawing.stored(warped, encoding.as_light() if drawing.as_light else encoding)
-    # Where levels alone fill a pixel, they are what is stored.
+    # Store levels as they are where they alone fill a pixel.
     made = drawing.stored(warped, encoding._replace(is_encoded=False))
     is_partly = (warped.coverage > 0.0) & (warped.coverage < 1.0)
     some = np.flatnonzero((share[..., 0] < 1.0) | is_partly)
@@ -299,8 +295,7 @@ def drawn_in_parts(image: Any, drawing: Drawing, parts: DrawnParts) -> Warped:
         wanted: Any = np.s_[...] if is_near is None else is_near[there]
         if is_near is not None and not wanted.any():
             continue
-        part, inner = _part_of(drawing, window, size)
-        seen = _window_of(window, image, drawing.edge)
+        seen, part, inner = _part_of(image, drawing, window)
         drawn = _drawn_whole(seen, part)
         result.image[there][wanted] = drawn.image[inner][wanted]
         result.coverage[there][wanted] = drawn.coverage[inner][wanted]
@@ -313,7 +308,13 @@ class _Read:
     def __init__(self, image: Any, drawing: Drawing) -> None:
         self.image, self.drawing = image, drawing
         self.channels = math.prod(image.shape[2:])
-        has_gaps = _has_gaps(image) if drawing.has_gaps is None else drawing.has_gaps
+        has_gaps = drawing.has_gaps
+        if has_gaps is None:  # look at all of it, some rows at a time
+            height, width = image.shape[:2]
+            ends = [*range(0, height, max(1, MOST_IN_WINDOW // math.prod(image.shape[1:]))), height]
+            has_gaps = image.dtype.kind == "f" and not all(
+                np.isfinite(image[slice(*rows), 0:width]).all() for rows in pairwise(ends)
+            )
         self.gaps = self.channels if has_gaps else 0
         self.is_in_levels = False  # whether texels are levels
 
@@ -363,51 +364,30 @@ def _stretches(places: Integers) -> Iterator[tuple[slice, slice]]:
         yield slice(start, start + last - first), slice(first, last)
 
 
-def _has_gaps(image: Any) -> bool:
-    """Whether a sliceable picture has values that are not finite."""
-    if image.dtype.kind != "f":
-        return False
-    step = max(1, MOST_IN_WINDOW // math.prod(image.shape[1:]))
-    height, width = image.shape[:2]
-    ends = [*range(0, height, step), height]
-    return not all(np.isfinite(image[slice(*rows), 0:width]).all() for rows in pairwise(ends))
-
-
 def _part_of(
-    drawing: Drawing, window: PictureWindow, size: tuple[int, int]
-) -> tuple[Drawing, tuple[slice, slice]]:
-    """Return the drawing for a window of the target, and the window's part of it."""
-    left, top, right, bottom = window.target
+    image: Any, drawing: Drawing, window: PictureWindow
+) -> tuple[NDArray[Any], Drawing, tuple[slice, slice]]:
+    """Return the part of a picture that a window shows, its drawing, and its part of that."""
+    size, (left, top, right, bottom) = (image.shape[0], image.shape[1]), window.target
     geometry, shape, inner = drawing.geometry, (bottom - top, right - left), np.s_[:, :]
     if isinstance(geometry, BackwardMap):
         roi = (left, top, right - left, bottom - top)
         geometry, shape, inner = within(geometry, drawing.shape, roi, drawing.method)
-    edge = drawing.edge if window.source.is_within(size) else Edge.CLAMP
+    assert not isinstance(geometry, ForwardMap)  # forward maps are not drawn in windows
     behind = drawing.behind
     if behind is not None and behind.shape[:2] != (1, 1):
         y, x = top - (inner[0].start or 0), left - (inner[1].start or 0)
         behind = behind[y : y + shape[0], x : x + shape[1]]
-    assert not isinstance(geometry, ForwardMap)  # forward maps are not drawn in windows
-    return drawing._replace(
-        geometry=between(geometry, window, size, drawing.shape),
-        shape=shape,
-        edge=edge,
-        behind=behind,
-    ), inner
-
-
-def _window_of(window: PictureWindow, image: Any, edge: str) -> NDArray[Any]:
-    """Return the part of a picture (H, W, ...), continued beyond its edges, for a window."""
-    size = image.shape[0], image.shape[1]
-    part: NDArray[Any]
+    part = drawing._replace(
+        geometry=between(geometry, window, size, drawing.shape), shape=shape, behind=behind
+    )
     if window.source.is_within(size):
-        part = image[window.source.part]
-        return part
+        return image[window.source.part], part, inner
+    # Continue the picture beyond its edges.
     left, top, right, bottom = window.source
-    rows, _ = texels_at(np.arange(top, bottom), size[0], Edge(edge))
-    columns, _ = texels_at(np.arange(left, right), size[1], Edge(edge))
-    part = image[rows[:, None], columns]
-    return part
+    rows, _ = texels_at(np.arange(top, bottom), size[0], Edge(drawing.edge))
+    columns, _ = texels_at(np.arange(left, right), size[1], Edge(drawing.edge))
+    return image[rows[:, None], columns], part._replace(edge=Edge.CLAMP), inner
 
 
 def continued(image: NDArray[Any], drawing: Drawing) -> tuple[NDArray[Any], Drawing]:

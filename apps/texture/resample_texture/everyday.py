@@ -30,7 +30,7 @@ from resample_texture.geometry.matrices import (
     turning,
 )
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
-from resample_texture.texels.levels import light_for
+from resample_texture.texels.encoding import light_for, masked
 from resample_texture.types import (
     AnyAlpha,
     AnyEdge,
@@ -267,7 +267,7 @@ def undistort(
 def _opened(
     image: Any, linear_light: AnyLight | None, choices: ResizeOptions
 ) -> tuple[GivenPictures, dict[str, Any]]:
-    """Return a picture or stack, and what its file says of light, as `warp` takes it."""
+    """Return a picture or stack, and options of its light and axis for `warp`."""
     picture = given_pictures(image, choices.pop("axis", None))
     is_linear = light_for(linear_light, picture.values.dtype, picture.is_encoded)
     return picture, {"linear_light": is_linear, "axis": picture.axis}
@@ -303,7 +303,7 @@ def project(
     Raises
     ------
     ValueError, LookupError
-        A size does not fit its projection, an angle is none, or as `warp` does.
+        A size does not fit its projection, an angle is not finite, or as `warp` does.
 
     Examples
     --------
@@ -338,33 +338,19 @@ def project(
         place = np.stack([x, y], axis=-1)
         ray = after.rays(place, shape, n) @ turned.T
         part = _drawn(picture, before, ray, choices)
-        made = _background(part, shape) if made is None else made
-        is_shown, here = (
-            after.shows(place[1:-1, 1:-1], shape),
-            np.s_[top : top + height, left : left + width],
-        )
+        if made is None:  # nothing yet, of the type and with the fill of the first part
+            is_measured = part.image.dtype.kind in "fc" and not part.is_premultiplied
+            form = (*shape, *part.image.shape[2:])
+            empty: NDArray[Any] = np.full(form, np.nan if is_measured else 0, part.image.dtype)
+            if isinstance(part.image, np.ma.MaskedArray):
+                empty = masked(empty, np.ones(form, np.bool_), part.image.fill_value)
+            made = type(part)(empty, np.zeros(shape, np.float32))
+        here = np.s_[top : top + height, left : left + width]
+        is_shown = after.shows(place[1:-1, 1:-1], shape)
         made.image[here][is_shown] = part.image[is_shown]
         made.coverage[here][is_shown] = part.coverage[is_shown]
     assert made is not None
     return made
-
-
-def _background(part: Warped, shape: tuple[int, int]) -> Warped:
-    """Return a picture of nothing, of the type and with the fill of a part."""
-    image = part.image
-    is_measured = image.dtype.kind in "fc" and not part.is_premultiplied
-    form = (*shape, *image.shape[2:])
-    empty: NDArray[Any] = np.full(form, np.nan if is_measured else 0, image.dtype)
-    if isinstance(image, np.ma.MaskedArray):
-        empty = np.ma.MaskedArray(empty, np.ones(form, np.bool_), fill_value=image.fill_value)
-    return type(part)(empty, np.zeros(shape, np.float32))
-
-
-def _step(ray: NDArray[Any]) -> float:
-    """Angle between neighbouring directions (h, w, 3), rad, at most."""
-    unit = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
-    steps = [np.linalg.norm(np.diff(unit, axis=axis), axis=-1) for axis in (0, 1)]
-    return max(float(np.nanmax(step, initial=0.0)) for step in steps)
 
 
 def _drawn(
@@ -375,15 +361,18 @@ def _drawn(
 
     form, made = (ray.shape[0], ray.shape[1]), None
     inner, roi = np.s_[1:-1, 1:-1], (1, 1, form[1] - 2, form[0] - 2)
-    for image, places, shows, is_endless in source_tiles(picture, before, _step(ray)):
+    # The largest angle between neighbouring directions, rad.
+    unit = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+    steps = [np.linalg.norm(np.diff(unit, axis=axis), axis=-1) for axis in (0, 1)]
+    angle = max(float(np.nanmax(step, initial=0.0)) for step in steps)
+    for image, places, shows, is_endless in source_tiles(picture, before, angle):
         is_here = shows(ray)
         around = ndimage.binary_dilation(is_here, np.ones((3, 3), np.bool_))
         place = np.where(around[..., None], places(ray), np.nan)
         lookup = BackwardMap(place[..., 0], place[..., 1])
         edge: AnyEdge = "wrap" if is_endless else "transparent"
         part = warp(image, lookup, form, edge=edge, roi=roi, **choices)
-        if made is None:
-            made = part
+        made = part if made is None else made
         there = is_here[inner]
         made.image[there], made.coverage[there] = part.image[there], part.coverage[there]
     assert made is not None

@@ -31,8 +31,14 @@ from resample_texture.geometry.mappings import (
     Homography,
     source_coordinates,
 )
-from resample_texture.texels.encoding import Encoding, decoded
-from resample_texture.texels.levels import curved, light_for, mixed_light, texels_in_levels
+from resample_texture.texels.encoding import (
+    Encoding,
+    curved,
+    decoded,
+    light_for,
+    mixed_light,
+    texels_in_levels,
+)
 from resample_texture.types import (
     AnyAlpha,
     AnyAxis,
@@ -193,12 +199,25 @@ class PictureScene(AnyScene):
     def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
         """Sample a reduced level at every other pixel, and enlarge that to the target."""
         border = Edge.MIRROR if edge_named(edge) not in list(Edge) else Edge(edge)
-        small = -(-shape[0] // PER), -(-shape[1] // PER)
-        level = self._level(geometry, shape)
+        size, small = self.image.shape[:2], (-(-shape[0] // PER), -(-shape[1] // PER))
+        method, level = "hybrid", 0
+        if not isinstance(geometry, ForwardMap):  # which needs the texels themselves
+            # Take the level that has about one texel per pixel of the preview.
+            per = PER * _texels_per_pixel(geometry, shape, (size[0], size[1]))
+            most = int(math.log2(max(1, min(size))))
+            method, level = "bilinear", min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
         texels, encoding = self._texels(level)
-        method = method_named("hybrid" if isinstance(geometry, ForwardMap) else "bilinear")
-        drawing = Drawing(method, _shrunk(geometry, self._merged(level), small), small, border)
-        warped = run(drawing, texels)
+        # Lead from that level to the preview's pixels.
+        across, down = size[1] / texels.shape[1], size[0] / texels.shape[0]
+        if isinstance(geometry, Homography):
+            source, target = np.diag([across, down, 1.0]), np.diag([1 / PER, 1 / PER, 1.0])
+            geometry = dataclasses.replace(geometry, matrix=target @ geometry.matrix @ source)
+        elif isinstance(geometry, BackwardMap):
+            x, y = (_merged(places, small) for places in (geometry.x, geometry.y))
+            geometry = BackwardMap(x / across, y / down)
+        else:
+            geometry = ForwardMap(geometry.x / PER, geometry.y / PER)
+        warped = run(Drawing(method_named(method), geometry, small, border), texels)
         if self._is_in_levels:
             warped = mixed_light(warped, None, np.ones((1, 1, 1), np.float32), encoding)
         made = finished(warped, encoding)
@@ -225,19 +244,6 @@ class PictureScene(AnyScene):
             self._levels.append(texels)
         return self._levels[level], self._encoding
 
-    def _merged(self, level: int) -> tuple[float, float]:
-        """Return how many texels along x and y are one of a level."""
-        (height, width), texels = self.image.shape[:2], self._levels[level]
-        return width / texels.shape[1], height / texels.shape[0]
-
-    def _level(self, geometry: Geometry, shape: tuple[int, int]) -> int:
-        """Return the level that has about one texel per pixel of the preview."""
-        most = int(math.log2(max(1, min(self.image.shape[:2]))))
-        if isinstance(geometry, ForwardMap):  # forward maps need the texels themselves
-            return 0
-        per = PER * _texels_per_pixel(geometry, shape, (self.image.shape[0], self.image.shape[1]))
-        return min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
-
 
 def _texels_per_pixel(
     geometry: Homography | BackwardMap, shape: tuple[int, int], source_shape: tuple[int, int]
@@ -258,17 +264,6 @@ def _texels_per_pixel(
     area = np.abs(x_across * y_down - y_across * x_down)
     inside = np.isfinite(area) & (x > 0) & (x < source_shape[1]) & (y > 0) & (y < source_shape[0])
     return float(np.sqrt(np.median(area[inside]))) if inside.any() else 1.0
-
-
-def _shrunk(geometry: Geometry, merged: tuple[float, float], small: tuple[int, int]) -> Geometry:
-    """Return the geometry from a reduced level to the preview's pixels."""
-    across, down = merged
-    if isinstance(geometry, Homography):
-        source, target = np.diag([across, down, 1.0]), np.diag([1 / PER, 1 / PER, 1.0])
-        return dataclasses.replace(geometry, matrix=target @ geometry.matrix @ source)
-    if isinstance(geometry, BackwardMap):
-        return BackwardMap(_merged(geometry.x, small) / across, _merged(geometry.y, small) / down)
-    return ForwardMap(geometry.x / PER, geometry.y / PER)
 
 
 def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:

@@ -16,7 +16,7 @@ from resample.profiles.interpolation import Interpolation
 from resample.showable import Showable, array_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import Geometry
-from resample_texture.geometry.shifts import AnyEdge, Edge
+from resample_texture.geometry.regions import AnyEdge, Edge
 
 __all__ = [
     "AnyEdge",

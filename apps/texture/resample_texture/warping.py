@@ -38,7 +38,7 @@ from resample_texture.geometry.mappings import (
     points_along,
     points_back,
 )
-from resample_texture.texels.levels import light_for
+from resample_texture.texels.encoding import light_for
 from resample_texture.types import (
     FRAMES,
     AnyAlpha,

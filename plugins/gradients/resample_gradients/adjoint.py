@@ -23,10 +23,10 @@ from resample_texture.texels.forward import (
     needs_totals,
     spread_of,
     tap_table,
+    texels_at,
     widened,
 )
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.padding import texels_at
 from resample_texture.types import Edge
 
 BATCH = 1 << 24  # most numbers in the patches of a batch

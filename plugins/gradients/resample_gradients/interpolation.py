@@ -11,7 +11,7 @@ from resample.profiles.interpolation import Interpolation, prefilter
 from resample.profiles.memoization import once
 from resample.types import Doubles
 from resample_texture.arguments import REFLECT_101
-from resample_texture.texels.padding import texels_at
+from resample_texture.texels.forward import texels_at
 from resample_texture.types import Edge
 
 HIGHEST = 15  # degree of polynomials

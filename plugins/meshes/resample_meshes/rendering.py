@@ -40,8 +40,7 @@ from resample_meshes.kernels.surfaces import (
 )
 from resample_meshes.kernels.visibility import SubpixelGrid
 from resample_meshes.shapes import AlphaMode, Cover, Mesh, Pyramid
-from resample_texture.texels.forward import EDGES, tap_table
-from resample_texture.texels.padding import filtered
+from resample_texture.texels.forward import EDGES, filtered, tap_table
 from resample_texture.types import Edge
 
 MODES = {AlphaMode.OPAQUE: OPAQUE, AlphaMode.MASK: MASK, AlphaMode.BLEND: BLEND}

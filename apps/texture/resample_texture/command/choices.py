@@ -1,9 +1,10 @@
-"""Options of the command line for warps."""
+"""Options of the command line: targets, methods and outputs of warps."""
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter, Token
 from pydantic import Field
@@ -28,12 +29,20 @@ from resample.command.settings import (
     height_and_width,
 )
 from resample.files.stores import opening
+from resample.messages import numbers_in, parts_of
+
+if TYPE_CHECKING:
+    from resample_texture.arguments import AnySize
+    from resample_texture.command.rendering import Aim, PictureTarget
 
 INTERPOLATIONS = (
     "Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
     "bilinear, nearest, gaussian."
 )
 MATRIX = Inline(rule="resample_texture.geometry.matrices:is_file")
+PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
+SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
+Fit = Literal["contain", "cover", "stretch", "pad"]
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
@@ -108,7 +117,7 @@ class WarpGeometry(Choices):
     ] = None
 
     def check(self) -> None:
-        """Refuse a wrong target before any picture is read."""
+        """Reject a wrong target before any picture is read."""
         self.given()
         self.shape()
 
@@ -168,7 +177,7 @@ class PictureFiltering(Choices):
         return self.model_dump(include={"filter", "interpolation", "quality"})
 
     def check(self) -> None:
-        """Refuse unknown names before any work is done.
+        """Reject unknown names before any work is done.
 
         Raises ValueError, LookupError: a plugin is unknown or refuses its parameters.
         """
@@ -201,7 +210,7 @@ class Filling(PictureWarping):
 
 
 class Reports(Choices):
-    """Which files are written besides a picture."""
+    """Files written in addition to a picture."""
 
     heading: ClassVar[str] = "Further outputs"
     about: ClassVar[OptionTopic] = OptionTopic.TARGET
@@ -211,7 +220,7 @@ class Reports(Choices):
 
 
 class Besides(Reports):
-    """Which part of a warp is written, and which files besides it."""
+    """The part of a warp to write, and further files."""
 
     roi: Annotated[
         str | None,
@@ -232,3 +241,270 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
         raise ValueError(f"roi {text!r}; give left,top,width,height in whole px, such as 0,0,64,64")
     left, top, width, height = (int(number) for number in match.groups())
     return left, top, width, height
+
+
+class NewSize(Choices):
+    """The new size of a picture."""
+
+    heading: ClassVar[str] = "Target"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    size: Annotated[
+        str | None,
+        Field(
+            description="Size in px: 400 for the longer side, 640x480 for width and height; or of "
+            "the picture's: 50%, 0.5 or 2x. [default: that of --width and --height]"
+        ),
+    ] = None
+    fit: Annotated[
+        Fit | None,
+        Field(
+            description="How the picture is filled: contain, as large as the size holds; cover, "
+            "all of the size, and the rest is cut off; stretch; pad, contained and filled up with "
+            "transparency or --background. [default: contain for one number, stretch for two]"
+        ),
+    ] = None
+    width: Annotated[
+        int | None,
+        Field(
+            ge=1, description="Width in px, instead of a size. [default: follows from the height]"
+        ),
+    ] = None
+    height: Annotated[
+        int | None,
+        Field(
+            ge=1, description="Height in px, instead of a size. [default: follows from the width]"
+        ),
+    ] = None
+
+    box: Annotated[
+        str | None,
+        Hyphen,
+        Field(
+            description="Part of the picture to take: left,top,right,bottom in px. [default: all "
+            "of it]"
+        ),
+    ] = None
+
+    def check(self) -> None:
+        """Reject a wrong size before any picture is read."""
+        self.model_copy(update={"box": None}).target((1, 1))
+        self._part()
+
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+        """Return the target of a picture (height, width)."""
+        from resample_texture.arguments import resized
+        from resample_texture.command.rendering import PictureTarget
+
+        size = None if self.size is None else size_of(self.size)
+        sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
+        return PictureTarget(*resized(source_shape, size, **sides, box=self._part()))
+
+    def _part(self) -> list[float] | None:
+        return None if self.box is None else numbers_in("box", self.box)
+
+    def opened(self, warping: Filling) -> Filling:
+        """Return options with which padding shows nothing, unless an edge mode was given."""
+        is_open = self.fit == "pad" and "edge" not in warping.model_fields_set
+        return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
+
+
+class Factor(Choices):
+    """The factor by which a picture is scaled."""
+
+    heading: ClassVar[str] = "Target"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    factor: Annotated[
+        str, Hyphen, Field(description="For both sides, such as 0.5, or x,y, such as 0.5,0.25.")
+    ]
+
+    def check(self) -> None:
+        """Reject a wrong factor before any picture is read."""
+        self.target((1, 1))
+
+    def pair(self) -> tuple[float, float]:
+        """Factors along x and y.
+
+        Raises ValueError: these are not one or two numbers.
+        """
+        numbers = numbers_in("factor", self.factor)
+        if len(numbers) > 2:
+            raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
+        return numbers[0], numbers[-1]
+
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+        """Return the target of a picture (height, width)."""
+        from resample_texture.command.rendering import PictureTarget
+        from resample_texture.geometry.matrices import scaled_shape, scaling
+
+        factor = self.pair()
+        shape = scaled_shape(source_shape, factor)
+        return PictureTarget(scaling(factor), shape)
+
+
+class Rotation(Choices):
+    """The angle by which a picture is rotated."""
+
+    heading: ClassVar[str] = "Target"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    degrees: Annotated[
+        float,
+        Hyphen,
+        Field(allow_inf_nan=False, description="Counterclockwise; negative: clockwise."),
+    ]
+    expand: Annotated[
+        bool,
+        Parameter(negative="--keep-size"),
+        Field(description="Enlarge the result to hold the whole picture, or keep the size."),
+    ] = True
+
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+        """Return the target of a picture (height, width)."""
+        from resample_texture.command.rendering import PictureTarget
+        from resample_texture.geometry.matrices import turned_shape, turning
+
+        shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
+        return PictureTarget(turning(source_shape, self.degrees, shape), shape)
+
+
+class Undistortion(Choices):
+    """The lens whose distortion is removed, and the pinhole camera to rectify for."""
+
+    heading: ClassVar[str] = "Target"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    lens: Annotated[
+        str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
+    ]
+    fisheye: Annotated[
+        bool,
+        Switch,
+        Field(description="The lens is OpenCV's fisheye: fx,fy,cx,cy,k1,k2,k3,k4."),
+    ] = False
+    new_matrix: Annotated[
+        str | None,
+        MATRIX,
+        Hyphen,
+        Field(
+            description="Pinhole camera to rectify for: fx,fy,cx,cy, 9 numbers or a file. "
+            "[default: "
+            "the lens file's, or the lens's own matrix]"
+        ),
+    ] = None
+    rectify: Annotated[
+        str | None,
+        MATRIX,
+        Hyphen,
+        Field(
+            description="Rotation from the camera's axes to the pinhole's: 9 numbers or a file. "
+            "[default: that of the lens file, or none]"
+        ),
+    ] = None
+    inverse: Annotated[
+        bool,
+        Switch,
+        Field(description="Invert the mapping: add the distortion instead of removing it."),
+    ] = False
+    size: Annotated[str | None, Field(description=f"{SIZE} [default: the picture's]")] = None
+
+    def aim(self) -> "Aim":
+        """Return a function from a picture's height and width to its target.
+
+        Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
+        """
+        from resample_texture.command.rendering import calibrated, rectified
+
+        size = None if self.size is None else height_and_width(self.size)
+        calibration = calibrated(self.lens, self.new_matrix, self.rectify, fisheye=self.fisheye)
+        return lambda shape: rectified(calibration, size or shape, inverse=self.inverse)
+
+
+def size_of(text: str) -> "AnySize":
+    """Read a size: 400, 640x480, 50%, 0.5 or 2x."""
+    share = SHARE.fullmatch(text.strip())
+    if share is not None and (share[2] is not None or "." in share[1]):
+        return float(share[1]) / (100.0 if share[2] == "%" else 1.0)
+    if PIXELS.fullmatch(text.strip()) is None:
+        raise ValueError(f"size {text!r}; give 400, 640x480, 50%, 0.5 or 2x")
+    height, width = height_and_width(text)
+    return (height, width) if "x" in text.lower() else height
+
+
+class BetweenProjections(Choices):
+    """The projections of a picture and of its target."""
+
+    heading: ClassVar[str] = "Target"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    before: Annotated[
+        str | None,
+        Parameter(name="--from"),
+        Field(
+            description="What is given: the picture's projection, equirectangular, "
+            "cubemap:layout=row, fisheye:fov=180,model=equidistant, stereographic, cylindrical, "
+            "perspective:fov=90. [default: none; must be given]"
+        ),
+    ] = None
+    after: Annotated[
+        str | None,
+        Parameter(name="--to"),
+        Field(
+            description="Projection of the target, as for --from. [default: none; must be given]"
+        ),
+    ] = None
+    size: Annotated[str | None, Field(description=f"{SIZE} [default: none; must be given]")] = None
+    turn: Annotated[
+        str,
+        Hyphen,
+        Field(description="Turn the view right, up and clockwise by degrees: 30,10 or 30,10,5."),
+    ] = "0,0,0"
+
+    def check(self) -> None:
+        """Reject unknown projections, and invalid sizes or angles."""
+        from resample import registry
+
+        before, after, shape = self.given()
+        registry.check("projections", (before,))
+        registry.build("projections", after).check(shape)
+        self.angles()
+
+    def given(self) -> tuple[str, str, tuple[int, int]]:
+        """Return both projections, and height and width of the target, px.
+
+        Raises ValueError: one is missing, or the size is invalid.
+        """
+        if self.before is None or self.after is None or self.size is None:
+            options = {"--from": self.before, "--to": self.after, "--size": self.size}
+            missing = " and ".join(name for name, value in options.items() if value is None)
+            raise ValueError(f"give {missing}, too, such as --to perspective:fov=70 --size 640x480")
+        return self.before, self.after, height_and_width(self.size)
+
+    def angles(self) -> tuple[float, float, float]:
+        """Return the angles in degrees.
+
+        Raises ValueError: these are not two or three finite numbers.
+        """
+        from resample_texture.geometry.projections import rotation
+
+        try:
+            right, up, clockwise = (*map(float, parts_of(self.turn)), 0.0)[:3]
+            rotation((right, up, clockwise))
+        except ValueError:
+            complaint = f"turn {self.turn!r}; give degrees right,up or right,up,clockwise, 30,10,0"
+            raise ValueError(complaint) from None
+        return right, up, clockwise
+
+    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+        """Return the target of a picture (height, width)."""
+        from resample import registry
+        from resample_texture.command.rendering import PictureTarget
+        from resample_texture.everyday import project
+        from resample_texture.geometry.matrices import resizing
+
+        before, after, shape = self.given()
+        registry.build("projections", before).check(source_shape)
+        angles: dict[str, Any] = {"turn": self.angles()}
+        draws = partial(project, source=before, target=after, shape=shape, **angles)
+        return PictureTarget(resizing(source_shape, shape), shape, draws)

@@ -28,7 +28,6 @@ from resample.files.metadata.tags import PNG_START, Tag, read_tags
 from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import (
-    Frames,
     batch_of,
     check_frames,
     frames_of,
@@ -45,13 +44,11 @@ from resample_texture.arguments import method_named
 from resample_texture.command.choices import Besides, PictureWarping, region
 from resample_texture.command.rendering import (
     Aim,
-    Destination,
     Large,
     PictureTarget,
     check_memory,
     covers_all,
     large_picture,
-    report,
     warped,
 )
 from resample_texture.geometry.mappings import Homography
@@ -71,17 +68,6 @@ class Palette(NamedTuple):
 
     colors: NDArray[np.uint8]  # (N, 3) sRGB
     opacity: NDArray[np.uint8]  # (N,)
-
-    @property
-    def clear(self) -> int | None:
-        """Number of the first color that is transparent; None if all are visible."""
-        found = np.flatnonzero(self.opacity == 0)
-        return int(found[0]) if found.size else None
-
-    def with_clear(self) -> "Palette":
-        """Return a palette with one more color, which is transparent."""
-        colors = np.concatenate([self.colors, np.zeros((1, 3), np.uint8)])
-        return Palette(colors, np.append(self.opacity, np.uint8(0)))
 
 
 def has_palette(path: Path) -> bool:
@@ -146,7 +132,7 @@ class Job:
     warping: PictureWarping
     options: WriteOptions
     roi: tuple[int, int, int, int] | None = None
-    told: set[str] = field(default_factory=set)  # what has been said
+    told: set[str] = field(default_factory=set)  # names of messages already given
 
     def opened(self, source: Place | Picture) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
         """Read a picture, return it, its target and its size; a JPEG only as large as is needed.
@@ -174,7 +160,7 @@ class Job:
         return reader.picture(), target, reader.shape
 
     def check_memory(self, source: Place | Picture, output: Path) -> None:
-        """Refuse a warp that does not fit into memory, before a file's pixels are read."""
+        """Reject a warp that does not fit into memory, before a file's pixels are read."""
         if isinstance(source, Picture):
             (height, width, count), kind = source.data.shape, source.kind
         else:
@@ -201,7 +187,7 @@ class Job:
         return warped(*given, keeps_gaps=gaps, adds_alpha=adds_alpha, bar=bar)
 
     def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
-        """Refuse an output file that could not be written, before any work is done."""
+        """Reject an output file that could not be written, before any work is done."""
         check_source(output, picture, self.options)
         is_open = self.warping.edge == "transparent" and not self.warping.total
         is_open = is_open and takes_alpha(output, self.options)
@@ -219,6 +205,19 @@ class Job:
                 f"{source.name} has a palette, which becomes colors; --method majority or nearest "
                 "keeps it"
             )
+
+    def report(
+        self, session: Session, source: tuple[int, ...], result: tuple[int, ...], kind: Kind
+    ) -> dict[str, Any]:
+        """Return sizes and times for `--stats`; shapes are (height, width, ...)."""
+        return {
+            "source": [source[1], source[0]],
+            "size": [result[1], result[0]],
+            "channels": list(kind.channels),
+            "encoding": "sRGB" if kind.is_encoded else "linear",
+            "method": self.warping.method,
+            "seconds": session.times(),
+        }
 
 
 def warp_all(
@@ -304,26 +303,33 @@ def warp_file(
     """Warp the pictures of a file, with a progress bar or not; return what `--stats` writes."""
     frames = frames_of(source, job.warping.encoding)
     if frames is None:
-        bar = "warping" if shows else None
-        return _warp_picture(session, source, output, job, coverage, bar=bar)
+        return _warp_picture(session, source, output, job, coverage, "warping" if shows else None)
     if coverage is not None:
         raise ValueError(f"{source} has several pictures; --coverage works with one picture only")
     check_frames(output, frames, job.options)
     check_targets(output)
+
+    def pictures(progress: Progress | None) -> Iterator[Picture]:
+        for n, picture in enumerate(frames.read()):
+            if n == 0:
+                job.check_memory(picture, output)
+            result, _ = job.warped(session, *job.opened(picture)[:2], output, None)
+            if n == 0:
+                nans = bool(np.isnan(result.data).any())
+                _say_lost(picture.about, result.about, output, has_nans=nans)
+            if progress is not None:
+                progress(min(1.0, (n + 1) / len(frames.seconds)))
+            yield result
+
     with progress_bar("warping") if shows else nullcontext() as progress:
-        pictures = _warped_frames(session, frames, output, job, progress)
-        write_frames(output, pictures, frames, job.options)
+        write_frames(output, pictures(progress), frames, job.options)
     return {"frames": len(frames.seconds), "seconds": session.times()}
 
 
 def _warp_picture(
-    session: Session,
-    source: Place,
-    output: Path,
-    job: Job,
-    coverage: Path | None = None,
-    bar: str | None = None,
+    session: Session, source: Place, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
+    """Warp a picture whole, with its palette if that is kept, or strip by strip."""
     check_output(output, job.options, transparent=False)
     check_targets(output, coverage)
     with session.stage("read"):
@@ -331,7 +337,7 @@ def _warp_picture(
     if held is None:
         job.say_palette(source)
         with session.stage("read"):
-            written = Destination(output, job.options)
+            written = output, job.options
             large = large_picture(source, job.aim, job.warping, job.roi, written)
         if large is not None:
             return _warp_large(session, large, output, job, coverage, bar)
@@ -353,7 +359,7 @@ def _warp_picture(
             write_picture(coverage, coverage_picture(share), WriteOptions(is_light=False))
     tell_empty(output, not share.any())
     tell_unchanged(output, result, picture, "nothing is moved, turned or scaled")
-    told = report(session, size, result.data.shape, result.kind, job.warping)
+    told = job.report(session, size, result.data.shape, result.kind)
     return {**told, "channels": ["index"], "encoding": "palette"} if held else told
 
 
@@ -384,23 +390,7 @@ def _warp_large(
                 progress((done + strip.data.shape[0]) / height)
     _say_lost(loaded.about, large.about, output, has_nans=has_nans)
     tell_empty(output, is_empty)
-    return report(session, large.form.shape, (height, width), large.kind, job.warping)
-
-
-def _warped_frames(
-    session: Session, frames: Frames, output: Path, job: Job, progress: Progress | None
-) -> Iterator[Picture]:
-    """Yield the warped pictures of a file."""
-    for n, picture in enumerate(frames.read()):
-        if n == 0:
-            job.check_memory(picture, output)
-        result, _ = job.warped(session, *job.opened(picture)[:2], output, None)
-        if n == 0:
-            nans = bool(np.isnan(result.data).any())
-            _say_lost(picture.about, result.about, output, has_nans=nans)
-        if progress is not None:
-            progress(min(1.0, (n + 1) / len(frames.seconds)))
-        yield result
+    return job.report(session, large.form.shape, (height, width), large.kind)
 
 
 def _say_lost(about: FileMetadata, made: FileMetadata, output: Path, *, has_nans: bool) -> None:
@@ -437,13 +427,16 @@ def palette_picture(
 
 
 def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:
-    """Write numbers with their palette; what is missing becomes transparent, if there is room."""
+    """Write numbers with their palette; missing ones become transparent, if there is room."""
     (data, _, about), is_png = picture, path.suffix.lower() == ".png"
     gaps = np.isnan(data[..., 0])
     missing = None if about.geo is None else about.geo.missing
-    clear = palette.clear if missing is None else int(missing)
+    # Missing numbers become the first transparent color, or one that is added.
+    transparent = np.flatnonzero(palette.opacity == 0).tolist()
+    clear = next(iter(transparent), None) if missing is None else int(missing)
     if clear is None and gaps.any() and is_png and len(palette.colors) < MOST:
-        clear, palette = len(palette.colors), palette.with_clear()
+        clear, colors = len(palette.colors), [*palette.colors, np.zeros(3, np.uint8)]
+        palette = Palette(np.stack(colors), np.append(palette.opacity, np.uint8(0)))
     if clear is None and gaps.any():
         say(f"{path.name} has no color to spare for what is not covered: that is of color 0")
     index = np.where(gaps, clear or 0, np.nan_to_num(data[..., 0])).astype(np.uint8)

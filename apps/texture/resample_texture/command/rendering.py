@@ -1,4 +1,4 @@
-"""Warp a picture for the command line, in linear light or as encoded.
+"""Warp a picture for the command line, or fly over it, in linear light or as encoded.
 
 Pictures too large for memory as floats are kept as stored, and warped in strips.
 """
@@ -6,18 +6,21 @@ Pictures too large for memory as floats are kept as stored, and warped in strips
 import math
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from math import prod
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
+from resample.cameras.models import AnyCamera, Camera
+from resample.cameras.poses import look_at
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import OTHERS, Session, bytes_written, libraries, require_picture
 from resample.files import pictures
+from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.formats import WriteOptions, holds_missing, takes_alpha
 from resample.files.metadata.fields import FileMetadata
 from resample.files.metadata.geotiff import Geo, moved, unplaced
@@ -29,6 +32,7 @@ from resample.files.pictures import (
     form_of,
     loadable_picture,
 )
+from resample.files.saving import screen_levels
 from resample.files.stores.opening import Place
 from resample.memory import ALLOWED, GIB, require
 from resample.memory.mapped import pages_of
@@ -36,9 +40,10 @@ from resample.types import Floats
 from resample_texture.arguments import Places, geometry_of, method_named, within
 from resample_texture.command.choices import PictureWarping, WarpGeometry
 from resample_texture.drawing import Drawing, DrawnParts, drawn, parts_of
+from resample_texture.geometry.cameras import plane_homography
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.geometry.windows import Rect, windows_of
-from resample_texture.types import AnyLight, Edge, Warped
+from resample_texture.geometry.regions import Rect, windows_of
+from resample_texture.types import AnyLight, Edge, Method, Warped
 from resample_texture.warping import warp
 
 WHOLE = 1.0 - 1e-3  # coverage that counts as complete; float32 sums are off by 1e-4
@@ -134,7 +139,11 @@ def calibrated(
     calibration = read_calibration(lens, LensModel.FISHEYE if fisheye else None)
     if new_matrix is not None:
         with naming("--new-matrix"):
-            given = _four_of(new_matrix) or parse_matrix(new_matrix)
+            try:
+                numbers = [float(number) for number in new_matrix.replace(",", " ").split()]
+            except ValueError:  # a file
+                numbers = []
+            given = numbers if len(numbers) == 4 else parse_matrix(new_matrix)
             calibration = calibration._replace(pinhole=pinhole_of(given))
     if rotation is not None:
         with naming("--rectify"):
@@ -149,15 +158,6 @@ def rectified(calibration: Calibration, shape: tuple[int, int], *, inverse: bool
     camera, pinhole, rotation, _ = calibration
     places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
     return PictureTarget(places, shape)
-
-
-def _four_of(text: str) -> list[float] | None:
-    """Read fx, fy, cx, cy; None unless there are four numbers."""
-    try:
-        numbers = [float(number) for number in text.replace(",", " ").split()]
-    except ValueError:
-        return None
-    return numbers if len(numbers) == 4 else None
 
 
 def warped(
@@ -179,43 +179,27 @@ def warped(
     """
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = curved(picture, to_srgb) if as_encoded else picture.data
-    with session.stage("warp", bar=bar):
-        is_seen = picture.kind.is_encoded and not as_encoded
-        image, coverage = _drawn(source, target, choice, roi, "pixels" if is_seen else None)
-    is_whole = bool((coverage >= WHOLE).all())
-    gaps = {"keeps_gaps": keeps_gaps, "is_whole": is_whole, "adds_alpha": adds_alpha}
-    result = finished(image, coverage, picture.kind, choice, **gaps)
-    if as_encoded:
-        result = as_light(result)
-    about = picture.about._replace(geo=placed(picture.about.geo, target, roi))
-    return result._replace(about=about), coverage
-
-
-def _drawn(
-    source: Floats,
-    target: PictureTarget,
-    choice: PictureWarping,
-    roi: tuple[int, int, int, int] | None,
-    linear_light: AnyLight | None,
-) -> Warped:
-    """Return texels as the target shows them."""
     filtering: dict[str, Any] = {
         **choice.sampling,
         "method": choice.method,
         "fill": "premultiplied",
         "axis": -1,
-        "linear_light": linear_light,
+        "linear_light": "pixels" if picture.kind.is_encoded and not as_encoded else None,
         "threads": choice.threads,
     }
-    if target.draws is not None:
-        return target.draws(source, **filtering)
-    place: dict[str, Any] = {"edge": choice.edge, "total": choice.total or None, "roi": roi}
-    return warp(source, target.geometry, target.shape, **filtering, **place)
-
-
-def as_light(picture: Picture) -> Picture:
-    """Convert a picture of encoded values to linear light."""
-    return picture._replace(data=curved(picture, from_srgb))
+    with session.stage("warp", bar=bar):
+        if target.draws is not None:
+            image, coverage = target.draws(source, **filtering)
+        else:
+            place: dict[str, Any] = {"edge": choice.edge, "total": choice.total or None, "roi": roi}
+            image, coverage = warp(source, target.geometry, target.shape, **filtering, **place)
+    is_whole = bool((coverage >= WHOLE).all())
+    gaps = {"keeps_gaps": keeps_gaps, "is_whole": is_whole, "adds_alpha": adds_alpha}
+    result = finished(image, coverage, picture.kind, choice, **gaps)
+    if as_encoded:
+        result = result._replace(data=curved(result, from_srgb))
+    about = picture.about._replace(geo=placed(picture.about.geo, target, roi))
+    return result._replace(about=about), coverage
 
 
 def finished(
@@ -272,31 +256,6 @@ def covers_all(
     )
 
 
-def report(
-    session: Session,
-    source: tuple[int, ...],
-    result: tuple[int, ...],
-    kind: Kind,
-    choice: PictureWarping,
-) -> dict[str, Any]:
-    """Return sizes and times for `--stats`; shapes are (height, width, ...)."""
-    return {
-        "source": [source[1], source[0]],
-        "size": [result[1], result[0]],
-        "channels": list(kind.channels),
-        "encoding": "sRGB" if kind.is_encoded else "linear",
-        "method": choice.method,
-        "seconds": session.times(),
-    }
-
-
-def bytes_at_once(source: tuple[int, int, int], shape: tuple[int, int]) -> int:
-    """Return the bytes of a source (height, width, channels) and its target."""
-    height, width, channels = source
-    target = BYTES_PER_VALUE * shape[0] * shape[1]
-    return channels * (pictures.BYTES_PER_VALUE * height * width + target)
-
-
 def curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
     """Apply a curve to the straight color of premultiplied values."""
     data = picture.data
@@ -316,7 +275,7 @@ def check_memory(
     has_alpha: bool = False,
     in_strips: tuple[int, int] | None = None,
 ) -> None:
-    """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
+    """Reject a warp that does not fit into memory; log what it needs (DEBUG).
 
     `shape`: height and width of the result, px. `in_strips`: bytes of a source as stored that is
     drawn strip by strip, and values drawn at a time.
@@ -338,21 +297,18 @@ def check_memory(
 
 
 def require_film(source: Place, size: tuple[int, int]) -> None:
-    """Refuse a flight over a picture that does not fit into memory, as `check_memory` does."""
+    """Reject a flight over a picture that does not fit into memory, as `check_memory` does."""
     (height, width, _), _ = form_of(source)
     texel, pixel = BYTES_OF_FILM
     require_picture(size, pixel, {"the source": texel * height * width})
 
 
-class Destination(NamedTuple):
-    """Output file of a large picture, and its format."""
-
-    path: Path
-    options: WriteOptions
-
-
 def large_picture(
-    path: Place, aim: Aim, choice: PictureWarping, roi: Roi | None, written: Destination
+    path: Place,
+    aim: Aim,
+    choice: PictureWarping,
+    roi: Roi | None,
+    written: tuple[Path, WriteOptions],
 ) -> "Large | None":
     """Return a large picture to warp strip by strip; None if it is small or cannot be."""
     form = loadable_picture(path, choice.encoding)
@@ -360,9 +316,9 @@ def large_picture(
         return None
     target = aim(form.shape[:2])
     shape = target.shape if roi is None else (roi[3], roi[2])
-    is_small = bytes_at_once(form.shape, shape) <= min(
-        MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2
-    )
+    height, width, channels = form.shape
+    needed = pictures.BYTES_PER_VALUE * height * width + BYTES_PER_VALUE * prod(shape)
+    is_small = channels * needed <= min(MOST_AT_ONCE, (ALLOWED.get() or GIB * 2) // 2)
     if is_small or target.draws is not None or isinstance(target.places, ForwardMap):
         return None
     method = method_named(choice.method, **choice.sampling)
@@ -385,7 +341,7 @@ class Large:
     choice: PictureWarping
     method: Any  # a `Method` that may have `visible_tiles`
     roi: Roi
-    written: Destination
+    written: tuple[Path, WriteOptions]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -404,7 +360,9 @@ class Large:
 
     def _drawing(self, first: int, count: int) -> tuple[Drawing, tuple[slice, slice]]:
         """Return the drawing for a strip of rows, and the part of it that they take."""
-        choice, (geometry, shape, part) = self.choice, self._part(first, count)
+        left, top, width, _ = self.roi
+        roi, choice = (left, top + first, width, count), self.choice
+        geometry, shape, part = within(self.target.places, self.target.shape, roi, self.method)
         drawing = Drawing(self.method, geometry, shape, choice.edge, choice.threads, as_light=True)
         return drawing, part
 
@@ -422,38 +380,40 @@ class Large:
 
     @cached_property
     def loaded(self) -> LoadedPicture:
-        """The stored picture; sRGB-encoded if encoded values are warped."""
-        loaded = self.form.load(self._source_rect.part)
+        """The part of the picture that is shown; sRGB-encoded if encoded values are warped."""
+        size = self.form.shape[:2]
+        seen = Rect(0, 0, size[1], size[0])
+        if self.parts is None or self.parts.mixed is None:
+            seen = Rect.around([self.bounds(*rows) for rows in self._rows()], size)
+        loaded = self.form.load(seen.part)
         if self._is_curved and not loaded.has_levels:
             for first in range(0, len(loaded.data), ROWS):
                 rows = loaded.data[first : first + ROWS]
                 rows[...] = curved(Picture(rows, loaded.kind), to_srgb)
         return loaded
 
-    @property
-    def _source_rect(self) -> Rect:
-        """Part of the source that the target shows."""
-        size = self.form.shape[:2]
-        if self.parts is not None and self.parts.mixed is not None:
-            return Rect(0, 0, size[1], size[0])
-        return Rect.around([self.bounds(first, count) for first, count in self._rows()], size)
-
     def bounds(self, first: int, count: int) -> Rect:
         """Return the part of the source, continued beyond its edges, that a strip shows."""
-        size = self.form.shape[:2]
-        geometry, shape, _ = self._part(first, count)
-        seen = self.method.visible_tiles(size, geometry, shape, Edge(self.choice.edge))
+        size, (drawing, _) = self.form.shape[:2], self._drawing(first, count)
+        edge = Edge(self.choice.edge)
+        seen = self.method.visible_tiles(size, drawing.geometry, drawing.shape, edge)
         return next(windows_of(seen, size, WHOLE_PICTURE)).source
 
     @cached_property
     def kind(self) -> Kind:
         """Kind of the result: with transparency unless every pixel shows the picture."""
         kind = self.loaded.kind
-        is_closed = kind.has_alpha or self.choice.edge != "transparent" or self.keeps_gaps
-        is_closed = is_closed or not takes_alpha(*self.written)
-        return (
-            kind if is_closed or self._is_whole else kind._replace(channels=(*kind.channels, "A"))
-        )
+        is_open = self.choice.edge == "transparent" and takes_alpha(*self.written)
+        if kind.has_alpha or not is_open or self.keeps_gaps:
+            return kind
+        if self.loaded.has_gaps:
+            strips = (self._drawn(*rows).coverage for rows in self._rows())
+            is_whole = all((coverage >= WHOLE).all() for coverage in strips)
+        elif isinstance(self.target.places, Homography):
+            is_whole = covers_all(self.target, self.form.shape[:2], self.roi)
+        else:
+            is_whole = all(self._covers_all(*rows) for rows in self._rows())
+        return kind if is_whole else kind._replace(channels=(*kind.channels, "A"))
 
     @cached_property
     def about(self) -> FileMetadata:
@@ -472,19 +432,9 @@ class Large:
         """Whether encoded values are warped, not linear light."""
         return self.form.is_encoded and not self.choice.linear
 
-    @cached_property
-    def _is_whole(self) -> bool:
-        """Whether every pixel shows the picture and nothing else."""
-        if self.loaded.has_gaps:
-            rows = self._rows()
-            return all((self._drawn(*some).coverage >= WHOLE).all() for some in rows)
-        if isinstance(self.target.places, Homography):
-            return covers_all(self.target, self.form.shape[:2], self.roi)
-        return all(self._covers_all(first, count) for first, count in self._rows())
-
     def _covers_all(self, first: int, count: int) -> bool:
         """Whether all pixels of rows of a map show the picture and nothing else."""
-        geometry, shape, _ = self._part(first, count)
+        (_, geometry, shape, *_), _ = self._drawing(first, count)
         assert isinstance(geometry, BackwardMap)
         if not np.isfinite(geometry.x + geometry.y).all():
             return False
@@ -500,14 +450,6 @@ class Large:
         count = max(ROWS, most // ROWS * ROWS)
         yield from ((first, min(count, height - first)) for first in range(0, height, count))
 
-    def _part(
-        self, first: int, count: int
-    ) -> tuple[Homography | ForwardMap | BackwardMap, tuple[int, int], tuple[slice, slice]]:
-        """Return geometry, shape and part of a strip of rows."""
-        left, top, width, _ = self.roi
-        roi = (left, top + first, width, count)
-        return within(self.target.places, self.target.shape, roi, self.method)
-
     def strips(self) -> Iterator[tuple[int, tuple[Picture, Floats]]]:
         """Yield first row, picture and coverage of each strip, from the top."""
         for first, count in self._rows():
@@ -519,7 +461,7 @@ class Large:
         gaps = {"keeps_gaps": self.keeps_gaps, "is_whole": not self.kind.has_alpha}
         gaps["adds_alpha"] = takes_alpha(*self.written)
         made = finished(image, coverage, self.loaded.kind, self.choice, **gaps)
-        made = as_light(made) if self._is_curved else made
+        made = made._replace(data=curved(made, from_srgb)) if self._is_curved else made
         return made._replace(about=self.about), coverage
 
     def _drawn(self, first: int, count: int) -> Warped:
@@ -530,3 +472,83 @@ class Large:
         drawing = drawing._replace(has_gaps=loaded.has_gaps, linear_light=light)
         image, coverage = drawn(loaded.data, drawing)
         return Warped(image[part], coverage[part])
+
+
+FOV = 50.0  # degrees along the frame's shorter side
+
+
+@dataclass(frozen=True)
+class Flyover:
+    """A closed path of a camera; the picture's longer side has length 1.
+
+    `path`: `fly`, low over the picture, back and forth, or `turn`, around its center. `frames`:
+    number of frames, 1 to `resample.files.animations.MOST_FRAMES`. `size`: height and width of a
+    frame, px. Raises ValueError: there are too few or too many frames.
+    """
+
+    path: Literal["fly", "turn"] = "fly"
+    frames: int = 48
+    size: tuple[int, int] = (240, 426)
+
+    def __post_init__(self) -> None:
+        check_count(self.frames)
+
+    def camera(self, n: int) -> AnyCamera:
+        """Return the camera of frame `n`."""
+        phase = 2.0 * np.pi * n / self.frames
+        if self.path == "fly":
+            eye = np.array([0.12 * np.sin(phase), -0.35 - 0.2 * np.cos(phase), 0.16])
+            target = eye + np.array([0.06 * np.sin(phase + 0.5), 0.4, -0.18])
+        else:
+            elevation, target = np.radians(35.0), np.zeros(3)
+            around = np.array([np.sin(phase), -np.cos(phase)]) * np.cos(elevation)
+            eye = 1.3 * np.array([*around, np.sin(elevation)])
+        height, width = self.size
+        pose = look_at(eye, target)
+        return Camera.from_fov(FOV, height=height, width=width, world_to_camera=pose)
+
+
+@dataclass(frozen=True)
+class FlightOptions:
+    """How frames are painted: method, edge mode and background."""
+
+    method: Method
+    edge: Edge = Edge.TRANSPARENT
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
+    light: AnyLight | None = None  # `pixels`, if the picture's levels are sRGB
+
+
+def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
+    """Return the frames of a flight over a picture, given as for `frame`."""
+    job = {
+        **asdict(flight),
+        "picture": fingerprint(source),
+        "method": repr(paint.method),
+        "edge": paint.edge.value,
+        "background": paint.background,
+        "light": paint.light,
+    }
+    return Shots(flight.frames, lambda n: frame(source, flight, paint, n), job)
+
+
+def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Levels:
+    """Paint one frame (H, W, 3), sRGB-encoded, 8 bits.
+
+    `source`: (H, W, 4) linear light, premultiplied; see `with_alpha`. `flight`, `paint`: the
+    camera's path and how frames are painted. `n`: index of the frame, from 0.
+    """
+    texel_size = 1.0 / max(source.shape[:2])
+    geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
+    drawing = Drawing(paint.method, geometry, flight.size, paint.edge, linear_light=paint.light)
+    image = drawn(source, drawing).image
+    return screen_levels(image, background=paint.background)
+
+
+def with_alpha(picture: Floats) -> Floats:
+    """Return RGB and alpha (H, W, 4) of a gray or RGB picture with or without alpha."""
+    channels = picture.shape[2]
+    if channels not in (1, 2, 3, 4):
+        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
+    color = picture[..., [0, 0, 0]] if channels < 3 else picture[..., :3]
+    alpha = picture[..., -1:] if channels in (2, 4) else np.ones_like(color[..., :1])
+    return np.ascontiguousarray(np.concatenate([color, alpha], axis=2), np.float32)

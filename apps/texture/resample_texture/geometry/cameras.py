@@ -73,7 +73,10 @@ def plane_homography(
     to_plane = texel_size * np.array([[1, 0, -width / 2], [0, -1, height / 2], [0, 0, 0]])
     to_plane = np.vstack([to_plane, [0.0, 0.0, 1.0]])
     view = camera.view()
-    to_camera = view.rotation @ (_affine(pose) @ to_plane)
+    given = np.eye(4) if pose is None else np.asarray(pose, np.float64)
+    if given.shape not in ((3, 4), (4, 4)):
+        raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")
+    to_camera = view.rotation @ (given[:3] @ to_plane)
     to_camera[:, 2] += view.translation
     depth = to_camera[2] if view.perspective else np.array([0.0, 0.0, 1.0])
     across = view.focal[:, None] * to_camera[:2] + view.principal[:, None] * depth
@@ -84,11 +87,3 @@ def plane_homography(
             "the camera sees the texture's plane edge-on; move one of them, or check that all"
             " numbers are finite and neither is flat"
         ) from None
-
-
-def _affine(pose: ArrayLike | None) -> Doubles:
-    """Return the upper three rows of a pose."""
-    given = np.eye(4) if pose is None else np.asarray(pose, np.float64)
-    if given.shape not in ((3, 4), (4, 4)):
-        raise ValueError(f"a pose has shape (3, 4) or (4, 4), not {given.shape}")
-    return given[:3]

@@ -1,12 +1,12 @@
 """Warps by control points: thin plates, polynomials, affine and projective maps that fit best.
 
-Slow functions are evaluated on coarse grids, between whose nodes the map is a cubic through four of
-them along each axis, and at all pixels where those are not enough.
+Slow functions are evaluated at the nodes of a coarse grid; between them the map is a cubic through
+four nodes along each axis. Where that is not enough, all pixels are evaluated.
 """
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,24 +22,9 @@ STRAIGHT = 1e-9  # share of the second axis of points in the first, of those on 
 KINDS = "thin-plate", "affine", "projective", "polynomial"
 STEP = 8.0  # px between nodes, at most
 SAFETY = 0.5  # of the allowed error, at places that are checked
-MOST_AT_ONCE = 1 << 20  # places that a function is asked for
+MOST_AT_ONCE = 1 << 20  # places per call of a function
 
 PlaceFunction = Callable[[Any, Any], Any]  # from x and y to x and y
-
-
-class _Axis(NamedTuple):
-    """Nodes along an axis, and the cubic through four of them at each of some places."""
-
-    node: Doubles  # (n,) px
-    cell: NDArray[np.int64]  # (m,) the node before each place
-    first: NDArray[np.int64]  # (m,) of the four
-    weight: Doubles  # (4, m)
-
-    def along(self, values: Doubles) -> Doubles:
-        """Interpolate the first axis of values at the nodes (n, ...)."""
-        weight = self.weight.reshape(*self.weight.shape, *(1,) * (values.ndim - 1))
-        terms = [weight[n] * values[self.first + n] for n in range(4)]
-        return np.asarray(terms[0] + terms[1] + terms[2] + terms[3])
 
 
 def coarsely(
@@ -48,12 +33,12 @@ def coarsely(
     """Return the map of a function from x and y of pixels to those of the source.
 
     The error is checked at the middles of the grid's cells and of their sides. Cells where it may
-    be larger, or where the function is not a number, and the cells beside them, are worked out
-    pixel by pixel.
+    be larger, or where the function is not a number, and the cells beside them, are evaluated at
+    each pixel.
 
     `function`: takes and returns two arrays of one shape, px. `shape`: height and width of the
-    target, px. `error`: of a place, px, at most; 0: all pixels are worked out. `exact`: (N, 2)
-    places in the target whose cells are worked out pixel by pixel, too.
+    target, px. `error`: of a place, px, at most; 0: all pixels are evaluated. `exact`: (N, 2)
+    places in the target whose cells are evaluated at each pixel, too.
     """
     from scipy import ndimage
 
@@ -62,73 +47,59 @@ def coarsely(
     centers = pixel_centers(shape)
     if error == 0.0 or min(shape) < 2.0 * STEP:
         return BackwardMap(*_asked(function, *np.meshgrid(centers[0], centers[1][:, 0])))
-    across, down = _axis(centers[0]), _axis(centers[1][:, 0])
-    nodes = _on_grid(function, across.node, down.node)
-    places = np.stack([across.along(down.along(one).T).T for one in nodes])
-    is_exact = _is_wrong(function, nodes, (across.node, down.node), error)
-    for x, y in np.asarray(exact, np.float64).reshape(-1, 2):
-        inside = [(a.node[0] - STEP <= p <= a.node[-1] + STEP) for a, p in ((across, x), (down, y))]
-        if all(inside):
-            is_exact[_cell(down.node, y), _cell(across.node, x)] = True
+    column, row = centers[0], centers[1][:, 0]
+    across, down = (
+        np.linspace(at[0], at[-1], max(int(np.ceil((at[-1] - at[0]) / STEP)) + 1, 4))
+        for at in (column, row)
+    )
+    nodes = _asked(function, *np.meshgrid(across, down))
+    cell_x, cell_y = _cell(across, column), _cell(down, row)
+    places = _between(_between(nodes, down, row, cell_y, 1), across, column, cell_x, 2)
+    # Compare at the middles of cells and of their sides.
+    x, y = (0.5 * (node[1:] + node[:-1]) for node in (across, down))
+    cells_x, cells_y = np.arange(x.size), np.arange(y.size)
+    high = _between(nodes, down, y, cells_y, 1)
+    off_x = _is_off(function, x, down, _between(nodes, across, x, cells_x, 2), error)
+    off_y = _is_off(function, across, y, high, error)
+    is_exact = _is_off(function, x, y, _between(high, across, x, cells_x, 2), error)
+    is_exact |= off_x[1:] | off_x[:-1] | off_y[:, 1:] | off_y[:, :-1]
+    for place in np.asarray(exact, np.float64).reshape(-1, 2):
+        pairs = tuple(zip((across, down), place, strict=True))
+        if all(node[0] - STEP <= one <= node[-1] + STEP for node, one in pairs):
+            is_exact[_cell(down, place[1]), _cell(across, place[0])] = True
     is_exact = ndimage.binary_dilation(is_exact, np.ones((3, 3), np.bool_))
-    row, column = np.nonzero(is_exact[down.cell[:, None], across.cell])
+    row, column = np.nonzero(is_exact[cell_y[:, None], cell_x])
     if row.size:
         places[:, row, column] = _asked(function, np.add(column, 0.5), np.add(row, 0.5))
     return BackwardMap(places[0], places[1])
 
 
 def _cell(node: Doubles, place: Any) -> Any:
-    """Return the node before each place, of those that have one after them."""
+    """Return the node before each place; never the last node."""
     return np.clip(np.searchsorted(node, place, side="right") - 1, 0, node.size - 2)
 
 
-def _axis(center: Doubles) -> _Axis:
-    count = int(np.ceil((center[-1] - center[0]) / STEP)) + 1
-    node = np.linspace(center[0], center[-1], max(count, 4))
-    cell = _cell(node, center)
-    return _Axis(node, cell, *_cubic(node, center, cell))
-
-
-def _cubic(
-    node: Doubles, place: Doubles, cell: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], Doubles]:
-    """Return the first of four nodes, and the four's weights (4, m): Lagrange's polynomials."""
+def _between(values: Doubles, node: Doubles, place: Doubles, cell: Any, axis: int) -> Doubles:
+    """Interpolate values at nodes along an axis, by Lagrange's cubic through four of them."""
     first = np.clip(cell - 1, 0, node.size - 4)
     t = (place - node[first]) / (node[1] - node[0])
-    weight = [np.ones_like(t) for _ in range(4)]
+    form = (-1, *(1,) * (values.ndim - 1 - axis))
+    terms = []
     for n in range(4):
+        weight = np.ones_like(t)
         for other in set(range(4)) - {n}:
-            weight[n] *= (t - other) / (n - other)
-    return first, np.stack(weight)
+            weight *= (t - other) / (n - other)
+        terms.append(weight.reshape(form) * values.take(first + n, axis))
+    return np.asarray(terms[0] + terms[1] + terms[2] + terms[3])
 
 
-def _is_wrong(
-    function: PlaceFunction, nodes: Doubles, node: tuple[Doubles, Doubles], error: float
+def _is_off(
+    function: PlaceFunction, x: Doubles, y: Doubles, made: Doubles, error: float
 ) -> NDArray[np.bool_]:
-    """Whether a cell's middle or one of its sides' is farther off than allowed."""
-    axes = []
-    for along in node:
-        middle = 0.5 * (along[1:] + along[:-1])
-        axes.append((middle, _cubic(along, middle, np.arange(middle.size))))
-    (x, across), (y, down) = axes
-    right, below = (_Axis(x, across[0], *across), _Axis(y, down[0], *down))
-    wide = np.stack([right.along(one.T).T for one in nodes])  # middles of rows' cells
-    high = np.stack([below.along(one) for one in nodes])
-    both = np.stack([right.along(one.T).T for one in high])
-    sides_x = _off(_on_grid(function, x, node[1]), wide, error)
-    sides_y = _off(_on_grid(function, node[0], y), high, error)
-    wrong = _off(_on_grid(function, x, y), both, error)
-    wrong |= sides_x[1:] | sides_x[:-1] | sides_y[:, 1:] | sides_y[:, :-1]
-    return wrong
-
-
-def _off(exact: Doubles, made: Doubles, error: float) -> NDArray[np.bool_]:
+    """Whether interpolated values on a grid (2, y, x) are farther off than allowed."""
+    exact = _asked(function, *np.meshgrid(x, y))
     with np.errstate(invalid="ignore"):
         return np.asarray(~(np.hypot(*(exact - made)) <= SAFETY * error))
-
-
-def _on_grid(function: PlaceFunction, x: Doubles, y: Doubles) -> Doubles:
-    return _asked(function, *np.meshgrid(x, y))
 
 
 def _asked(function: PlaceFunction, x: Doubles, y: Doubles) -> Doubles:
@@ -188,16 +159,24 @@ def control_points(
     before, after = _points(source, "source"), _points(target, "target")
     if before.shape != after.shape:
         raise ValueError(f"{len(before)} source points do not fit {len(after)} target points")
-    name, options = _parsed(kind)
+    name, _, option = kind.partition(":")
+    key, _, value = option.partition("=")
+    if name not in KINDS or (option and (name != "polynomial" or key != "degree")):
+        raise ValueError(f"kind {kind!r}; known: {', '.join(KINDS)}:degree=2")
+    if not (value or "2").isdecimal() or not 1 <= int(value or "2") <= HIGHEST:
+        raise ValueError(f"a polynomial's degree is 1 to {HIGHEST}, not {value!r}")
     if smoothing and name != "thin-plate":
         raise ValueError(f"only a thin plate takes smoothing, not {name}")
     if name == "affine":
-        return _affine(before, after)
+        _check_count(before, 3, "an affine map", "source")
+        _check_count(after, 3, "an affine map", "target")
+        scaled, into = _scaled(before)
+        found = np.linalg.lstsq(_with_ones(scaled), after, rcond=None)[0].T
+        return Homography(np.vstack([found, [0.0, 0.0, 1.0]]) @ into)
     if name == "projective":
         return _projective(before, after)
     if name == "polynomial":
-        function = _polynomial(before, after, options)
-        return BackwardMap.from_function(function, shape)
+        return BackwardMap.from_function(_polynomial(before, after, int(value or "2")), shape)
     from scipy.interpolate import RBFInterpolator
 
     if not (smoothing >= 0.0 and math.isfinite(smoothing)):
@@ -214,17 +193,6 @@ def control_points(
     return coarsely(places, shape, EXACT, exact=after)
 
 
-def _parsed(kind: str) -> tuple[str, int]:
-    """Return the name of a kind, and its degree."""
-    name, _, option = kind.partition(":")
-    key, _, value = option.partition("=")
-    if name not in KINDS or (option and (name != "polynomial" or key != "degree")):
-        raise ValueError(f"kind {kind!r}; known: {', '.join(KINDS)}:degree=2")
-    if not (value or "2").isdecimal() or not 1 <= int(value or "2") <= HIGHEST:
-        raise ValueError(f"a polynomial's degree is 1 to {HIGHEST}, not {value!r}")
-    return name, int(value or "2")
-
-
 def _points(given: ArrayLike, name: str) -> Doubles:
     points = doubles_of("control points", given, "numbers (N, 2)")
     if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
@@ -233,7 +201,7 @@ def _points(given: ArrayLike, name: str) -> Doubles:
 
 
 def _check_count(points: Doubles, least: int, kind: str, name: str) -> None:
-    """Refuse points that are too few, or on a line."""
+    """Reject points that are too few, or on a line."""
     if len(points) < least:
         raise ValueError(f"{kind} needs {least} points or more, not {len(points)}")
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -252,14 +220,6 @@ def _scaled(points: Doubles) -> tuple[Doubles, Doubles]:
 
 def _with_ones(points: Doubles) -> Doubles:
     return np.column_stack([points, np.ones(len(points))])
-
-
-def _affine(before: Doubles, after: Doubles) -> Homography:
-    _check_count(before, 3, "an affine map", "source")
-    _check_count(after, 3, "an affine map", "target")
-    scaled, into = _scaled(before)
-    found = np.linalg.lstsq(_with_ones(scaled), after, rcond=None)[0].T
-    return Homography(np.vstack([found, [0.0, 0.0, 1.0]]) @ into)
 
 
 def _projective(before: Doubles, after: Doubles) -> Homography:

@@ -92,14 +92,9 @@ def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
     pairs = np.asarray(array)
     if pairs.ndim != 3 or pairs.shape[2] != 2 or pairs.size == 0:
         raise ValueError(f"{name} holds two numbers per pixel, (H, W, 2), not {pairs.shape}")
-    if not is_number(pairs):
+    if pairs.dtype.kind not in "fiu":
         raise ValueError(f"{name} holds real numbers, not {pairs.dtype}")
     return pairs
-
-
-def is_number(array: NDArray[Any]) -> bool:
-    """Whether an array holds real numbers."""
-    return array.dtype.kind in "fiu"
 
 
 def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
@@ -171,7 +166,14 @@ class Homography:
             raise ValueError(f"a homography is a matrix of shape (3, 3), not {matrix.shape}")
         if not np.isfinite(matrix).all():
             raise ValueError(f"a homography's numbers must be finite, not {matrix.tolist()}")
-        if _is_singular(matrix):
+        is_singular = not abs(np.linalg.slogdet(matrix).logabsdet) < LARGEST_EXPONENT
+        bare = matrix if is_singular else matrix / np.abs(matrix).max()
+        if not (is_singular or float(np.linalg.cond(bare)) < LARGEST_CONDITION):
+            for _ in range(8):  # balance rows and columns, which may be in different units
+                bare = bare / np.sqrt(np.abs(bare).max(axis=1, keepdims=True))
+                bare = bare / np.sqrt(np.abs(bare).max(axis=0, keepdims=True))
+            is_singular = not float(np.linalg.cond(bare)) < LARGEST_CONDITION
+        if is_singular:
             raise ValueError(f"the homography {matrix.tolist()} has no inverse in float64")
         object.__setattr__(self, "matrix", matrix)
 
@@ -182,6 +184,12 @@ class Homography:
     def oriented(self, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
         """Return ± the matrix (3, 3), so that points in front of the camera have d > 0."""
         return self.matrix if self.is_signed else oriented(self.matrix, source_shape)
+
+    def normalized(self, source_shape: tuple[int, int]) -> Doubles:
+        """Return the oriented matrix (3, 3), scaled so that d is at most 1 in the source."""
+        matrix, (height, width) = self.oriented(source_shape), source_shape
+        corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
+        return np.ascontiguousarray(matrix / np.abs(corners @ matrix[2]).max())
 
 
 class TargetRegion(NamedTuple):
@@ -437,19 +445,6 @@ def pixel_centers(shape: tuple[int, ...]) -> tuple[Doubles, Doubles]:
     return np.arange(0.5, width), np.arange(0.5, height)[:, None]
 
 
-def _is_singular(matrix: Doubles) -> bool:
-    """Whether a matrix has no meaningful inverse, regardless of units."""
-    if not abs(np.linalg.slogdet(matrix).logabsdet) < LARGEST_EXPONENT:
-        return True
-    bare = matrix / np.abs(matrix).max()
-    if float(np.linalg.cond(bare)) < LARGEST_CONDITION:
-        return False
-    for _ in range(8):  # balance rows and columns
-        bare = bare / np.sqrt(np.abs(bare).max(axis=1, keepdims=True))
-        bare = bare / np.sqrt(np.abs(bare).max(axis=0, keepdims=True))
-    return not float(np.linalg.cond(bare)) < LARGEST_CONDITION
-
-
 def _keep_pair(given: ForwardMap | BackwardMap, name: str) -> None:
     """Store a map's arrays as float64, not a number in both or in none."""
     x, y = np.asarray(given.x), np.asarray(given.y)
@@ -467,7 +462,7 @@ def _check_pictures(x: NDArray[Any], y: NDArray[Any], name: str) -> None:
         raise ValueError(
             f"the {name}'s x and y must be pictures of one size, not of {x.shape} and {y.shape}"
         )
-    if not (is_number(x) and is_number(y)):
+    if not (x.dtype.kind in "fiu" and y.dtype.kind in "fiu"):
         raise ValueError(f"the {name} must hold real numbers, not {x.dtype} and {y.dtype}")
 
 
@@ -495,22 +490,6 @@ def _step(position: Doubles, axis: int) -> Doubles:
     return np.nan_to_num(np.where(is_smooth, (before + after) / 2, smaller))
 
 
-class _Spline(NamedTuple):
-    """A map (2, h, w) as a spline, its derivatives, and where it is known."""
-
-    values: Doubles  # (2, h, w) coefficients, extended
-    steps: Doubles  # (2, 2, h, w) change of x and y per column, and per row
-    is_known: Doubles  # (h, w) 1 or 0
-
-    def at(self, place: Doubles) -> Doubles:
-        """Return the map's values (2, N) at places (2, N), px."""
-        return np.stack([_sampled(one, place, 3) for one in self.values])
-
-    def slopes_at(self, place: Doubles) -> Doubles:
-        """Return derivatives (2, 2, N): of x and y along x, and along y."""
-        return np.stack([[_sampled(one, place, 1) for one in along] for along in self.steps])
-
-
 def inverse_of(
     x: Doubles, y: Doubles, shape: tuple[int, int], tolerance: float = TOLERANCE
 ) -> tuple[Doubles, Doubles]:
@@ -523,13 +502,26 @@ def inverse_of(
     height and width of the picture to whose pixel centers the inverse belongs, px. `tolerance`:
     distance, px, of the inverse's value from the center, at most.
     """
+    from scipy import ndimage
+
     if not tolerance > 0.0:
         raise ValueError(f"a tolerance lies above 0 px, not at {tolerance}")
     is_known = np.isfinite(x) & np.isfinite(y)
     if not is_known.any():
         return np.full(shape, np.nan), np.full(shape, np.nan)
     wanted = np.stack([a.ravel() for a in np.meshgrid(*(np.arange(n) + 0.5 for n in shape[::-1]))])
-    place = _nearest(x, y, is_known, shape)
+    # Start at the center of the pixel of the map whose value lies next to each pixel's center.
+    row, column = np.nonzero(is_known)
+    there = np.floor(np.stack([y[row, column], x[row, column]]))
+    high = np.array(shape)[:, None] - 1
+    with np.errstate(invalid="ignore"):
+        index = np.clip(there, 0, high).astype(np.int64)
+    order = np.argsort(-np.abs(there - index).max(axis=0), kind="stable")  # those within come last
+    index, row, column = index[:, order], row[order], column[order]
+    found = np.zeros((3, *shape), np.int64)
+    found[:, index[0], index[1]] = np.ones_like(row), row, column
+    own = ndimage.distance_transform_edt(found[0] == 0, return_distances=False, return_indices=True)
+    place = np.asarray(found[:0:-1, own[0], own[1]].reshape(2, -1) + 0.5)
     u, v = _found(x, y, place, wanted, tolerance).reshape(2, *shape)
     return u, v
 
@@ -552,33 +544,25 @@ def points_along(x: Doubles, y: Doubles, place: Doubles) -> Doubles:
     is_known = np.isfinite(x)
     if not is_known.any():
         return np.full(place.shape, np.nan)
-    spline, size = _spline(np.stack([x, y]), is_known), np.array(x.shape[::-1])[:, None]
+    values, _, known = _spline(np.stack([x, y]), is_known)
+    size = np.array(x.shape[::-1])[:, None]
     is_within = ((place >= 0.0) & (place <= size)).all(axis=0)
     here = np.where(is_within, place, 0.0)
-    is_within &= _sampled(spline.is_known, here, 1) > 1.0 - 1e-6
-    return np.where(is_within, spline.at(here), np.nan)
+    is_within &= _sampled(known, here, 1) > 1.0 - 1e-6
+    return np.where(is_within, _sampled(values, here, 3), np.nan)
 
 
 def _found(x: Doubles, y: Doubles, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:
     """Return where a map has the wanted values, from places (2, N) nearby; else not a number."""
-    spline = _spline(np.stack([x, y]), np.isfinite(x) & np.isfinite(y))
-    miss = _refine(spline, place, wanted, tolerance)
-    size = np.array(x.shape[::-1], np.float64)[:, None]
-    is_found = (miss <= tolerance) & (place >= -BEYOND).all(axis=0)
-    is_found &= (place <= size + BEYOND).all(axis=0)
-    is_found &= _sampled(spline.is_known, place, 1) > 1.0 - 1e-6
-    return np.where(is_found, place, np.nan)
-
-
-def _refine(spline: _Spline, place: Doubles, wanted: Doubles, tolerance: float) -> Doubles:
-    """Move places (2, N) to where the map has the wanted values; return how far it is off."""
+    values, steps, known = _spline(np.stack([x, y]), np.isfinite(x) & np.isfinite(y))
+    # Move places to where the map has the wanted values, by Newton's method.
     miss = np.full(place.shape[1], np.inf)
     left = np.arange(place.shape[1])
     for _ in range(MOST_STEPS):
         here = place[:, left]
-        off = wanted[:, left] - spline.at(here)
+        off = wanted[:, left] - _sampled(values, here, 3)
         miss[left] = np.hypot(*off)
-        (a, c), (b, d) = spline.slopes_at(here)
+        (a, c), (b, d) = _sampled(steps, here, 1)
         area = a * d - b * c
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.stack([d * off[0] - b * off[1], a * off[1] - c * off[0]]) / area
@@ -589,30 +573,19 @@ def _refine(spline: _Spline, place: Doubles, wanted: Doubles, tolerance: float) 
         if not left.size:
             break
         place[:, left] += step[:, is_left]
-    return miss
+    size = np.array(x.shape[::-1], np.float64)[:, None]
+    is_found = (miss <= tolerance) & (place >= -BEYOND).all(axis=0)
+    is_found &= (place <= size + BEYOND).all(axis=0)
+    is_found &= _sampled(known, place, 1) > 1.0 - 1e-6
+    return np.where(is_found, place, np.nan)
 
 
-def _nearest(
-    x: Doubles, y: Doubles, is_known: NDArray[np.bool_], shape: tuple[int, int]
-) -> Doubles:
-    """Return the center (2, N) of the map's pixel whose value lies next to each pixel's center."""
-    from scipy import ndimage
+def _spline(places: Doubles, is_known: NDArray[np.bool_]) -> tuple[Doubles, Doubles, Doubles]:
+    """Return a map (2, h, w) as a cubic spline, all extended by `MARGIN`.
 
-    row, column = np.nonzero(is_known)
-    there = np.floor(np.stack([y[row, column], x[row, column]]))
-    high = np.array(shape)[:, None] - 1
-    with np.errstate(invalid="ignore"):
-        index = np.clip(there, 0, high).astype(np.int64)
-    order = np.argsort(-np.abs(there - index).max(axis=0), kind="stable")  # those within come last
-    index, row, column = index[:, order], row[order], column[order]
-    found = np.zeros((3, *shape), np.int64)
-    found[:, index[0], index[1]] = np.ones_like(row), row, column
-    own = ndimage.distance_transform_edt(found[0] == 0, return_distances=False, return_indices=True)
-    nearest = found[:, own[0], own[1]]
-    return np.asarray(nearest[:0:-1].reshape(2, -1) + 0.5)
-
-
-def _spline(places: Doubles, is_known: NDArray[np.bool_]) -> _Spline:
+    Coefficients (2, h, w); change of x and y per column, and per row (2, 2, h, w); and where the
+    map is known (h, w), 1 or 0.
+    """
     from scipy import ndimage
 
     if not is_known.all():
@@ -622,12 +595,15 @@ def _spline(places: Doubles, is_known: NDArray[np.bool_]) -> _Spline:
     wide = np.stack([np.pad(one, MARGIN, mode="reflect", reflect_type="odd") for one in places])
     steps = np.stack([np.gradient(wide, axis=axis) for axis in (2, 1)])
     values = np.stack([ndimage.spline_filter(one, 3, mode="mirror") for one in wide])
-    return _Spline(values, steps, np.pad(is_known.astype(np.float64), MARGIN, mode="edge"))
+    return values, steps, np.pad(is_known.astype(np.float64), MARGIN, mode="edge")
 
 
 def _sampled(values: Doubles, place: Doubles, order: int) -> Doubles:
+    """Return values (..., h, w) of a spline at places (2, N), px."""
     from scipy import ndimage
 
+    if values.ndim > 2:
+        return np.stack([_sampled(one, place, order) for one in values])
     where = place[::-1] - 0.5 + MARGIN
     return np.asarray(
         ndimage.map_coordinates(values, where, order=order, mode="nearest", prefilter=False)

@@ -46,25 +46,15 @@ def homography(
     if inverse:
         full = Homography(full).inverse()
     if convention == Convention.OPENCV:
-        full = _shift(0.5) @ full @ _shift(-0.5)
+        there, back = (np.array([[1, 0, n], [0, 1, n], [0, 0, 1]]) for n in (0.5, -0.5))
+        full = there @ full @ back
     return Homography(full)
 
 
 def parse_matrix(text: str) -> Doubles:
     """Read a matrix (3, 3) from a command line's text."""
-    return _read_matrix(text) if is_file(text) else _of_lines([_numbers(text)], repr(text))
-
-
-def is_file(text: str) -> bool:
-    """Whether a text of a command line names a file of a matrix rather than giving numbers."""
-    try:
-        _numbers(text)
-    except ValueError:
-        return True
-    return False
-
-
-def _read_matrix(text: str) -> Doubles:
+    if not is_file(text):
+        return _of_lines([_numbers(text)], repr(text))
     path = Path(text)
     if not path.exists():
         raise ValueError(f"{text!r} is neither nine or six numbers nor a file")
@@ -85,6 +75,15 @@ def _read_matrix(text: str) -> Doubles:
     except ValueError:
         raise ValueError(f"{path} is not a text file of numbers and # comments") from None
     return _of_lines([row for row in rows if row], str(path))
+
+
+def is_file(text: str) -> bool:
+    """Whether a text of a command line names a file of a matrix rather than giving numbers."""
+    try:
+        _numbers(text)
+    except ValueError:
+        return True
+    return False
 
 
 def _numbers(line: str) -> list[float]:
@@ -118,10 +117,6 @@ def _full(matrix: ArrayLike) -> Doubles:
     full = np.eye(3)
     full[: given.shape[0]] = given
     return full
-
-
-def _shift(distance: float) -> Doubles:
-    return np.array([[1, 0, distance], [0, 1, distance], [0, 0, 1]], np.float64)
 
 
 def resizing(source_shape: tuple[float, float], shape: tuple[int, int]) -> Homography:

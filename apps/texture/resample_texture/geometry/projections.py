@@ -50,10 +50,10 @@ class PictureProjection(Protocol):
     """How directions lie in a picture (height, width)."""
 
     def check(self, shape: tuple[int, int]) -> None:
-        """Refuse a size that the projection cannot have, by a `ValueError`."""
+        """Reject an impossible size by a `ValueError`."""
 
     def tiles(self, shape: tuple[int, int]) -> list[Tile]:
-        """Return the parts of the picture, each of which is smooth."""
+        """Return the smooth parts of the picture."""
 
     def shows(self, place: Doubles, shape: tuple[int, int]) -> NDArray[np.bool_]:
         """Whether places (..., 2) are of the picture, or beside it, as round a fisheye's circle."""
@@ -342,10 +342,10 @@ def rotation(turn: tuple[float, float, float]) -> Doubles:
 
 
 class SourceTile(NamedTuple):
-    """A part of a picture that goes on where its neighbours begin."""
+    """A part of a picture, continued into its neighbours."""
 
     image: NDArray[Any]
-    places: Callable[[Doubles], Doubles]  # in it of directions, and a bit beyond what it shows
+    places: Callable[[Doubles], Doubles]  # in it, of directions on it and a little beyond
     shows: Callable[[Doubles], NDArray[np.bool_]]  # whether it, not another part, shows directions
     is_endless: bool = False  # it repeats beyond its edges
 
@@ -369,8 +369,21 @@ def source_tiles(
             lambda ray: np.ones(ray.shape[:-1], np.bool_),
         )
         return
-    for n, tile in enumerate(tiles):
-        first = np.array([tile.left, tile.top]) - _margin(tile)
+    for n, (left, top, width, _) in enumerate(tiles):
+        # A face with texels of its neighbours around, the nearest ones on its plane.
+        margin = max(1, width // 4)
+        first = np.array([left, top]) - margin
+        columns = np.arange(-margin, width + margin) + 0.5
+        rays = projection.rays(
+            np.stack(np.meshgrid(columns + left, columns + top), axis=-1), shape, n
+        )
+        owner = face_of(rays)
+        padded = np.empty((*owner.shape, *image.shape[2:]), image.dtype)
+        for other, (x0, y0, across, down) in enumerate(tiles):
+            is_there = owner == other
+            x, y = np.floor(projection.places(rays[is_there], shape, other)).astype(np.int64).T
+            x, y = np.clip(x, x0, x0 + across - 1), np.clip(y, y0, y0 + down - 1)
+            padded[is_there] = image[y, x]
 
         def places(ray: Doubles, n: int = n, first: NDArray[Any] = first) -> Doubles:
             return np.asarray(projection.places(ray, shape, n) - first)
@@ -378,16 +391,16 @@ def source_tiles(
         def shows(ray: Doubles, n: int = n) -> NDArray[np.bool_]:
             return np.asarray(face_of(ray) == n)
 
-        yield SourceTile(_padded(image, projection, tiles, n), places, shows)
+        yield SourceTile(padded, places, shows)
 
 
 def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:
-    """Yield a panorama, and round pictures of both poles, where its rows have no direction.
+    """Yield a panorama, and round pictures of both poles up to `radius`, rad.
 
-    `radius`: of the poles, rad.
+    At the poles its rows have no direction.
     """
     height, width = image.shape[:2]
-    # Beyond a pole the picture goes on at the opposite longitude: one period has both.
+    # Beyond a pole the picture continues at the opposite longitude: one period has both.
     beyond = np.roll(image[::-1], width // 2, axis=1)
     join: Any = np.ma if isinstance(image, np.ma.MaskedArray) else np
     both, radius = join.concatenate([image, beyond]), min(radius, math.pi / 4)
@@ -404,10 +417,14 @@ def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:
     side = 2 * math.ceil(FINE * radius * height / math.pi)
     cap = FisheyePicture(math.degrees(2.0 * radius) * (1.0 + 2.0 * EXTRA / side))
     size = side + 2 * EXTRA, side + 2 * EXTRA
-    y, x = np.mgrid[: size[0], : size[1]] + 0.5
+    # Directions of its places, also beyond the circle.
+    y, x = np.mgrid[: size[0], : size[1]] + 0.5 - 0.5 * size[0]
+    distance = np.hypot(x, y)
+    angle = distance / (0.5 * min(size)) * math.radians(cap.fov / 2.0)
+    around = np.sin(angle) / np.maximum(distance, 1e-30)
+    rays = np.stack([x * around, y * around, np.cos(angle)], axis=-1)
     for sign in (-1.0, 1.0):  # up, down
         axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, sign], [0.0, -sign, 0.0]])
-        ray = _unbounded(cap, np.stack([x, y], axis=-1), size) @ axes.T
 
         def places(ray: Doubles, axes: Doubles = axes) -> Doubles:
             turned: Doubles = ray @ axes
@@ -416,16 +433,8 @@ def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:
         def shows(ray: Doubles, sign: float = sign) -> NDArray[np.bool_]:
             return np.asarray((from_pole(ray) < radius) & (sign * ray[..., 1] > 0.0))
 
-        yield SourceTile(_between_texels(both, places_of(ray, (height, width))), places, shows)
-
-
-def _unbounded(fisheye: FisheyePicture, place: Doubles, shape: tuple[int, int]) -> Doubles:
-    """Directions of places, also beyond the circle of an equidistant fisheye."""
-    x, y = place[..., 0] - 0.5 * shape[1], place[..., 1] - 0.5 * shape[0]
-    distance = np.hypot(x, y)
-    angle = distance / (0.5 * min(shape)) * math.radians(fisheye.fov / 2.0)
-    around = np.sin(angle) / np.maximum(distance, 1e-30)
-    return np.stack([x * around, y * around, np.cos(angle)], axis=-1)
+        texels = _between_texels(both, places_of(rays @ axes.T, (height, width)))
+        yield SourceTile(texels, places, shows)
 
 
 def _between_texels(image: NDArray[Any], place: Doubles) -> NDArray[Any]:
@@ -445,29 +454,3 @@ def _between_texels(image: NDArray[Any], place: Doubles) -> NDArray[Any]:
     nearest = np.floor(place).astype(np.int64)
     mask = np.ma.getmaskarray(image)[nearest[..., 1] % height, nearest[..., 0] % width]
     return np.ma.MaskedArray(made, mask, fill_value=image.fill_value)
-
-
-def _margin(tile: Tile) -> int:
-    """Texels of its neighbours around a face."""
-    return max(1, tile.width // 4)
-
-
-def _padded(
-    image: NDArray[Any], projection: PictureProjection, tiles: list[Tile], n: int
-) -> NDArray[Any]:
-    """Return a face with texels of its neighbours around, the nearest ones on its plane."""
-    shape, tile = (image.shape[0], image.shape[1]), tiles[n]
-    margin = _margin(tile)
-    across = np.arange(-margin, tile.width + margin) + 0.5
-    place = np.stack(np.meshgrid(across + tile.left, across + tile.top), axis=-1)
-    ray, padded = (
-        projection.rays(place, shape, n),
-        np.empty((*place.shape[:2], *image.shape[2:]), image.dtype),
-    )
-    owner = face_of(ray)
-    for other, (left, top, width, height) in enumerate(tiles):
-        is_there = owner == other
-        x, y = np.floor(projection.places(ray[is_there], shape, other)).astype(np.int64).T
-        x, y = np.clip(x, left, left + width - 1), np.clip(y, top, top + height - 1)
-        padded[is_there] = image[y, x]
-    return padded

@@ -24,7 +24,7 @@ ORDERS = {0: NEAREST, 1: "bilinear", **SPLINES}
 TILE = 32  # px per side
 STEP = 8  # px between places at which a map is looked at
 # Of kernels that reproduce parabolas, and of linear ones, which blur as much as a box of √3 texels.
-# To leave out the mean over what is longer by 5 % changes less than OpenCV's rounding of positions.
+# Pixels longer by 5 % change less without a mean than by OpenCV's rounding of positions.
 SHARP, LINEAR = 1.1, 3.1
 
 Tiles = NDArray[np.bool_]  # (rows, columns) of tiles, whether they shrink
@@ -166,7 +166,7 @@ def tiles_drawn(
     -------
     The part of the target around them; which of its pixels (h, w) are theirs; and the picture.
     """
-    # The rectangle around them, and the pixels of tiles in it and in what is drawn around it.
+    # Find the rectangle around the tiles, and their pixels in it and in the margin drawn with it.
     height, width = drawing.shape
     columns, rows = (np.flatnonzero(tiles.any(axis=axis)) * TILE for axis in (0, 1))
     left, top = int(columns[0]), int(rows[0])

@@ -19,16 +19,7 @@ from resample_texture.arguments import REFLECT_101, check_out, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry
 from resample_texture.geometry.matrices import homography
-from resample_texture.like.common import (
-    LINEAR,
-    ORDERS,
-    SHARP,
-    by_nodes,
-    color_behind,
-    draw,
-    has_gaps,
-    method_of_order,
-)
+from resample_texture.like import common
 from resample_texture.texels.encoding import rounded
 from resample_texture.types import Edge, Method
 
@@ -49,7 +40,7 @@ SWAP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # (row, co
 
 
 class Values(NamedTuple):
-    """What SciPy's calls have in common, and what they do not have."""
+    """Arguments common to SciPy's calls, and the two that SciPy lacks."""
 
     output: Any
     order: int
@@ -66,7 +57,7 @@ class Values(NamedTuple):
 
     def are_scipy_s(self, image: NDArray[Any], long: float = 1.0) -> bool:
         """Whether SciPy draws a picture whose pixels have a squared length, texels²."""
-        if self.order not in ORDERS:
+        if self.order not in common.ORDERS:
             raise ValueError(f"order {self.order!r}; known: 0 to 5")
         if self.mode not in MODES:
             raise ValueError(f"mode {self.mode!r}; known: {', '.join(MODES)}")
@@ -77,7 +68,7 @@ class Values(NamedTuple):
             return True
         if (self.dtype_of(image).kind == "c") != (image.dtype.kind == "c"):
             return False
-        return long <= _limit(self.order) and not has_gaps(image)
+        return long <= _limit(self.order) and not common.has_gaps(image)
 
 
 def affine_transform(
@@ -143,7 +134,7 @@ def map_coordinates(
         raise ValueError(f"coordinates have the shape (2, height, width), not {places.shape}")
     if image.ndim == 2 and places.ndim == 3 and places.size:
         shape = places.shape[1], places.shape[2]
-        shrinks = by_nodes(
+        shrinks = common.by_nodes(
             lambda step: (places[1, ::step, ::step], places[0, ::step, ::step]),
             shape,
             _limit(order),
@@ -152,7 +143,16 @@ def map_coordinates(
         return np.asarray(ndimage.map_coordinates(image, places, *values[:5]))
     if places.ndim == 3:
         return _drawn(image, BackwardMap.from_opencv(places[1], places[0]), shape, values)
-    return _at_points(image, places, values)
+    # Draw points (2, ...) apart from each other, with pixels that show nothing between them.
+    points = places.reshape(2, -1)
+    side = max(math.ceil(math.sqrt(points.shape[1])), 1)
+    apart = np.full((2, 2 * side + 1, 2 * side + 1), np.nan)
+    row, column = np.divmod(np.arange(points.shape[1]), side)
+    apart[:, 2 * row + 1, 2 * column + 1] = points
+    output, geometry = values.output, BackwardMap.from_opencv(apart[1], apart[0])
+    shape, plain = (apart.shape[1], apart.shape[2]), values._replace(output=values.dtype_of(image))
+    drawn = _drawn(image, geometry, shape, plain)
+    return _stored(drawn[2 * row + 1, 2 * column + 1].reshape(places.shape[1:]), output)
 
 
 def zoom(
@@ -252,7 +252,7 @@ def rotate(
 
 def _limit(order: int) -> float:
     """Return the squared length up to which a pixel does not shrink, texels²."""
-    return LINEAR if order == 1 else SHARP
+    return common.LINEAR if order == 1 else common.SHARP
 
 
 def _full(matrix: ArrayLike, offset: float | ArrayLike) -> Doubles:
@@ -278,19 +278,6 @@ def _affine(
     return _drawn(image, geometry, shape, values)
 
 
-def _at_points(image: NDArray[Any], places: NDArray[Any], values: Values) -> NDArray[Any]:
-    """Draw points (2, ...) apart from each other, with pixels that show nothing between them."""
-    points = places.reshape(2, -1)
-    side = max(math.ceil(math.sqrt(points.shape[1])), 1)
-    apart = np.full((2, 2 * side + 1, 2 * side + 1), np.nan)
-    row, column = np.divmod(np.arange(points.shape[1]), side)
-    apart[:, 2 * row + 1, 2 * column + 1] = points
-    output, geometry = values.output, BackwardMap.from_opencv(apart[1], apart[0])
-    shape, plain = (apart.shape[1], apart.shape[2]), values._replace(output=values.dtype_of(image))
-    drawn = _drawn(image, geometry, shape, plain)
-    return _stored(drawn[2 * row + 1, 2 * column + 1].reshape(places.shape[1:]), output)
-
-
 def _drawn(
     image: NDArray[Any], geometry: Geometry, shape: tuple[int, int], values: Values
 ) -> NDArray[Any]:
@@ -308,10 +295,10 @@ def _drawn(
     if mode == "wrap":
         image = image[: max(len(image) - 1, 1), : max(image.shape[1] - 1, 1)]
     chosen, behind = (
-        method_of_order(order, interpolation, method),
-        color_behind(cval, image, "cval"),
+        common.method_of_order(order, interpolation, method),
+        common.color_behind(cval, image, "cval"),
     )
-    result = draw(image, Drawing(chosen, geometry, shape, MODES[mode], behind=behind))
+    result = common.draw(image, Drawing(chosen, geometry, shape, MODES[mode], behind=behind))
     if result.dtype != dtype:
         whole = dtype.kind in "biu" and result.dtype.kind == "f"
         result = rounded(result.astype(np.float64), dtype) if whole else result.astype(dtype)

@@ -21,24 +21,11 @@ from resample_texture.arguments import REFLECT_101, whole_pair
 from resample_texture.drawing import Drawing
 from resample_texture.geometry.mappings import BackwardMap, Geometry, Homography, from_fixed_point
 from resample_texture.geometry.matrices import homography
-from resample_texture.like.common import (
-    LINEAR,
-    NEAREST,
-    SHARP,
-    Places,
-    Tiles,
-    by_matrix,
-    by_nodes,
-    color_behind,
-    draw,
-    has_gaps,
-    method_for,
-    tiles_drawn,
-)
+from resample_texture.like import common
 from resample_texture.types import Edge, Method
 
 INTERPOLATIONS = {
-    cv2.INTER_NEAREST: NEAREST,
+    cv2.INTER_NEAREST: common.NEAREST,
     cv2.INTER_LINEAR: "bilinear",
     cv2.INTER_CUBIC: "cubic",
     cv2.INTER_AREA: "bilinear",
@@ -47,9 +34,14 @@ INTERPOLATIONS = {
 OF_RESIZE = {
     **INTERPOLATIONS,
     cv2.INTER_LINEAR_EXACT: "bilinear",
-    cv2.INTER_NEAREST_EXACT: NEAREST,
+    cv2.INTER_NEAREST_EXACT: common.NEAREST,
 }
-LIMITS = {NEAREST: math.inf, "bilinear": LINEAR, "cubic": SHARP, "lanczos:a=4": SHARP}
+LIMITS = {
+    common.NEAREST: math.inf,
+    "bilinear": common.LINEAR,
+    "cubic": common.SHARP,
+    "lanczos:a=4": common.SHARP,
+}
 BORDERS = {
     cv2.BORDER_CONSTANT: Edge.TRANSPARENT,
     cv2.BORDER_REPLICATE: Edge.CLAMP,
@@ -166,9 +158,9 @@ def warp_like_opencv(
     shape, is_inverse = _size(dsize, src), bool(flags & cv2.WARP_INVERSE_MAP)
     call = Call(src, shape, dst, kernel, most, borderMode, borderValue, linear_light, method)
 
-    def tiles(most: float) -> Tiles | None:
+    def tiles(most: float) -> common.Tiles | None:
         back = _back(matrix, is_inverse, src.shape)
-        return None if back is None else by_matrix(back, shape, most)
+        return None if back is None else common.by_matrix(back, shape, most)
 
     def theirs(dst: Any) -> Any:
         draw = OPENCV.warpPerspective if matrix.shape == (3, 3) else OPENCV.warpAffine
@@ -240,7 +232,7 @@ def remap(
     shape = first.shape[0], first.shape[1]
     call = Call(src, shape, dst, kernel, most, borderMode, borderValue, linear_light, method)
 
-    def places(step: int) -> Places:
+    def places(step: int) -> common.Places:
         x, y = first[::step, ::step], None if second is None else second[::step, ::step]
         if y is None or x.ndim == 3:
             both = x if y is None else from_fixed_point(x, y)
@@ -299,7 +291,7 @@ def resize(
     # Blocks have means already, unless one axis grows.
     kernel, most = _kernel(interpolation, OF_RESIZE, method, linear_light)
     if interpolation == cv2.INTER_AREA:
-        kernel, method = NEAREST, method or "hybrid"
+        kernel, method = common.NEAREST, method or "hybrid"
         most = math.inf if most is not None and max(scale) <= 1.0 else most
     call = Call(
         src, shape, dst, kernel, most, cv2.BORDER_REPLICATE, 0, linear_light, method, 0, RESIZED
@@ -362,7 +354,7 @@ def warpPolar(  # noqa: N802 - as cv2 has it
     elif height <= 0:
         height = round(width * math.pi)
 
-    def places(step: int) -> Places:
+    def places(step: int) -> common.Places:
         x: Any = np.arange(0, width, step)
         y: Any = np.arange(0, height, step)[:, None]
         if is_inverse:
@@ -411,12 +403,12 @@ def logPolar(  # noqa: N802 - as cv2 has it
 
 
 def _drawn_by_map(
-    call: Call, places: Callable[[int], Places], theirs: Callable[[Any], Any]
+    call: Call, places: Callable[[int], common.Places], theirs: Callable[[Any], Any]
 ) -> NDArray[Any]:
     """As `_drawn`, by the places of every so many pixels."""
     return _drawn(
         call,
-        lambda most: by_nodes(places, call.shape, most),
+        lambda most: common.by_nodes(places, call.shape, most),
         theirs,
         lambda: BackwardMap.from_opencv(*places(1)),
     )
@@ -424,7 +416,7 @@ def _drawn_by_map(
 
 def _drawn(
     call: Call,
-    tiles: Callable[[float], Tiles | None],
+    tiles: Callable[[float], common.Tiles | None],
     theirs: Callable[[Any], Any],
     geometry: Callable[[], Geometry],
 ) -> NDArray[Any]:
@@ -451,7 +443,7 @@ def _drawn(
             )
     # Texels that are copied are OpenCV's whatever their value.
     is_taken, wanted = src.dtype in call.taken and not isinstance(src, np.ma.MaskedArray), None
-    if most is None or (is_taken and most < math.inf and has_gaps(src)):
+    if most is None or (is_taken and most < math.inf and common.has_gaps(src)):
         is_taken = False
     elif is_taken and most < math.inf:
         wanted = tiles(most)
@@ -462,14 +454,14 @@ def _drawn(
             if wanted is None:
                 return theirs(dst)  # type: ignore[no-any-return]
             # What shows through, and the source, may lie in `dst`: own tiles come first.
-            place, mask, own = tiles_drawn(image, _drawing(call, image, geometry()), wanted)
+            place, mask, own = common.tiles_drawn(image, _drawing(call, image, geometry()), wanted)
             made: NDArray[Any] = theirs(dst)
         except cv2.error:  # so many channels, say: all is own, or refused in words
             pass
         else:
             made[place][mask] = own[mask].reshape(-1, *made.shape[2:])
             return made
-    made = draw(image, _drawing(call, image, geometry()), linear_light=call.linear_light)
+    made = common.draw(image, _drawing(call, image, geometry()), linear_light=call.linear_light)
     if dst is None or dst.shape not in (made.shape, (*made.shape, 1)) or dst.dtype != made.dtype:
         return made
     dst[...] = made.reshape(dst.shape)
@@ -538,9 +530,11 @@ def _drawing(call: Call, image: NDArray[Any], geometry: Geometry) -> Drawing:
     if color.ndim == 1 and 0 < color.size < channels:  # OpenCV's colors have four values
         color = np.resize([*color, *np.zeros(max(4 - color.size, 0))], channels)
     is_seen = call.border == cv2.BORDER_TRANSPARENT and call.dst is not None
-    behind = call.dst.reshape(*call.shape, -1) if is_seen else color_behind(color, image)
+    behind = call.dst.reshape(*call.shape, -1) if is_seen else common.color_behind(color, image)
     edge = BORDERS[call.border & ~cv2.BORDER_ISOLATED]
-    return Drawing(method_for(call.kernel, call.method), geometry, call.shape, edge, behind=behind)
+    return Drawing(
+        common.method_for(call.kernel, call.method), geometry, call.shape, edge, behind=behind
+    )
 
 
 def __getattr__(name: str) -> Any:

@@ -80,7 +80,21 @@ def warp(
     image = _picture(image)
     order = _order(order, image)
     shape = whole_pair(output_shape or image.shape[:2], "height", "width")
-    geometry = _geometry(inverse_map, map_args or {}, shape)
+    params = getattr(inverse_map, "params", inverse_map)
+    geometry: Geometry
+    if np.ndim(params) == 2 and np.shape(params) == (3, 3):
+        geometry = homography(params, convention="opencv", inverse=True)
+    elif callable(inverse_map):
+        places = places_of_points(partial(inverse_map, **(map_args or {})), is_forward=True)
+        geometry = BackwardMap.from_function(places, shape, first=0.0)
+    else:
+        given = np.asarray(inverse_map)
+        if given.shape != (2, *shape):
+            raise ValueError(
+                f"an inverse map is a function, a (3, 3) matrix or places {(2, *shape)}, not"
+                f" {given.shape}"
+            )
+        geometry = BackwardMap.from_opencv(given[1], given[0])
     is_map = isinstance(geometry, BackwardMap)
     chosen = method_of_order(order, interpolation, method, splines=is_map)
     return _drawn(
@@ -244,41 +258,15 @@ def _drawn(
     image: NDArray[Any], drawing: Drawing, order: int, cval: float, clip: bool, preserve_range: bool
 ) -> NDArray[Any]:
     """Draw a picture; the options are those of `warp`."""
-    given = image if order == 0 else _as_floats(image, preserve_range)
+    given = image
+    if order > 0 and image.dtype.kind != "f":
+        given = image.astype(np.float64)
+        if image.dtype.kind in "iu" and not preserve_range:
+            given = given / np.iinfo(image.dtype).max
     result = draw(given, drawing._replace(behind=color_behind(cval, given, "cval")))
-    return _clipped(result, given, cval) if clip and order > 1 else result
-
-
-def _geometry(given: Any, args: dict[str, Any], shape: tuple[int, int]) -> Geometry:
-    """Return the geometry of an inverse map."""
-    params = getattr(given, "params", given)
-    if np.ndim(params) == 2 and np.shape(params) == (3, 3):
-        return homography(params, convention="opencv", inverse=True)
-    if callable(given):
-        places = places_of_points(partial(given, **args), is_forward=True)
-        return BackwardMap.from_function(places, shape, first=0.0)
-    rows_columns = np.asarray(given)
-    if rows_columns.shape != (2, *shape):
-        raise ValueError(
-            f"an inverse map is a function, a (3, 3) matrix or places {(2, *shape)}, not"
-            f" {rows_columns.shape}"
-        )
-    return BackwardMap.from_opencv(rows_columns[1], rows_columns[0])
-
-
-def _as_floats(image: NDArray[Any], preserve_range: bool) -> NDArray[Any]:
-    """Convert a picture to floats; integers to 0..1 or −1..1 unless `preserve_range`."""
-    if image.dtype.kind == "f":
-        return image
-    floats = image.astype(np.float64)
-    if preserve_range or image.dtype.kind not in "iu":
-        return floats
-    return floats / np.iinfo(image.dtype).max
-
-
-def _clipped(result: NDArray[Any], image: NDArray[Any], cval: float) -> NDArray[Any]:
-    """Clip values to the range of the image and `cval`."""
-    known = np.ma.getdata(image)[~np.ma.getmaskarray(image)]
+    if not clip or order <= 1:
+        return result
+    known = np.ma.getdata(given)[~np.ma.getmaskarray(given)]
     known = known[np.isfinite(known)]
     if known.size == 0:
         return result

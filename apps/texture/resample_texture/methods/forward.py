@@ -1,4 +1,4 @@
-"""Our ways to warp: points, splats and what is between them (plugins: group `methods`)."""
+"""Warping methods: points, splats and the hybrid (plugins: group `methods`)."""
 
 import math
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from resample.messages import number
 from resample.profiles.named import plugin_of
 from resample.types import Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.texels.levels import in_levels
+from resample_texture.texels.encoding import in_levels
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from resample_texture.geometry.windows import VisibleTiles
+    from resample_texture.geometry.regions import VisibleTiles
     from resample_texture.texels.forward import CellGrid
     from resample_texture.texels.gather import GatherPlan, MixedTiles
 
@@ -96,7 +96,19 @@ class Hybrid:
         if self.magnified not in ("cells", "splats"):
             raise ValueError(f"magnified texels become cells or splats, not {self.magnified!r}")
         _check_clamp(self.clamp, self.total)
-        self._check_average()
+        if self.average not in ("always", "shrinking"):
+            raise ValueError(f"average is always or shrinking, not {self.average!r}")
+        if self.average == "shrinking":
+            if not self._takes_areas or self.magnified != "cells" or self.total:
+                raise ValueError(
+                    "average=shrinking interpolates under the area filter; leave filter, magnified"
+                    " and total out"
+                )
+            if getattr(self.interpolation, "is_mean", False):
+                raise ValueError(
+                    f"{self.interpolation} takes texels for means, so it averages always; with"
+                    " average=shrinking give bilinear, cubic, lanczos or spline"
+                )
 
     @property
     def keeps_texels(self) -> bool:
@@ -107,7 +119,7 @@ class Hybrid:
 
     @property
     def tile(self) -> int:
-        """Side of what is worked on together, px, where pixels look: regions are of whole ones."""
+        """Side of a tile that gathers, px; regions consist of whole tiles."""
         from resample_texture.texels.gather import TILE
 
         return TILE if self._takes_areas and self.magnified == "cells" and not self.total else 1
@@ -115,9 +127,9 @@ class Hybrid:
     def visible_tiles(
         self, source_shape: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> "VisibleTiles | None":
-        """What parts of a target (height, width) see of a source (height, width).
+        """Return the visible part of a source for each tile of a target, (height, width) both.
 
-        None if that cannot be told: parts are not drawn alone.
+        None if it is not known beforehand: tiles are not drawn alone.
         """
         if self.clamp or self.magnified != "cells" or not self.gathers(geometry):
             return None
@@ -128,10 +140,10 @@ class Hybrid:
     def mixed_tiles(
         self, form: tuple[int, int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> "MixedTiles | None":
-        """Parts of a target (height, width) that look at a source (height, width, channels).
+        """Split a target (height, width) into tiles that gather, and tiles of projected texels.
 
-        And those to which its texels are projected, part by part. None if there are none, or it
-        cannot be told: parts are not drawn alone.
+        `form`: height, width and channels of the source. None if there are none of the latter, or
+        tiles are not drawn alone.
         """
         if self.clamp or self.magnified != "cells" or not self.gathers(geometry):
             return None
@@ -143,7 +155,7 @@ class Hybrid:
 
     @property
     def near(self) -> Method:
-        """Method for those parts alone that look."""
+        """Method for the tiles that gather alone."""
         return _Partly(self)
 
     def partly(self, wanted: "NDArray[np.bool_]") -> Method:
@@ -154,7 +166,19 @@ class Hybrid:
         self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Warped:
         if self.magnified == "splats":
-            warped = self._splatted(source, geometry, shape, edge)
+            from resample.profiles.filters import Area, Gaussian
+            from resample_texture.texels.splatting import Splatting, splat
+
+            if isinstance(self.filter, Area):  # the Gaussian that comes closest to a box
+                sigma, filter_sigma = 0.55, 0.29
+            elif isinstance(self.filter, Gaussian):
+                sigma, filter_sigma = 0.577, self.filter.sigma
+            else:
+                raise ValueError(f"splats come under a Gaussian pixel filter, not {self.filter}")
+            splatting = Splatting(
+                sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
+            )
+            warped = splat(source, geometry, shape, edge, splatting)
         elif self.gathers(geometry):
             from resample_texture.texels.gather import gather, planned
 
@@ -168,7 +192,7 @@ class Hybrid:
     def planned(
         self, source_shape: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
     ) -> Method:
-        """Method for sources (height, width) that go there alone; what it can it works out now.
+        """Return a method for sources (height, width) and one target, with its plan made now.
 
         Raises
         ------
@@ -182,7 +206,7 @@ class Hybrid:
         return _Planned(self, planned(source_shape, geometry, shape, edge, self.cells))
 
     def gathers(self, geometry: Geometry) -> TypeGuard[Homography | BackwardMap]:
-        """Whether pixels look at the source, and no texels are projected but where they shrink."""
+        """Whether pixels gather, and texels are projected only where they shrink."""
         return self._takes_areas and not (self.total or isinstance(geometry, ForwardMap))
 
     @property
@@ -193,7 +217,7 @@ class Hybrid:
 
     @property
     def cells(self) -> "CellGrid":
-        """How texels are cut, and what they are to pixels."""
+        """How texels are split into cells, and how cells are spread over pixels."""
         from resample_texture.texels.forward import CellGrid
 
         quality = self.quality
@@ -207,50 +231,17 @@ class Hybrid:
             shrinking=self.average == "shrinking",
         )
 
-    def _check_average(self) -> None:
-        if self.average not in ("always", "shrinking"):
-            raise ValueError(f"average is always or shrinking, not {self.average!r}")
-        if self.average == "always":
-            return
-        if not self._takes_areas or self.magnified != "cells" or self.total:
-            raise ValueError(
-                "average=shrinking interpolates under the area filter; leave filter, magnified and"
-                " total out"
-            )
-        if getattr(self.interpolation, "is_mean", False):
-            raise ValueError(
-                f"{self.interpolation} takes texels for means, so it averages always; with"
-                " average=shrinking give bilinear, cubic, lanczos or spline"
-            )
-
-    def _splatted(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
-        from resample.profiles.filters import Area, Gaussian
-        from resample_texture.texels.splatting import Splatting, splat
-
-        if isinstance(self.filter, Area):  # the Gaussian that comes closest to a box
-            sigma, filter_sigma = 0.55, 0.29
-        elif isinstance(self.filter, Gaussian):
-            sigma, filter_sigma = 0.577, self.filter.sigma
-        else:
-            raise ValueError(f"splats come under a Gaussian pixel filter, not {self.filter}")
-        splatting = Splatting(
-            sigma, filter_sigma, threshold=0.5, interpolating=True, is_sum=self.total
-        )
-        return splat(source, geometry, shape, edge, splatting)
-
 
 @dataclass(frozen=True)
 class _Partly:
-    """A hybrid of which only some pixels are drawn, and those around them."""
+    """A hybrid that draws only some pixels, and others of their tiles."""
 
     method: Hybrid
     wanted: "NDArray[np.bool_] | None" = None  # (height, width); None: those that gather
 
     @property
     def in_levels(self) -> Method:
-        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        """The same for levels, see `resample_texture.texels.encoding.in_levels`."""
         method: Any = in_levels(self.method)
         return _Partly(method, self.wanted)
 
@@ -268,7 +259,7 @@ class _Partly:
 
 @dataclass(frozen=True)
 class _Planned:
-    """A hybrid whose pixels look where they looked before."""
+    """A hybrid with a plan made before."""
 
     method: Hybrid
     plan: "GatherPlan"
@@ -281,7 +272,7 @@ class _Planned:
 
     @property
     def in_levels(self) -> Method:
-        """The same for levels, see `resample_texture.texels.levels.in_levels`."""
+        """The same for levels, see `resample_texture.texels.encoding.in_levels`."""
         method: Any = in_levels(self.method)
         return _Planned(method, self.plan._replace(cells=method.cells))
 
@@ -429,7 +420,7 @@ class Splats:
 def _project(
     source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: "CellGrid"
 ) -> Warped:
-    """Picture of cells, placed from the source or, where a map leads backward, from the target."""
+    """Project cells to a picture or, along a backward map, collect them from it."""
     if isinstance(geometry, BackwardMap):
         from resample_texture.texels.gather import collect_from
 
@@ -444,7 +435,7 @@ def _project(
 
 
 def _clamped(warped: Warped, source: Floats) -> Warped:
-    """Picture whose values are in the source's range, times the coverage."""
+    """Limit a picture to the source's range, times the coverage."""
     coverage = warped.coverage[..., None]
     low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
     return Warped(np.clip(warped.image, low * coverage, high * coverage), warped.coverage)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles, Floats
+from resample.types import Floats
 from resample_texture.geometry.mappings import (
     ForwardMap,
     Geometry,
@@ -14,7 +14,7 @@ from resample_texture.geometry.mappings import (
     places_of,
     source_coordinates,
 )
-from resample_texture.geometry.shifts import Picks, nearest_texels
+from resample_texture.geometry.regions import Picks, nearest_texels
 from resample_texture.texels.encoding import missing_in, unmasked
 from resample_texture.types import Edge, Warped
 
@@ -64,8 +64,19 @@ class Majority:
 
         height, width = image.shape[:2]
         code, count = codes_of(image)
-        mapping = PixelMapping(*_mapping_of(geometry, shape, (height, width)))
-        labels = LabelSource(code, count, _common(code, count), EDGES[edge])
+        if isinstance(geometry, ForwardMap):
+            raise ValueError(
+                "majority takes a matrix or a backward map; for forward maps use hybrid"
+            )
+        if isinstance(geometry, Homography):
+            inverse = np.linalg.inv(geometry.oriented((height, width)))
+            mapping = PixelMapping(np.asarray(inverse, np.float64), np.zeros((6, 0, 0)))
+        else:
+            mapping = PixelMapping(np.eye(3), places_of(geometry, shape))
+        # The first texel with the most common label; -1 if all are missing.
+        numbers = np.bincount(code[code >= 0], minlength=count)
+        common = int(np.argmax(code.ravel() == numbers.argmax())) if numbers.any() else -1
+        labels = LabelSource(code, count, common, EDGES[edge])
         found = LabelPicture(np.zeros(shape, np.int64), np.zeros(shape, np.float32))
         find_labels(mapping, labels, found)
         return Picks(found.texel // width, found.texel % width, found.coverage)
@@ -99,26 +110,6 @@ def codes_of(image: NDArray[Any]) -> tuple[NDArray[np.int32], int]:
     labels, inverse = np.unique(known, axis=axis, return_inverse=True)
     code[~gap] = inverse.ravel()
     return code, len(labels)
-
-
-def _common(code: NDArray[np.int32], count: int) -> int:
-    """Return the first texel, row by row, with the most common label; −1 if all are missing."""
-    numbers = np.bincount(code[code >= 0], minlength=count)
-    if not numbers.any():
-        return -1
-    return int(np.argmax(code.ravel() == numbers.argmax()))
-
-
-def _mapping_of(
-    geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int]
-) -> tuple[Doubles, Doubles]:
-    """Return the matrix from target to source, or the places of a map; the other is empty."""
-    if isinstance(geometry, Homography):
-        inverse = np.linalg.inv(geometry.oriented(source_shape))
-        return np.asarray(inverse, np.float64), np.zeros((6, 0, 0))
-    if isinstance(geometry, ForwardMap):
-        raise ValueError("majority takes a matrix or a backward map; for forward maps use hybrid")
-    return np.eye(3), places_of(geometry, shape)
 
 
 def _shown(source: Floats, picks: Picks) -> Warped:

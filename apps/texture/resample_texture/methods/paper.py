@@ -23,11 +23,10 @@ from resample.hybrid.splats import FLAT_TABLES
 from resample.messages import number
 from resample.types import Doubles, Floats, Records
 from resample_texture.geometry.mappings import ForwardMap, Geometry
-from resample_texture.geometry.shifts import texels_at
+from resample_texture.geometry.regions import texels_at
 from resample_texture.texels.forward import (
     FARTHEST,
     check_texels,
-    oriented,
     visible_polygon,
     with_margins,
 )
@@ -116,7 +115,7 @@ def _batches(
         (left, top), (right, bottom), matrix = (0, 0), (width, height), np.eye(3)
         x, y = with_margins(geometry.x, geometry.y)
     else:
-        matrix, x, y = oriented(geometry, (height, width)), np.zeros((0, 0)), np.zeros((0, 0))
+        matrix, x, y = geometry.normalized((height, width)), np.zeros((0, 0)), np.zeros((0, 0))
         (left, top), (right, bottom) = _ends(matrix, (height, width), shape, edge, widths)
     places = (matrix, x, y, nearest_drawn(matrix, widths.kernel))
     step = max(1, MOST_AT_ONCE // max(1, right - left))

@@ -7,11 +7,16 @@ may be sRGB-encoded pictures, uint16 only where that is said; all other types ar
 Channels that mark where values exist are warped like any other; a pixel's mean is then that of the
 existing values. Where less than half of a pixel's part of the source has a value, the value is
 missing in the result, so that gaps keep their size.
+
+What people see, and what a camera's curve has made, are levels: these are interpolated. What a
+pixel averages is light. So a pixel hardly longer than a texel is interpolated in levels, one of
+`LONG` texels or more is a mean of light, and between these both are mixed.
 """
 
+import dataclasses
 import math
-from functools import cache
-from typing import Any, NamedTuple
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +24,12 @@ from numpy.typing import ArrayLike, NDArray
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import contiguous
 from resample.types import Doubles, Floats
-from resample_texture.types import Alpha, AnyAlpha, AnyLight, Warped
+from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography
+from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped
+
+if TYPE_CHECKING:
+    from resample_texture.texels.kernels.gather import Plane
+
 
 LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
@@ -69,9 +79,12 @@ def missing_in(
 ) -> Booleans | None:
     """Find values (H, W, C) that are masked or not finite; None if there are none."""
     missing = None if mask is None else mask.is_set.reshape(planes.shape)
-    if planes.dtype.kind == "f" and not _all_finite(planes):
-        not_finite = ~np.isfinite(planes)
-        missing = not_finite if missing is None else missing | not_finite
+    if planes.dtype.kind == "f":
+        with np.errstate(over="ignore", invalid="ignore"):  # the sum is the fastest test
+            total = planes.sum(dtype=np.float64 if planes.dtype.itemsize == 8 else np.float32)
+        if not (np.isfinite(total) or np.isfinite(planes).all()):
+            not_finite = ~np.isfinite(planes)
+            missing = not_finite if missing is None else missing | not_finite
     if missing is None or not missing.any():
         return None
     if together:
@@ -150,13 +163,6 @@ def _shared(values: Floats, there: Floats, coverage: Floats) -> Floats:
     return values * share
 
 
-def _all_finite(planes: NDArray[Any]) -> bool:
-    """Whether all values are finite; first tries the sum, which is fast."""
-    wide = np.float64 if planes.dtype.itemsize == 8 else np.float32
-    with np.errstate(over="ignore", invalid="ignore"):
-        return bool(np.isfinite(planes.sum(dtype=wide)) or np.isfinite(planes).all())
-
-
 class ValueSpan(NamedTuple):
     """Offset and unit of each channel's values that float32 does not resolve.
 
@@ -204,8 +210,14 @@ def span_of(
         known = plane if missing is None else plane[~missing[..., c]]
         if known.size:
             low, high = known.min().item(), known.max().item()
-            first = 0 if from_zero else _start(low, high)
-            start[c], unit[c] = first, _unit(max(high - first, first - low))
+            # Begin at the smallest value if 0 is far from the range.
+            is_far = low > high / 2 if low > 0 else high < low / 2
+            first = low if is_far and not from_zero else 0
+            # A power of two makes the largest distance neither huge nor tiny.
+            largest = max(high - first, first - low)
+            exponent = math.frexp(largest)[1] - 1 if largest else 0
+            start[c] = first
+            unit[c] = math.ldexp(1.0, exponent) if abs(exponent) > COMFORTABLE else 1.0
     if not start.any() and (unit == 1.0).all():
         return None
     return ValueSpan(start, unit)
@@ -236,18 +248,6 @@ def _saturated(whole: Doubles, low: int, high: int, dtype: np.dtype[Any]) -> NDA
     result = np.where(is_low | is_high, 0.0, whole).astype(dtype)
     result[is_low], result[is_high] = low, high
     return result
-
-
-def _start(low: float, high: float) -> float:
-    """Return the offset: the smallest value if 0 is far from the range, else 0."""
-    is_far = low > high / 2 if low > 0 else high < low / 2
-    return low if is_far else 0
-
-
-def _unit(largest: float) -> float:
-    """Return the power of two in which the largest distance is neither huge nor tiny."""
-    exponent = math.frexp(largest)[1] - 1 if largest else 0
-    return math.ldexp(1.0, exponent) if abs(exponent) > COMFORTABLE else 1.0
 
 
 class Encoding(NamedTuple):
@@ -315,7 +315,7 @@ def has_straight_alpha(planes: NDArray[Any], alpha: AnyAlpha | None) -> bool:
 
 
 def check_picture(image: NDArray[Any]) -> None:
-    """Refuse arrays that are not pictures of a known type."""
+    """Reject arrays that are not pictures of a known type."""
     if image.dtype.name not in DTYPES:
         raise ValueError(f"a picture's type is one of {', '.join(DTYPES)}, not {image.dtype}")
     if image.ndim not in (2, 3) or 0 in image.shape:
@@ -345,7 +345,15 @@ def encoded(
         image = encoding.span.restored(picture, coverage, through, encoding.dtype)
     else:
         if behind is not None:
-            picture = _over(picture, coverage, light(behind, is_encoded=encoding.is_encoded))
+            # Composite over the background, whose nans show only through gaps.
+            is_partly = coverage < 1.0
+            gaps = np.nonzero(is_partly[..., 0] if coverage.shape[2] == 1 else is_partly.any(2))
+            if gaps[0].size:
+                below = light(behind, is_encoded=encoding.is_encoded)
+                share = 1.0 - np.broadcast_to(coverage, picture.shape)[gaps]
+                color = np.broadcast_to(below, picture.shape)[gaps]
+                picture = picture.copy()
+                picture[gaps] += np.multiply(share, color, out=0.0 * share, where=share > 0.0)
         image = _of_texels(picture, encoding)
     if missing is not None:
         image[missing] = np.nan if encoding.dtype.kind == "f" else 0
@@ -365,26 +373,28 @@ def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
             picture = picture.copy()
             alpha = picture[..., 3:]
             np.divide(picture[..., :3], alpha, out=picture[..., :3], where=alpha > 0.0)
-        if encoding.dtype.name in LEVELS:
-            return _levels(picture, encoding)
-        if encoding.dtype.kind != "f":
-            return rounded(picture.astype(np.float64), encoding.dtype)
-        return picture.astype(encoding.dtype)
+        if encoding.dtype.name not in LEVELS:
+            if encoding.dtype.kind != "f":
+                return rounded(picture.astype(np.float64), encoding.dtype)
+            return picture.astype(encoding.dtype)
+    largest = np.iinfo(encoding.dtype).max
+    if largest == 255:
+        from resample.engine.levels import put_levels
 
-
-def _over(picture: Floats, coverage: Floats, behind: Floats) -> Floats:
-    """Composite a picture (H, W, C) over a background; its nans show only through gaps."""
-    is_partly = coverage < 1.0
-    gaps = np.nonzero(is_partly[..., 0] if coverage.shape[2] == 1 else is_partly.any(axis=2))
-    if not gaps[0].size:
-        return picture
-    share = 1.0 - np.broadcast_to(coverage, picture.shape)[gaps]
-    color = np.broadcast_to(behind, picture.shape)[gaps]
-    through = np.zeros_like(share)
-    np.multiply(share, color, out=through, where=share > 0.0)
-    over = picture.copy()
-    over[gaps] += through
-    return over
+        picture = np.ascontiguousarray(picture, np.float32)
+        levels = np.empty(picture.shape, np.uint8)
+        put_levels(_eight_bits(encoding.is_encoded), picture.reshape(-1), levels.reshape(-1))
+        if encoding.is_encoded and encoding.is_straight:
+            levels[..., 3] = np.rint(np.clip(picture[..., 3], 0.0, 1.0) * 255)
+        return levels
+    picture = np.clip(picture, 0.0, 1.0)
+    if not encoding.is_encoded:
+        return np.rint(picture * largest).astype(encoding.dtype)
+    count = 3 if encoding.is_straight else picture.shape[2]
+    wide = np.empty(picture.shape, encoding.dtype)
+    wide[..., count:] = np.rint(picture[..., count:] * largest)
+    wide[..., :count] = np.rint(to_srgb(picture[..., :count]) * largest)
+    return wide
 
 
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:
@@ -412,28 +422,6 @@ def _lights(dtype: str, is_encoded: bool) -> Floats:
     largest = np.iinfo(dtype).max
     plain = (np.arange(largest + 1) / largest).astype(np.float32)
     return np.asarray(from_srgb(plain), np.float32) if is_encoded else plain
-
-
-def _levels(image: Floats, encoding: Encoding) -> NDArray[Any]:
-    """Convert values 0..1 to rounded integers."""
-    largest = np.iinfo(encoding.dtype).max
-    if largest == 255:
-        from resample.engine.levels import put_levels
-
-        image = np.ascontiguousarray(image, np.float32)
-        levels = np.empty(image.shape, np.uint8)
-        put_levels(_eight_bits(encoding.is_encoded), image.reshape(-1), levels.reshape(-1))
-        if encoding.is_encoded and encoding.is_straight:
-            levels[..., 3] = np.rint(np.clip(image[..., 3], 0.0, 1.0) * 255)
-        return levels
-    image = np.clip(image, 0.0, 1.0)
-    if not encoding.is_encoded:
-        return np.rint(image * largest).astype(encoding.dtype)
-    count = 3 if encoding.is_straight else image.shape[2]
-    levels = np.empty(image.shape, encoding.dtype)
-    levels[..., count:] = np.rint(image[..., count:] * largest)
-    levels[..., :count] = np.rint(to_srgb(image[..., :count]) * largest)
-    return levels
 
 
 @cache
@@ -470,3 +458,209 @@ def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
         return values
     hidden = mask.is_set[..., ::2] | mask.is_set[..., 1::2]
     return masked(values, hidden.reshape(form), getattr(image, "fill_value", None))
+
+
+SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
+HARDLY = 0.5 / 255  # of the levels, a bound that is several times what light does differ by
+CURVE_STEPS = 65536  # of a curve's table, between which it is linear
+
+
+def light_for(
+    linear_light: AnyLight | None, dtype: np.dtype[Any], is_encoded: bool | None = None
+) -> AnyLight:
+    """What is filtered in linear light: by default pixels of encoded levels, as uint8 are."""
+    if linear_light is not None:
+        return linear_light
+    return "pixels" if (dtype == np.uint8 if is_encoded is None else is_encoded) else False
+
+
+def in_levels(method: Method) -> Method:
+    """The method as it interpolates levels: with limits that fit these, unless others are chosen.
+
+    `limit=usual` is `levels` here: no texel stands out farther than it is seen to.
+    """
+    if hasattr(method, "in_levels"):
+        levels: Method = method.in_levels
+        return levels
+    try:
+        return _with_limits_of_levels(method)
+    except TypeError:  # a plugin's options that cannot be hashed
+        return _with_limits_of_levels.__wrapped__(method)
+
+
+@lru_cache(maxsize=16)
+def _with_limits_of_levels(method: Method) -> Method:
+    interpolation = getattr(method, "interpolation", None)
+    if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):
+        return method
+    kept = dataclasses.replace(interpolation, limit="levels")
+    return dataclasses.replace(method, interpolation=kept)
+
+
+def share_of_levels(
+    method: Method,
+    geometry: Geometry,
+    shape: tuple[int, int],
+    size: tuple[int, int],
+    part: tuple[slice, slice] = np.s_[:, :],
+) -> Floats:
+    """Share of levels in the pixels of a target (height, width), or in those of a part of it.
+
+    (h, w, 1), or (1, 1, 1) if all are as long. `size`: height and width of the source, texels.
+    """
+    is_mixing = getattr(method, "interpolation", None) is not None or hasattr(method, "in_levels")
+    if not is_mixing:
+        return np.zeros((1, 1, 1), np.float32)
+    if isinstance(geometry, ForwardMap):
+        return _projected_shares(method, geometry, shape)
+    from resample_texture.texels.gather import places_of
+    from resample_texture.texels.kernels.gather import Plane, put_shares
+
+    places, rows, columns = places_of(size, geometry, shape), range(shape[0]), range(shape[1])
+    rows, columns = rows[part[0]], columns[part[1]]
+    form = len(rows), len(columns)
+    if isinstance(places, Plane):
+        left, top = places.left + columns.start, places.top + rows.start
+        places = places._replace(left=left, top=top)
+        if not places.inverse[2, :2].any():
+            form = 1, 1
+        elif _longest_on(places, form) <= SHORT:
+            return np.ones((1, 1, 1), np.float32)
+    shares = np.empty((*form, 1), np.float32)
+    put_shares(places, (SHORT, LONG), form, shares.reshape(-1))
+    return shares
+
+
+def _projected_shares(method: Method, geometry: ForwardMap, shape: tuple[int, int]) -> Floats:
+    """Share of levels in pixels (height, width) along a forward map: texels bring their own.
+
+    A pixel's longer axis in texels is the inverse of a texel's shorter one in pixels.
+    """
+    along_x, along_y = (
+        np.gradient(part) if min(part.shape) > 1 else np.zeros((2, *part.shape))
+        for part in (geometry.x, geometry.y)
+    )
+    squares = sum(part * part for part in (*along_x, *along_y))
+    area = np.abs(along_x[1] * along_y[0] - along_x[0] * along_y[1])
+    longer = np.sqrt(0.5 * (squares + np.sqrt(np.maximum(squares**2 - 4.0 * area**2, 0.0))))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((LONG - longer / area) / (LONG - SHORT), 0.0, 1.0)
+    share[np.isnan(share)] = 1.0  # beside texels that are dropped, and of single rows
+    if share.min(initial=1.0) == share.max(initial=1.0):
+        return np.full((1, 1, 1), share.min(initial=1.0), np.float32)
+    texels = np.ascontiguousarray(share[..., None], np.float32)
+    warped, coverage = method(texels, geometry, shape, Edge.TRANSPARENT)
+    image: Floats = np.divide(
+        warped, coverage[..., None], out=warped, where=coverage[..., None] > 0.0
+    )
+    image.clip(0.0, 1.0, out=image)
+    return image
+
+
+def spared(share: Floats, levels: Floats, geometry: Geometry, shape: tuple[int, int]) -> Floats:
+    """`share_of_levels` that is 1, too, where light would hardly differ from levels.
+
+    `levels`: texels (H, W, C) of the source, or of the part of it that `geometry` has.
+    """
+    from resample_texture.texels.gather import places_of
+    from resample_texture.texels.kernels.gather import (
+        Differences,
+        Plane,
+        put_differences,
+        spare_light,
+    )
+
+    if isinstance(geometry, ForwardMap):
+        return share
+    height, width, channels = levels.shape
+    places = places_of((height, width), geometry, shape)
+    # Along the axes all pixels are drawn at once.
+    is_along = isinstance(places, Plane) and not places.inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any()
+    if is_along or not ((share > 0.0) & (share < 1.0)).any():
+        return share
+    region = geometry.region if isinstance(geometry, Homography) else None
+    first = (0, 0) if region is None else region.first
+    found = Differences(np.empty(height * width, np.float32), (height, width), first)
+    put_differences(levels.reshape(-1), channels, found)
+    shares = np.array(np.broadcast_to(share, (*shape, 1)))
+    spare_light(places, found, HARDLY, shape, shares.reshape(-1))
+    return shares
+
+
+def _longest_on(plane: "Plane", form: tuple[int, int]) -> float:
+    """Bound of the longer axes of a picture's (height, width) pixels in perspective, texels.
+
+    A pixel's sides are affine in its place, divided by the square of its depth. So their norm is
+    largest at a corner, and the square least at another.
+    """
+    x, y = plane.left + np.array([0, form[1]] * 2), plane.top + np.repeat([0, form[0]], 2)
+    u, v, depth = plane.inverse @ np.stack([x, y, np.ones(4)])
+    if not depth.min() > 0.0:
+        return math.inf
+    sides = plane.inverse[None, :2, :2] * depth[:, None, None]
+    sides = sides - np.stack([u, v], axis=1)[:, :, None] * plane.inverse[2, :2]
+    return float(np.linalg.norm(sides, 2, axis=(1, 2)).max() / depth.min() ** 2)
+
+
+def texels_in_levels(
+    image: NDArray[Any], alpha: AnyAlpha | None, gaps: int = 0
+) -> tuple[Floats, Encoding]:
+    """Texels (H, W, C) in levels, of a picture of levels or of light; and its encoding."""
+    if image.dtype.name in LEVELS:
+        texels, encoding = decoded(image, linear_light=False, alpha=alpha, gaps=gaps)
+        return texels, encoding._replace(is_encoded=True)
+    light, encoding = decoded(image, alpha=alpha, gaps=gaps)
+    return curved(light, None, encoding), encoding
+
+
+def mixed_light(
+    levels: Warped, averaged: Warped | None, share: Floats, encoding: Encoding
+) -> Warped:
+    """Light of warped levels, and of warped light by 1 - `share`; both times their coverage.
+
+    Either may have left out pixels, with a coverage of 0, that are the other's alone.
+    """
+    made = curved(levels.image, levels.coverage[..., None], encoding, is_back=True)
+    if averaged is None:
+        return Warped(made, levels.coverage)
+    made -= averaged.image
+    made *= share
+    made += averaged.image
+    return Warped(made, np.maximum(levels.coverage, averaged.coverage))
+
+
+def curved(
+    values: Floats, weight: Floats | None, encoding: Encoding, *, is_back: bool = False
+) -> Floats:
+    """Levels of light, or light of levels (`is_back`).
+
+    What has multiplied the colors is divided out and multiplied again: `weight`, or opacity.
+    """
+    from resample.engine.levels import bend
+
+    # Opacity and marks of values that exist are multiplied by the coverage themselves.
+    colors = values.shape[2] - encoding.gaps
+    if encoding.is_straight or (encoding.dtype.kind == "f" and colors in (2, 4)):
+        colors -= 1
+        weight = values[..., colors : colors + 1]
+    elif encoding.gaps:
+        weight = values[..., -encoding.gaps :]
+    color = np.ascontiguousarray(values[..., :colors])
+    if weight is not None and (weight == 1.0).all():
+        weight = None
+    if weight is not None:
+        color = np.divide(color, weight, out=np.zeros_like(color), where=weight > 0.0)
+    bent = np.empty_like(color)
+    bend(_table(is_back=is_back), color.reshape(-1), bent.reshape(-1))
+    if weight is not None:
+        bent *= weight
+    if colors == values.shape[2]:
+        return bent
+    return np.concatenate([bent, values[..., colors:]], axis=2)
+
+
+@cache
+def _table(*, is_back: bool) -> Floats:
+    """Light of equal steps of levels (`is_back`), or levels of equal steps of light."""
+    steps = np.arange(CURVE_STEPS + 1) / CURVE_STEPS
+    return np.asarray(from_srgb(steps) if is_back else to_srgb(steps), np.float32)

@@ -18,13 +18,14 @@ import numpy as np
 from resample.engine.cells.parts import batches, channel_groups, parts_of
 from resample.engine.cells.sums import Border, Means, collect, finish
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.windows.boxes import SPARE
+from resample.engine.windows.boxes import FEW, SPARE, Plate
 from resample.engine.windows.edges import CLAMP, MIRROR, TRANSPARENT, WRAP
 from resample.engine.windows.filtering import Filters, filter_plate
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, taps
 from resample.profiles.memoization import once
 from resample.types import Doubles, Floats
+from resample_texture.geometry import regions
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
 from resample_texture.texels.kernels.blocks import (
     CUT,
@@ -36,10 +37,8 @@ from resample_texture.texels.kernels.blocks import (
     split_plane,
     view_bounds_of,
 )
-from resample_texture.texels.kernels.painting import Texels, Texture, paint_blocks
-from resample_texture.texels.kernels.placing import TexelMapping
+from resample_texture.texels.kernels.placing import TexelMapping, Texels, Texture, paint_blocks
 from resample_texture.texels.kernels.texels import DENSE, EXACT, Extract
-from resample_texture.texels.padding import filtered, texels_at
 from resample_texture.types import Edge, Warped
 
 FINER = 2.0  # cells per px where a smooth filter needs one
@@ -56,6 +55,7 @@ EDGES = {
     Edge.MIRROR: MIRROR,
 }
 NOTHING = np.zeros((0, 0))
+Range = tuple[int, int]  # first texel and last + 1
 Bounds = tuple[int, int, int, int]  # left, top, right and bottom, px
 MOST_VALUES = 1 << 20  # of a source in memory at a time
 MOST_OF_BLOCK = 4  # times `MOST_VALUES` for a single block
@@ -135,8 +135,7 @@ def texels(
     weights = prefilter(interpolation)
     if weights.size == 1:
         return Texels(source, source, source, source)
-    one = np.ones(1, np.float32)
-    filters = (one, one), (weights, one), (one, weights), (weights, weights)
+    filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
     ready = [
         filtered(source, *filters[kind], edge) if kind in kinds and kind > 0 else source
         for kind in range(4)
@@ -181,15 +180,6 @@ def tap_table(interpolation: Interpolation) -> Floats:
     return taps(interpolation, middle, np.repeat(1.0 / np.array(counts), counts))
 
 
-def oriented(geometry: Homography, source_shape: tuple[int, int]) -> Doubles:
-    """Return a homography's matrix, scaled so that depth is positive in front and at most 1."""
-    matrix = geometry.oriented(source_shape)
-    height, width = source_shape
-    corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
-    scale = np.abs(corners @ matrix[2]).max()
-    return np.ascontiguousarray(matrix / scale)
-
-
 def blocks_of(
     geometry: Geometry,
     source_shape: tuple[int, int],
@@ -201,13 +191,24 @@ def blocks_of(
     if isinstance(geometry, ForwardMap):
         if geometry.x.shape != source_shape:
             raise ValueError(f"a map of {geometry.x.shape} does not fit a source of {source_shape}")
-        _check_apart(geometry)
+        # Reject texels that are stretched too far to be drawn.
+        for places in (geometry.x, geometry.y):
+            if np.abs(places).max(initial=0.0, where=np.isfinite(places)) <= MOST_APART / 2:
+                continue
+            with np.errstate(invalid="ignore", over="ignore"):
+                steps = [np.abs(np.diff(places, axis=axis)) for axis in (0, 1)]
+            apart = max(step.max(initial=0.0, where=np.isfinite(step)) for step in steps)
+            if apart > MOST_APART:
+                raise ValueError(
+                    f"a forward map moves neighbours {apart:.3g} px apart, at most {MOST_APART:g} "
+                    "are allowed; give NaN for texels to drop"
+                )
         axes, bounds = split_map(geometry.x, geometry.y, shape, cells.reach, cells.cut_quality)
         x, y = with_margins(geometry.x, geometry.y)
         return SourceBlocks(axes, bounds, np.eye(3), x, y)
     if isinstance(geometry, BackwardMap):
         raise ValueError("a backward map cannot be projected forward")
-    matrix = oriented(geometry, source_shape)
+    matrix = geometry.normalized(source_shape)
     roots = _roots(matrix, source_shape, shape, edge, cells)
     axes, bounds = split(matrix, roots, shape, cells)
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
@@ -216,7 +217,7 @@ def blocks_of(
 def split(
     matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: CellGrid
 ) -> tuple[Integers, Integers]:
-    """Split a plane into blocks; parameters and result as of `split_plane`."""
+    """Split a plane into blocks, see `split_plane`; reject a plane without end."""
     axes, bounds, is_whole = split_plane(
         matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest
     )
@@ -226,21 +227,6 @@ def split(
             "numbers are closer to each other, or keep that part out of the frame"
         )
     return axes, bounds
-
-
-def _check_apart(geometry: ForwardMap) -> None:
-    """Refuse texels that are stretched too far to be drawn."""
-    for places in (geometry.x, geometry.y):
-        if np.abs(places).max(initial=0.0, where=np.isfinite(places)) <= MOST_APART / 2:
-            continue
-        with np.errstate(invalid="ignore", over="ignore"):
-            steps = [np.abs(np.diff(places, axis=axis)) for axis in (0, 1)]
-        apart = max(step.max(initial=0.0, where=np.isfinite(step)) for step in steps)
-        if apart > MOST_APART:
-            raise ValueError(
-                f"a forward map moves neighbours {apart:.3g} px apart, at most {MOST_APART:g} are "
-                "allowed; give NaN for texels to drop"
-            )
 
 
 def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
@@ -286,7 +272,7 @@ def _roots(
 
 
 def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
-    """Refuse to draw a continued source texel by texel if too much of it is visible."""
+    """Reject to draw a continued source texel by texel if too much of it is visible."""
     x, y = polygon.T
     area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
     if area > max(MOST_TEXELS, source_shape[0] * source_shape[1]):
@@ -319,7 +305,7 @@ def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tu
     """
     if not isinstance(geometry, Homography):
         return np.array([[0.0, 0.0, -1.0]]), NEARLY_FULL
-    matrix = oriented(geometry, source_shape)
+    matrix = geometry.normalized(source_shape)
     u, v, front = np.linalg.inv(matrix)
     if edge is not Edge.TRANSPARENT:
         return front[None], math.inf
@@ -484,14 +470,6 @@ class Widened(NamedTuple):
         return self.reader.texels(np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1))
 
 
-class Run(NamedTuple):
-    """Consecutive blocks, and the texels that they read: first and last + 1 of each axis."""
-
-    blocks: slice
-    across: tuple[int, int]
-    down: tuple[int, int]
-
-
 def can_be_projected_partly(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
     cells: CellGrid,
@@ -534,35 +512,33 @@ def project_partly(
     height, width, channels = source.shape
     sums = sums_of(wanted, channels, cells)
     blocks = meeting(blocks_of(geometry, (height, width), shape, edge, cells), wanted)
-    for run in _runs(blocks.axes, source.shape, edge, sums.taps.shape[0] // 2):
-        some = blocks._replace(axes=blocks.axes[run.blocks], bounds=blocks.bounds[run.blocks])
-        _add(sums, source, some, run, edge)
+    weights = prefilter(cells.interpolation)
+    filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
+    for which, across, down in _runs(blocks.axes, source.shape, edge, sums.taps.shape[0] // 2):
+        some = blocks._replace(axes=blocks.axes[which], bounds=blocks.bounds[which])
+        values = (across[1] - across[0]) * (down[1] - down[0]) * channels
+        if values > MOST_VALUES and _is_joinable(some.axes[0], (height, width)):
+            step = 1 << int(some.axes[0, 1, LEVEL])
+            ready = _joined_rows(source, across, down, step)
+            held = Texels(ready, ready, ready, ready)
+            extract = Extract(height, width, down[0], across[0], step)
+        else:
+            kinds = kinds_of(some.axes) if weights.size > 1 else frozenset({0})
+            made = {n: _coefficients(source, across, down, filters[n], edge) for n in kinds}
+            plain = made.get(0, next(iter(made.values())))
+            held = Texels(*(made.get(kind, plain) for kind in range(4)))
+            extract = Extract(height, width, down[0], across[0])
+        sums.paint(held, extract, NO_TOTALS, some, edge)
     return sums.warped(*borders(geometry, (height, width), edge))
 
 
-def _add(sums: PointSums, source: TexelReader, blocks: SourceBlocks, run: Run, edge: Edge) -> None:
-    """Add the blocks of a run to the sums."""
-    height, width, channels = source.shape
-    kinds, interpolation = kinds_of(blocks.axes), sums.cells.interpolation
-    values = (run.across[1] - run.across[0]) * (run.down[1] - run.down[0]) * channels
-    if values > MOST_VALUES and _is_joinable(blocks.axes[0], (height, width)):
-        step = 1 << int(blocks.axes[0, 1, LEVEL])
-        ready = _joined_rows(source, run, step)
-        held = Texels(ready, ready, ready, ready)
-        extract = Extract(height, width, run.down[0], run.across[0], step)
-    else:
-        held = _texels(source, run, kinds, interpolation, edge)
-        extract = Extract(height, width, run.down[0], run.across[0])
-    sums.paint(held, extract, NO_TOTALS, blocks, edge)
-
-
-def _joined_rows(source: TexelReader, run: Run, step: int) -> Floats:
+def _joined_rows(source: TexelReader, across: Range, down: Range, step: int) -> Floats:
     """Sum every `step` rows of a part of a source, read strip by strip."""
-    columns, channels = np.arange(*run.across), source.shape[2]
-    several = max(1, MOST_VALUES // (columns.size * channels * step)) * step
+    columns = np.arange(*across)
+    several = max(1, MOST_VALUES // (columns.size * source.shape[2] * step)) * step
     joined = []
-    for first in range(*run.down, several):
-        rows = source.texels(np.arange(first, min(first + several, run.down[1])), columns)
+    for first in range(*down, several):
+        rows = source.texels(np.arange(first, min(first + several, down[1])), columns)
         total = rows[::step].copy()
         for n in range(1, step):
             total += rows[n::step]
@@ -570,27 +546,10 @@ def _joined_rows(source: TexelReader, run: Run, step: int) -> Floats:
     return np.concatenate(joined)
 
 
-def _texels(
-    source: TexelReader, run: Run, kinds: frozenset[int], interpolation: Interpolation, edge: Edge
-) -> Texels:
-    """Return a part of a source, prefiltered as `forward.texels` does for the whole."""
-    weights = prefilter(interpolation)
-    filters = (ONE, ONE), (weights, ONE), (ONE, weights), (weights, weights)
-    needed = {kind if prefilter(interpolation).size > 1 else 0 for kind in kinds}
-    made = {n: _coefficients(source, run.across, run.down, filters[n], edge) for n in needed}
-    some = next(iter(made.values()))
-    plain = made.get(0, some)
-    return Texels(*(made.get(kind, plain) for kind in range(4)))
-
-
 def _coefficients(
-    source: TexelReader,
-    across: tuple[int, int],
-    down: tuple[int, int],
-    filters: tuple[Floats, Floats],
-    edge: Edge,
+    source: TexelReader, across: Range, down: Range, filters: tuple[Floats, Floats], edge: Edge
 ) -> Floats:
-    """Apply a separable filter to a part of a source (H, W, C); see `plates.filtered`."""
+    """Apply a separable filter to a part of a source (H, W, C) that is read on demand."""
     along_u, along_v = filters
     left, above = along_u.size // 2, along_v.size // 2
     height, width, channels = source.shape
@@ -607,27 +566,24 @@ def _coefficients(
 
 def _runs(
     axes: Integers, source_shape: tuple[int, int, int], edge: Edge, reach: int
-) -> Iterator[Run]:
-    """Yield runs of consecutive blocks that read few enough texels together."""
+) -> Iterator[tuple[slice, Range, Range]]:
+    """Yield runs of consecutive blocks, with columns and rows that they read, few enough texels."""
     across, down = (_read(axes[:, n], source_shape[1 - n], edge, reach) for n in (0, 1))
     most = MOST_VALUES // source_shape[2]
     first, sides = 0, None
     for n, (columns, rows) in enumerate(zip(across.tolist(), down.tolist(), strict=True)):
-        here = *columns, *rows
-        both = here if sides is None else _around(sides, here)
-        if sides is not None and (both[1] - both[0]) * (both[3] - both[2]) > most:
-            yield Run(slice(first, n), sides[:2], sides[2:])
-            first, both = n, here
+        left, right, top, bottom = both = *columns, *rows
+        if sides is not None:
+            left, right = min(left, sides[0]), max(right, sides[1])
+            top, bottom = min(top, sides[2]), max(bottom, sides[3])
+            if (right - left) * (bottom - top) > most:
+                yield slice(first, n), sides[:2], sides[2:]
+                first = n
+            else:
+                both = left, right, top, bottom
         sides = both
     if sides is not None:
-        yield Run(slice(first, len(axes)), sides[:2], sides[2:])
-
-
-def _around(one: Bounds, other: Bounds) -> Bounds:
-    """Return the bounds around two bounds."""
-    return (
-        min(one[0], other[0]), max(one[1], other[1]), min(one[2], other[2]), max(one[3], other[3]),
-    )  # fmt: skip
+        yield slice(first, len(axes)), sides[:2], sides[2:]
 
 
 def _read(axis: Integers, size: int, edge: Edge, reach: int) -> Integers:
@@ -642,3 +598,137 @@ def _read(axis: Integers, size: int, edge: Edge, reach: int) -> Integers:
             there = texels_at(np.arange(first, last), size, edge)
             ends[n] = there.min(), there.max() + 1
     return ends
+
+
+def texels_at(index: Integers, size: int, edge: Edge) -> Integers:
+    """Return the texels that filters read at indices within and beyond the source."""
+    continued = Edge.MIRROR if edge is Edge.TRANSPARENT else edge
+    return regions.texels_at(index, size, continued)[0]
+
+
+class SourcePart(NamedTuple):
+    """A source, or a part of one."""
+
+    texels: Floats  # (H, W, C)
+    size: tuple[int, int]  # of the whole source: height, width
+    first: tuple[int, int] = (0, 0)  # column and row at which the part begins
+
+
+class Sides(NamedTuple):
+    """A rectangle of the continued plane of a source."""
+
+    across: Range
+    down: Range
+
+    def wider(self, margin: int) -> "Sides":
+        """Return the rectangle with a margin on each side."""
+        (left, right), (top, bottom) = self
+        return Sides((left - margin, right + margin), (top - margin, bottom + margin))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.down[1] - self.down[0], self.across[1] - self.across[0]
+
+    def plate(self, flat: Floats, part: "Sides", channels: int) -> Plate:
+        """Return a plate of the rectangle, with only a part of it stored."""
+        (left, _), (top, _) = self
+        columns = part.shape[1]
+        before = ((part.down[0] - top) * columns + part.across[0] - left) * channels
+        return Plate(flat, float(left), float(top), *self.shape, channels, columns, before)
+
+
+def plates_of(
+    source: SourcePart, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
+) -> tuple[Plate, Plate]:
+    """Return coefficients and texels of a rectangle of a source's continued plane.
+
+    Coefficients of two to four channels have four numbers. Only a part of the whole rectangle is
+    stored. If coefficients differ from texels, the texels have a margin.
+    """
+    weights, channels = prefilter(interpolation), source.texels.shape[2]
+    lanes, margin = 4 if 2 <= channels <= 4 else channels, weights.size // 2
+    outer = part.wider(margin)
+    flat = _continued(source, outer, edge, FEW - 1)
+    plain = whole.wider(margin).plate(flat, outer, channels)
+    if margin == 0 and lanes == channels:
+        return plain, plain
+    smooth = _empty_flat(part.shape, lanes, FEW - 1)
+    filter_plate(flat, (*outer.shape, channels), Filters(weights, weights), lanes, smooth)
+    return whole.plate(smooth, part, lanes), plain
+
+
+def _empty_flat(shape: tuple[int, int], channels: int, rows: int) -> Floats:
+    """Space for the numbers of a rectangle, and zeros that are read beyond its last texel.
+
+    `rows`: how many rows may be read beyond the last.
+    """
+    height, width = max(shape[0], 0), max(shape[1], 0)
+    count, spare = height * width * channels, (SPARE + rows * width) * channels
+    flat = np.empty(count + spare, np.float32)
+    flat[count:] = 0.0
+    return flat
+
+
+def filtered(source: Floats, along_u: Floats, along_v: Floats, edge: Edge) -> Floats:
+    """Apply a separable filter to a source (H, W, C), continued beyond its edges by `edge`."""
+    height, width, channels = source.shape
+    whole = SourcePart(source, (height, width)), Sides((0, width), (0, height))
+    return filtered_grid(*whole, edge, along_u, along_v).reshape(height, width, channels)
+
+
+def filtered_grid(
+    source: SourcePart, sides: Sides, edge: Edge, along_u: Floats, along_v: Floats
+) -> Floats:
+    """Return a rectangle of a source's continued plane, filtered, row by row."""
+    height, width, channels = source.texels.shape
+    left, above = along_u.size // 2, along_v.size // 2
+    is_whole = source.first == (0, 0) and sides == Sides((0, width), (0, height))
+    if is_whole and left == above == 0:
+        return source.texels.reshape(-1)
+    (first, last), (top, bottom) = sides
+    outer = Sides((first - left, last + left), (top - above, bottom + above))
+    flat = _continued(source, outer, edge)
+    if left == above == 0:
+        return flat
+    result = np.empty(sides.shape[0] * sides.shape[1] * channels, np.float32)
+    filter_plate(flat, (*outer.shape, channels), Filters(along_u, along_v), channels, result)
+    return result
+
+
+def _continued(source: SourcePart, sides: Sides, edge: Edge, spare: int = 0) -> Floats:
+    """Return the texels of a rectangle of the continued plane, row by row, with rows to spare.
+
+    Texels outside the stored part are never shown; they copy the nearest one.
+    """
+    height, width, channels = source.texels.shape
+    rows = texels_at(np.arange(*sides.down), source.size[0], edge) - source.first[1]
+    columns = texels_at(np.arange(*sides.across), source.size[1], edge) - source.first[0]
+    rows, columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
+    flat = _empty_flat((rows.size, columns.size), channels, spare)
+    if not (rows.size and columns.size):  # nothing of it is shown
+        return flat
+    count = rows.size * columns.size * channels
+    plane = flat[:count].reshape(rows.size, columns.size, channels)
+    # Copy the stored part at once, and its continuation texel by texel.
+    down, across = _straight(rows), _straight(columns)
+    plane[down, across] = source.texels[_of(rows, down), _of(columns, across)]
+    for part in (slice(0, down.start), slice(down.stop, rows.size)):
+        plane[part] = source.texels[rows[part]][:, columns]
+    for part in (slice(0, across.start), slice(across.stop, columns.size)):
+        plane[down, part] = source.texels[_of(rows, down)][:, columns[part]]
+    return flat
+
+
+def _straight(index: Integers) -> slice:
+    """Return the longest run of indices that count up by one."""
+    ends = np.flatnonzero(np.diff(index) != 1) + 1
+    starts = np.concatenate([[0], ends])
+    count = np.diff(np.concatenate([starts, [index.size]]))
+    first = int(starts[count.argmax()])
+    return slice(first, first + int(count.max()))
+
+
+def _of(index: Integers, part: slice) -> slice:
+    """Return the texels of a run of indices."""
+    return slice(int(index[part.start]), int(index[part.stop - 1]) + 1)

@@ -40,25 +40,17 @@ from resample.profiles.interpolation import (
 )
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
-from resample_texture.geometry.windows import VisibleTiles
-from resample_texture.texels.forward import (
-    EDGES,
-    NEARLY_FULL,
-    Bounds,
-    CellGrid,
-    PointSums,
-    TexelReader,
-    can_be_projected_partly,
-    oriented,
-    project,
-    project_partly,
-    texels,
-    widened,
-)
+from resample_texture.geometry.regions import VisibleTiles
+from resample_texture.texels import forward
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.kernels.gather import Map, Plane, fill_tiles, measure
-from resample_texture.texels.kernels.gathering import Pixels, gather_tiles
-from resample_texture.texels.padding import Sides, SourcePart, plates_of
+from resample_texture.texels.kernels.gather import (
+    Map,
+    Pixels,
+    Plane,
+    collect_tiles,
+    fill_tiles,
+    measure,
+)
 from resample_texture.texels.separable import SeparablePlan, separable_plan, weigh, weigh_in_blocks
 from resample_texture.types import Edge, Warped
 
@@ -93,7 +85,7 @@ class GatherPlan(NamedTuple):
     geometry: Homography | BackwardMap
     shape: tuple[int, int]
     edge: Edge
-    cells: CellGrid
+    cells: forward.CellGrid
     places: Plane | Map
     tiles: TargetTiles
     around: TargetTiles  # of the whole target if the picture is a region of it, or `tiles`
@@ -102,7 +94,7 @@ class GatherPlan(NamedTuple):
 
 def planned(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
-    cells: CellGrid,
+    cells: forward.CellGrid,
 ) -> GatherPlan:  # fmt: skip
     """Plan how a target (height, width) gathers from sources (height, width)."""
     region = geometry.region if isinstance(geometry, Homography) else None
@@ -135,7 +127,10 @@ def gather(
     `wanted`.
     """
     _, geometry, shape, edge, cells, places, tiles, around, axes = plan
-    held = _source_part(source, geometry)
+    region = geometry.region if isinstance(geometry, Homography) else None
+    held = forward.SourcePart(source, (source.shape[0], source.shape[1]))
+    if region is not None and region.size is not None:
+        held = forward.SourcePart(source, region.size, region.first)
     if axes is not None:
         return weigh(axes, held, edge, cells)
     view = _view((*held.size, source.shape[2]), edge, cells)
@@ -150,7 +145,7 @@ def gather(
     warped = Warped(make((*shape, source.shape[2]), np.float32), make(shape, np.float32))
     if is_far.any() and not near_only:
         far, finer = far_of(plan), cells.finer()
-        made = project(source, far.geometry, far.shape, edge, finer, wanted=far.wanted)
+        made = forward.project(source, far.geometry, far.shape, edge, finer, wanted=far.wanted)
         warped.image[far.part], warped.coverage[far.part] = made
     if tiles.is_near.any():
         view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
@@ -167,7 +162,7 @@ class Far(NamedTuple):
 
     geometry: Homography  # source to a rectangle, the same for all parts of a target
     shape: tuple[int, int]  # of that rectangle
-    wanted: Bounds  # part of it
+    wanted: forward.Bounds  # part of it
     part: tuple[slice, slice]  # of the picture
 
 
@@ -183,7 +178,7 @@ def far_of(plan: GatherPlan) -> Far:
     left, top, right, bottom = (int(side) for side in sides)
     back = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
     whole = region.whole if region else geometry
-    moved = Homography(back @ oriented(whole, plan.size), is_signed=True)
+    moved = Homography(back @ whole.normalized(plan.size), is_signed=True)
     x, y = (region.left, region.top) if region else (0, 0)  # of the picture
     first = max(left - x, 0), max(top - y, 0)
     last = min(right - x, plan.shape[1]), min(bottom - y, plan.shape[0])
@@ -194,7 +189,7 @@ def far_of(plan: GatherPlan) -> Far:
 
 def visible_tiles(
     size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
-    cells: CellGrid,
+    cells: forward.CellGrid,
 ) -> VisibleTiles | None:  # fmt: skip
     """Return the source bounds that tiles of a picture (height, width) gather from.
 
@@ -206,7 +201,7 @@ def visible_tiles(
     return _visible(plan.tiles, edge, cells) if plan.tiles.is_near.all() else None
 
 
-def _visible(tiles: TargetTiles, edge: Edge, cells: CellGrid) -> VisibleTiles:
+def _visible(tiles: TargetTiles, edge: Edge, cells: forward.CellGrid) -> VisibleTiles:
     """Return the source bounds of near tiles; those of others are empty."""
     reach = prefilter(cells.interpolation).size // 2 + math.ceil(cells.interpolation.radius) + 3
     nothing = np.array([math.inf, math.inf, -math.inf, -math.inf])
@@ -215,26 +210,26 @@ def _visible(tiles: TargetTiles, edge: Edge, cells: CellGrid) -> VisibleTiles:
 
 
 class MixedTiles(NamedTuple):
-    """Tiles of a picture of which some gather, while texels are projected to the others."""
+    """Tiles of a picture: near ones gather, and texels are projected to far ones."""
 
-    near: VisibleTiles  # those that gather; bounds of the others are empty
+    near: VisibleTiles  # near tiles; bounds of far ones are empty
     is_near: NDArray[np.bool_]  # (T,)
     far: Far
     edge: Edge
-    cells: CellGrid
+    cells: forward.CellGrid
     axes: SeparablePlan | None = None  # of a warp along the axes, all of whose tiles are far
 
-    def projected(self, reader: TexelReader) -> Warped:
+    def projected(self, reader: forward.TexelReader) -> Warped:
         """Project the texels of a source that is read on demand to the far tiles."""
         if self.axes is not None:
             return weigh_in_blocks(self.axes, reader, self.edge)
         geometry, shape, wanted, _ = self.far
-        return project_partly(reader, geometry, shape, self.edge, self.cells, wanted)
+        return forward.project_partly(reader, geometry, shape, self.edge, self.cells, wanted)
 
 
 def mixed_tiles(
     source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
-    cells: CellGrid,
+    cells: forward.CellGrid,
 ) -> MixedTiles | None:  # fmt: skip
     """Split a picture's tiles into near and far ones, for a source that is read in parts.
 
@@ -249,7 +244,7 @@ def mixed_tiles(
     if plan.tiles.is_near.all():
         return None
     far, finer = far_of(plan), cells.finer()
-    if not can_be_projected_partly(source_shape, far.geometry, far.shape, edge, finer):
+    if not forward.can_be_projected_partly(source_shape, far.geometry, far.shape, edge, finer):
         return None
     return MixedTiles(_visible(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
 
@@ -260,7 +255,7 @@ def places_of(
     """Return the map from pixels to the source, as kernels take it."""
     if isinstance(geometry, Homography):
         region = geometry.region or TargetRegion(geometry, 0, 0, shape)
-        matrix = oriented(region.whole, region.size or size)
+        matrix = region.whole.normalized(region.size or size)
         inverse = np.ascontiguousarray(np.linalg.inv(matrix))
         return Plane(inverse, region.left, region.top)
     if geometry.x.shape != shape:
@@ -282,14 +277,18 @@ def _measured(places: Plane | Map, view: GridView, shape: tuple[int, int]) -> Ta
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk
 def _measured_once(
-    geometry: Homography, shape: tuple[int, int], size: tuple[int, int], edge: Edge, cells: CellGrid
+    geometry: Homography,
+    shape: tuple[int, int],
+    size: tuple[int, int],
+    edge: Edge,
+    cells: forward.CellGrid,
 ) -> TargetTiles:
     """Measure the tiles of a whole target, cached; `size` is the source's."""
     return _measured(places_of(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 
 def _with_plate(
-    source: SourcePart,
+    source: forward.SourcePart,
     view: GridView,
     edge: Edge,
     interpolation: Interpolation,
@@ -317,26 +316,17 @@ def _with_plate(
         low = np.clip(low, lowest, highest) if is_told else lowest
         high = np.clip(high, lowest, highest) if is_told else highest
     part, whole = _sides(low, high, reach), _sides(lowest, highest, reach)
-    plate, plain = plates_of(source, whole, part, edge, interpolation)
+    plate, plain = forward.plates_of(source, whole, part, edge, interpolation)
     return view._replace(plate=plate, limits=view.limits._replace(plain=plain))
 
 
-def _sides(low: Doubles, high: Doubles, reach: int) -> Sides:
+def _sides(low: Doubles, high: Doubles, reach: int) -> forward.Sides:
     """Return the whole texels between two corners, with some around them."""
     (left, top), (right, bottom) = np.floor(low) - reach, np.ceil(high) + reach
-    return Sides((int(left), int(right)), (int(top), int(bottom)))
+    return forward.Sides((int(left), int(right)), (int(top), int(bottom)))
 
 
-def _source_part(source: Floats, geometry: Homography | BackwardMap) -> SourcePart:
-    """Return the source (H, W, C), with its place in the whole if it is a part."""
-    size = source.shape[0], source.shape[1]
-    region = geometry.region if isinstance(geometry, Homography) else None
-    if region is None or region.size is None:
-        return SourcePart(source, size)
-    return SourcePart(source, region.size, region.first)
-
-
-def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
+def _view(form: tuple[int, ...], edge: Edge, cells: forward.CellGrid) -> GridView:
     """Return how pixels gather from a source (H, W, C), still without its texels."""
     height, width, channels = form
     plate = Plate(NOTHING, 0.0, 0.0, 0, 0, channels, 0, 0)
@@ -350,20 +340,26 @@ def _view(form: tuple[int, ...], edge: Edge, cells: CellGrid) -> GridView:
     integral = integrals(cells.interpolation, PHASES, ONES)._replace(shortest=shortest)
     chosen = cells.interpolation
     limits = Limits(plate, excess(chosen), own_extent(chosen), faint(chosen))
-    return GridView(plate, integral, points, (height, width), EDGES[edge], math.inf, finest, limits)
+    return GridView(
+        plate, integral, points, (height, width), forward.EDGES[edge], math.inf, finest, limits
+    )
 
 
 def collect_from(
-    source: Floats, geometry: BackwardMap, shape: tuple[int, int], edge: Edge, cells: CellGrid
+    source: Floats,
+    geometry: BackwardMap,
+    shape: tuple[int, int],
+    edge: Edge,
+    cells: forward.CellGrid,
 ) -> Warped:
     """Warp a source (H, W, C) by a backward map to (height, width)."""
     if geometry.x.shape != shape:
         raise ValueError(f"a map of {geometry.x.shape} does not fit a target of {shape}")
     if cells.is_sum and min(shape) == 1:
         raise ValueError(f"a map of {shape} tells no areas, which sums need; give 2 × 2 px or more")
-    source, margin = widened(source, edge, cells.interpolation)
-    sums = PointSums(shape, source.shape[2], cells)
-    ready = texels(source, cells.interpolation, edge, frozenset({3})).both
+    source, margin = forward.widened(source, edge, cells.interpolation)
+    sums = forward.PointSums(shape, source.shape[2], cells)
+    ready = forward.texels(source, cells.interpolation, edge, frozenset({3})).both
     reach = int(np.ceil(cells.reach)) + 1
     around = 0 if cells.taps == 0 else reach  # px around the picture whose points extend into it
     map_u, map_v = (extended(a + margin, around + 1) for a in (geometry.x, geometry.y))
@@ -373,13 +369,13 @@ def collect_from(
     for channels, picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(bounds, channels[1] + 1):
             pixels = Pixels(
-                ready, EDGES[edge], channels, sums.taps, map_u, map_v, tiles[batch], quality
+                ready, forward.EDGES[edge], channels, sums.taps, map_u, map_v, tiles[batch], quality
             )
             parts = parts_of(bounds[batch], channels[1] + 1)
-            gather_tiles(pixels, sums.spread, parts)
+            collect_tiles(pixels, sums.spread, parts)
             collect(bounds[batch] - around, parts.start, parts.sums, picture)
     nowhere = np.array([[0.0, 0.0, -1.0]])
-    return sums.warped(nowhere, NEARLY_FULL)
+    return sums.warped(nowhere, forward.NEARLY_FULL)
 
 
 def extended(places: Doubles, margin: int) -> Doubles:

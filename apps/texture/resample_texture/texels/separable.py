@@ -34,18 +34,27 @@ from resample.profiles.interpolation import (
 )
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
-from resample_texture.texels.forward import CellGrid, TexelReader, oriented
+from resample_texture.texels.forward import (
+    CellGrid,
+    Sides,
+    SourcePart,
+    TexelReader,
+    filtered_grid,
+    texels_at,
+)
 from resample_texture.texels.kernels.blocks import Integers
-from resample_texture.texels.padding import Sides, SourcePart, filtered_grid, texels_at
 from resample_texture.types import Edge, Warped
 
 FARTHEST = 256  # texels beyond the source that are stored
-TRIMMED = 1e-6  # weights below this share of the largest are left out, and what is left sums to 1
+TRIMMED = 1e-6  # weights below this share of the largest are left out; the rest sums to 1
 MOST_COLUMNS = 64  # of a tile
 NUMBERS = 4096  # in a row of the grid that a tile reads, unless a single pixel reads more
 BLOCK = 64  # rows that are added at a time where pixels read more
 MOST_WEIGHTS = 1 << 24  # of an axis
 ONE = np.ones(1, np.float32)
+NONE = np.zeros(0, np.float32)
+NO_TAPS = AxisTaps(np.zeros(0, np.int64), NONE, 0, NONE)
+NO_LIMITS = Limits(Sides((0, 0), (0, 0)).plate(NONE, Sides((0, 0), (0, 0)), 1), -1.0, 0.0)
 
 
 class Weights(NamedTuple):
@@ -56,10 +65,12 @@ class Weights(NamedTuple):
     share: Floats  # (N,) share of each pixel that lies on the source
     prefilter: Floats  # of the texels, along this axis
 
-    @property
-    def ends(self) -> tuple[int, int]:
-        """First texel that is read, and last + 1."""
-        return int(self.first.min()), int(self.first.max()) + self.table.shape[1]
+    def ends(self, other: "Weights | None" = None) -> tuple[int, int]:
+        """First texel that is read, also by others, and last + 1."""
+        first, last = int(self.first.min()), int(self.first.max()) + self.table.shape[1]
+        if other is None:
+            return first, last
+        return min(first, other.ends()[0]), max(last, other.ends()[1])
 
     def from_start(self, start: int) -> AxisTaps:
         """Weights as kernels take them, of a grid that begins at a texel."""
@@ -142,7 +153,7 @@ def separable_plan(
     is_known = min(region.shape) > 0
     target = region.shape if is_known else (region.top + shape[0], region.left + shape[1])
     whole_size = region.size or size
-    inverse = np.linalg.inv(oriented(region.whole, whole_size))
+    inverse = np.linalg.inv(region.whole.normalized(whole_size))
     if inverse[[0, 1, 2, 2], [1, 0, 0, 1]].any() or not inverse[2, 2] > 0.0:
         return None
     scale, start = inverse[[1, 0], [1, 0]] / inverse[2, 2], inverse[[1, 0], 2] / inverse[2, 2]
@@ -213,32 +224,38 @@ def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) 
     channels = source.texels.shape[2]
     shape = down.first.size, across.first.size
     warped = Warped(np.empty((*shape, channels), np.float32), np.empty(shape, np.float32))
-    sides = Sides(_ends(across, beside_across), _ends(down, beside_down))
+    sides = Sides(across.ends(beside_across), down.ends(beside_down))
     flat = filtered_grid(source, sides, edge, across.prefilter, down.prefilter)
     taps = down.from_start(sides.down[0]), across.from_start(sides.across[0])
-    plain, limit_taps = _plain(source, edge, cells, limits_down, limits_across, taps)
+    # The texels that limit, and the weights of the corners between them.
+    plain, corners = NO_LIMITS._replace(excess=excess(cells.interpolation)), taps
+    if limits_down is not None and limits_across is not None:
+        outer = Sides(limits_across.ends(), limits_down.ends()).wider(MARGIN)
+        plate = outer.plate(filtered_grid(source, outer, edge, ONE, ONE), outer, channels)
+        own = own_extent(cells.interpolation)
+        plain = Limits(plate, plain.excess, own, faint(cells.interpolation))
+        corners = limits_down.from_start(outer.down[0]), limits_across.from_start(outer.across[0])
     beside = (
-        _from_start(beside_down, sides.down[0]),
-        _from_start(beside_across, sides.across[0]),
+        beside_down.from_start(sides.down[0]) if beside_down else NO_TAPS,
+        beside_across.from_start(sides.across[0]) if beside_across else NO_TAPS,
     )
-    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *limit_taps, *beside)
+    grid = SeparableGrid(flat, sides.shape[1], channels, *taps, plain, *corners, *beside)
     sizes = _tile_sizes(plan, channels)
     weigh_grid(grid, sizes, warped.image.reshape(-1), warped.coverage.reshape(-1))
     return warped
 
 
 def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> Warped:
-    """Warp a source of which `BLOCK` rows are read at a time; the bits do not depend on the part.
+    """Warp a source, reading `BLOCK` rows at a time; bit-identical for any part of the target.
 
     For `SeparablePlan.is_long`.
     """
     down, across, *_ = plan
     height, width, channels = reader.shape
-    sides = Sides(across.ends, down.ends)
+    sides = Sides(across.ends(), down.ends())
     columns = texels_at(np.arange(*sides.across), width, edge)
     total = np.zeros((down.first.size, across.first.size, channels))
     taps = across.from_start(sides.across[0])
-    none = _no_limits()
     for start in range(sides.down[0] // BLOCK * BLOCK, sides.down[1], BLOCK):
         which, part = down.within(start, start + BLOCK)
         if not which.size:
@@ -246,10 +263,8 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
         rows = texels_at(np.arange(start, start + BLOCK), height, edge)
         flat = reader.texels(rows, columns).reshape(-1)
         here = part.from_start(start)
-        beside = _from_start(None, 0)
-        grid = SeparableGrid(
-            flat, columns.size, channels, here, taps, none, here, taps, beside, beside
-        )
+        limits = NO_LIMITS, here, taps, NO_TAPS, NO_TAPS
+        grid = SeparableGrid(flat, columns.size, channels, here, taps, *limits)
         image = np.empty((which.size, across.first.size, channels), np.float32)
         sizes = _tile_sizes(SeparablePlan(part, across, None, None, None, None), channels)
         weigh_grid(grid, sizes, image.reshape(-1), np.empty(image[..., 0].size, np.float32))
@@ -271,44 +286,6 @@ def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
         beside = limits_across.most(wide)
         numbers, corners = max(numbers, beside), beside * limits_down.most(ROWS)
     return TileSizes(wide, numbers * channels, beside * channels, corners * channels)
-
-
-def _plain(
-    source: SourcePart,
-    edge: Edge,
-    cells: CellGrid,
-    down: Weights | None,
-    across: Weights | None,
-    taps: tuple[AxisTaps, AxisTaps],
-) -> tuple[Limits, tuple[AxisTaps, AxisTaps]]:
-    """Return the texels that limit, and the weights of the corners between them."""
-    if down is None or across is None:
-        return _no_limits()._replace(excess=excess(cells.interpolation)), taps
-    sides = Sides(across.ends, down.ends).wider(MARGIN)
-    flat = filtered_grid(source, sides, edge, ONE, ONE)
-    plate = sides.plate(flat, sides, source.texels.shape[2])
-    corners = down.from_start(sides.down[0]), across.from_start(sides.across[0])
-    own = own_extent(cells.interpolation)
-    return Limits(plate, excess(cells.interpolation), own, faint(cells.interpolation)), corners
-
-
-def _no_limits() -> Limits:
-    """Return limits that do not hold."""
-    none = Sides((0, 0), (0, 0))
-    return Limits(none.plate(np.zeros(0, np.float32), none, 1), -1.0, 0.0)
-
-
-def _ends(weights: Weights, beside: Weights | None) -> tuple[int, int]:
-    """First texel that pixels read along an axis, and last + 1."""
-    ends = [each.ends for each in (weights, beside) if each is not None]
-    return min(first for first, _ in ends), max(last for _, last in ends)
-
-
-def _from_start(weights: Weights | None, start: int) -> AxisTaps:
-    """Return weights as kernels take them; without taps if there are none."""
-    if weights is None:
-        return AxisTaps(np.zeros(0, np.int64), np.zeros(0, np.float32), 0, np.zeros(0, np.float32))
-    return weights.from_start(start)
 
 
 def _beside(middle: Doubles, taps: Floats, cells: CellGrid) -> Weights:
@@ -350,23 +327,13 @@ def _weights(
         first, table = side_weights(interpolation, low, high)
     taps = prefilter(interpolation)
     if taps.size > 1 and (side > 1.0 or of_texels):
-        first, table = _folded(first, table, exact_prefilter(interpolation))
-        taps = ONE
-    first, table = _trimmed(first, table)
-    return Weights(first, table.astype(np.float32), share, taps)
-
-
-def _folded(first: Integers, table: Doubles, taps: Doubles) -> tuple[Integers, Doubles]:
-    """Return the weights of texels, given those of their coefficients."""
-    count, many = table.shape
-    wide = np.zeros((count, many + taps.size - 1))
-    for n, tap in enumerate(taps.tolist()):
-        wide[:, n : n + many] += tap * table
-    return first - taps.size // 2, wide
-
-
-def _trimmed(first: Integers, table: Doubles) -> tuple[Integers, Doubles]:
-    """Leave out weights at both ends that are errors of rounding; the rest sums to 1."""
+        # Turn weights of coefficients into those of texels.
+        exact, many = exact_prefilter(interpolation), table.shape[1]
+        wide = np.zeros((len(table), many + exact.size - 1))
+        for n, tap in enumerate(exact.tolist()):
+            wide[:, n : n + many] += tap * table
+        first, table, taps = first - exact.size // 2, wide, ONE
+    # Leave out weights at both ends that are errors of rounding; the rest sums to 1.
     many = table.shape[1]
     is_some = np.abs(table) > TRIMMED * np.abs(table).max(axis=1, keepdims=True)
     start = is_some.argmax(axis=1)
@@ -374,7 +341,8 @@ def _trimmed(first: Integers, table: Doubles) -> tuple[Integers, Doubles]:
     most = int((end - start).max())
     start = np.minimum(start, many - most)
     kept = np.take_along_axis(np.where(is_some, table, 0.0), start[:, None] + np.arange(most), 1)
-    return first + start, kept / kept.sum(axis=1, keepdims=True)
+    first, table = first + start, kept / kept.sum(axis=1, keepdims=True)
+    return Weights(first, table.astype(np.float32), share, taps)
 
 
 def _limits(

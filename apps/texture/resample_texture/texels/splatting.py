@@ -19,22 +19,8 @@ from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
-from resample_texture.texels.forward import (
-    EDGES,
-    FARTHEST,
-    NOTHING,
-    CellGrid,
-    PointSums,
-    SourceBlocks,
-    borders,
-    check_texels,
-    moved,
-    oriented,
-    visible_polygon,
-    widened,
-    with_margins,
-)
-from resample_texture.texels.kernels.blocks import Integers, view_bounds_of
+from resample_texture.texels import forward
+from resample_texture.texels.kernels.blocks import view_bounds_of
 from resample_texture.texels.kernels.splats import (
     Shape,
     Splatted,
@@ -42,7 +28,6 @@ from resample_texture.texels.kernels.splats import (
     blocks_on_plane,
     splat_blocks,
 )
-from resample_texture.texels.padding import filtered
 from resample_texture.types import Edge, Warped
 
 Forward = Homography | ForwardMap
@@ -95,7 +80,7 @@ class Splatting:
 
 
 def check_deviations(sigma: float, filter_sigma: float) -> None:
-    """Refuse standard deviations, texels and px, that are out of range."""
+    """Reject standard deviations, texels and px, that are out of range."""
     for name, value in (("sigma", sigma), ("filter_sigma", filter_sigma)):
         if not LEAST <= value <= MOST:
             raise ValueError(f"{name} lies between {LEAST} and {MOST:g}, not at {value}")
@@ -133,26 +118,26 @@ def splat(
         gaussian = InterpolatingGaussian(splatting.sigma)
         weights = prefilter(gaussian)
         if edge is Edge.CLAMP and isinstance(geometry, Homography):
-            source, margin = widened(source, edge, gaussian)
-            geometry = moved(geometry, margin)
-        coefficient = filtered(source, weights, weights, edge)
+            source, margin = forward.widened(source, edge, gaussian)
+            geometry = forward.moved(geometry, margin)
+        coefficient = forward.filtered(source, weights, weights, edge)
     source_shape = source.shape[0], source.shape[1]
     blocks, numbers = _blocks_of(geometry, source_shape, shape, edge, splatting)
-    cells = CellGrid(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
-    sums = PointSums(shape, source.shape[2], cells)
+    cells = forward.CellGrid(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
+    sums = forward.PointSums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
     spread = FilterTaps(numbers.taps, bool(splatting.is_sum), profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
         for batch in batches(blocks.bounds, count + 1):
             splatted = Splatted(
-                source, coefficient, EDGES[edge], (first, count), blocks.matrix, blocks.x, blocks.y,
-                blocks.axes[batch], numbers,
+                source, coefficient, forward.EDGES[edge], (first, count), blocks.matrix, blocks.x,
+                blocks.y, blocks.axes[batch], numbers,
             )  # fmt: skip
             parts = parts_of(blocks.bounds[batch], count + 1)
             splat_blocks(splatted, spread, parts)
             collect(*parts, picture)
-    borders = borders_of_splats(geometry, source_shape, edge, splatting.sigma, splatting.radius)
-    return sums.warped(*borders)
+    lines, full = borders_of_splats(geometry, source_shape, edge, splatting.sigma, splatting.radius)
+    return sums.warped(lines, full)
 
 
 def _blocks_of(
@@ -161,19 +146,26 @@ def _blocks_of(
     shape: tuple[int, int],
     edge: Edge,
     splatting: Splatting,
-) -> tuple[SourceBlocks, Shape]:
-    """Parts of a source whose splats a frame (height, width) sees, and what they are like."""
+) -> tuple[forward.SourceBlocks, Shape]:
+    """Return the visible blocks of a source in a frame (height, width), and the splats' shape."""
     if isinstance(geometry, ForwardMap):
         numbers = splatting.shape(np.eye(3))
-        x, y = with_margins(geometry.x, geometry.y)
-        return SourceBlocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
-    matrix = oriented(geometry, source_shape)
+        x, y = forward.with_margins(geometry.x, geometry.y)
+        return forward.SourceBlocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
+    matrix = geometry.normalized(source_shape)
     numbers = splatting.shape(matrix)
     reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
     lines = splat_view_bounds(matrix, shape, reach, splatting.radius)
-    root = _root(lines, source_shape, edge)
+    # Draw the source, or all that is seen of its continuation.
+    root = np.array([0, 0, source_shape[1], source_shape[0]])
+    if edge is not Edge.TRANSPARENT:
+        polygon, root = forward.visible_polygon(lines, forward.FARTHEST), np.zeros(4, np.int64)
+        if polygon.size:
+            forward.check_texels(polygon, source_shape)
+            low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
+            root = np.array([*low, *(high - low)], np.int64)
     axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
-    return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING), numbers
+    return forward.SourceBlocks(axes, bounds, matrix, forward.NOTHING, forward.NOTHING), numbers
 
 
 def splat_view_bounds(
@@ -191,29 +183,16 @@ def splat_view_bounds(
     return lines
 
 
-def _root(lines: Doubles, source_shape: tuple[int, int], edge: Edge) -> Integers:
-    """Rectangle (4,) of the plane to draw: the source, or all that is seen of its continuation."""
-    height, width = source_shape
-    if edge is Edge.TRANSPARENT:
-        return np.array([0, 0, width, height])
-    polygon = visible_polygon(lines, FARTHEST)
-    if not polygon.size:
-        return np.zeros(4, np.int64)
-    check_texels(polygon, source_shape)
-    low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
-    return np.array([*low, *(high - low)], np.int64)
-
-
 def borders_of_splats(
     geometry: Forward, source_shape: tuple[int, int], edge: Edge, sigma: float, radius: float
 ) -> tuple[Doubles, float]:
-    """As `borders`, a splat's radius within the source and away from texels that are left out."""
-    lines, full = borders(geometry, source_shape, edge)
+    """Return `borders`, moved inward by a splat's radius and away from texels left out."""
+    lines, full = forward.borders(geometry, source_shape, edge)
     if not isinstance(geometry, Homography):
         ripple = 4.0 * math.exp(-2.0 * (math.pi * sigma) ** 2)
         return lines, max(LEAST_FULL, full - ripple)
     front = lines[-1]
-    nearest = nearest_drawn(oriented(geometry, source_shape), radius)
+    nearest = nearest_drawn(geometry.normalized(source_shape), radius)
     lines[:-1] -= radius * front
     return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full
 

@@ -41,15 +41,6 @@ class Warp:
         is_hidden = np.isnan(source_coordinates(geometry, shape, source.shape[:2])[0])
         ones = np.ones((*source.shape[:2], 1), np.float32)
         texels = np.concatenate([source, ones], axis=2) if edge is Edge.TRANSPARENT else source
-        picture = self._warp(texels, geometry, shape, edge)
-        picture[is_hidden] = 0.0
-        if edge is Edge.TRANSPARENT:
-            return finished(picture[..., :-1], picture[..., -1])
-        return Warped(picture, (~is_hidden).astype(np.float32))
-
-    def _warp(
-        self, texels: Floats, geometry: Homography, shape: tuple[int, int], edge: Edge
-    ) -> Floats:
         import OpenImageIO
 
         result = OpenImageIO.ImageBufAlgo.warp(
@@ -61,4 +52,8 @@ class Warp:
         )
         if result.has_error:
             raise ValueError(f"OpenImageIO cannot warp this: {result.geterror()}")
-        return np.asarray(result.get_pixels(OpenImageIO.FLOAT)).reshape(*shape, -1)
+        picture = np.asarray(result.get_pixels(OpenImageIO.FLOAT)).reshape(*shape, -1)
+        picture[is_hidden] = 0.0
+        if edge is Edge.TRANSPARENT:
+            return finished(picture[..., :-1], picture[..., -1])
+        return Warped(picture, (~is_hidden).astype(np.float32))

@@ -119,8 +119,22 @@ class VtkRenderer:
         width: int,
         look: Peer = DEFAULT,
     ) -> None:
-        _check_size(height, width, look.rays)
-        _check_volume(volume)
+        if height < 1 or width < 1 or max(height, width) * look.rays > LARGEST_WINDOW:
+            raise ValueError(
+                f"a picture of {width} x {height} pixels at {look.rays} x {look.rays} rays; both"
+                f" sides times the rays must be 1 to {LARGEST_WINDOW}"
+            )
+        if not np.allclose(volume.direction, np.eye(3), atol=1e-9):
+            raise ValueError(
+                f"{volume.name} is rotated or mirrored, which VTK's CPU ray caster ignores; give"
+                " it a volume whose direction is the identity"
+            )
+        if min(volume.values.shape) < 2:
+            raise ValueError(f"{volume.name} is flat; VTK needs 2 voxels along each axis")
+        if volume.values.dtype.kind == "f" and not np.isfinite(volume.values).all():
+            raise ValueError(
+                f"{volume.name} has missing values, which VTK draws as opaque; fill them first"
+            )
         if transfer.needs_gradient:
             raise ValueError(
                 "VTK's CPU ray caster has no functions of value and gradient; give one of values "
@@ -154,28 +168,6 @@ class VtkRenderer:
         height, width = self._size
         parts = fine.reshape(height, self._rays, width, self._rays, 4)
         return np.asarray(parts.mean(axis=(1, 3), dtype=np.float64) / FULL, np.float32)
-
-
-def _check_size(height: int, width: int, rays: int) -> None:
-    if height < 1 or width < 1 or max(height, width) * rays > LARGEST_WINDOW:
-        raise ValueError(
-            f"a picture of {width} x {height} pixels at {rays} x {rays} rays; both sides times "
-            f"the rays must be 1 to {LARGEST_WINDOW}"
-        )
-
-
-def _check_volume(volume: Volume) -> None:
-    if not np.allclose(volume.direction, np.eye(3), atol=1e-9):
-        raise ValueError(
-            f"{volume.name} is rotated or mirrored, which VTK's CPU ray caster ignores; give it a "
-            "volume whose direction is the identity"
-        )
-    if min(volume.values.shape) < 2:
-        raise ValueError(f"{volume.name} is flat; VTK needs 2 voxels along each axis")
-    if volume.values.dtype.kind == "f" and not np.isfinite(volume.values).all():
-        raise ValueError(
-            f"{volume.name} has missing values, which VTK draws as opaque; fill them first"
-        )
 
 
 def _staged(volume: Volume, transfer: Transfer, look: Peer) -> _Stage:
@@ -229,7 +221,10 @@ def _dress(prop: Any, volume: Volume, transfer: Transfer, light: Light | None) -
     from vtkmodules.vtkRenderingCore import vtkColorTransferFunction
 
     low, high = data_range = finite_range(volume.values)
-    table = _values(volume.values.dtype, low, high)
+    if low == high:
+        high = low + 1.0
+    whole = volume.values.dtype.kind in "iu" and high - low < ENTRIES
+    table = np.linspace(low, high, int(high - low) + 1 if whole else ENTRIES)
     color, opacity = transfer.classify(table, None, data_range, 1.0)
     colors, opacities = vtkColorTransferFunction(), vtkPiecewiseFunction()
     ends = (float(table[0]), float(table[-1]), table.size)
@@ -246,14 +241,6 @@ def _dress(prop: Any, volume: Volume, transfer: Transfer, light: Light | None) -
         prop.SetDiffuse(light.diffuse)
         prop.SetSpecular(light.specular)
         prop.SetSpecularPower(light.shininess)
-
-
-def _values(dtype: np.dtype[Any], low: float, high: float) -> NDArray[np.float64]:
-    """Return the values at which to tabulate: all if they are integers and few."""
-    if low == high:
-        high = low + 1.0
-    whole = dtype.kind in "iu" and high - low < ENTRIES
-    return np.linspace(low, high, int(high - low) + 1 if whole else ENTRIES)
 
 
 def _lamp(direction: tuple[float, float, float] | None) -> Any:

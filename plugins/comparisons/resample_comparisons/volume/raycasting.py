@@ -51,17 +51,13 @@ class Casting:
             raise ValueError(f"{self.rays} rays per side of a pixel; 1 to 64 are allowed")
         if not 0 < self.step < np.inf:
             raise ValueError(f"a step of {self.step} voxels; it must be above 0")
-        object.__setattr__(self, "clip", _planes(self.clip))
-
-
-def _planes(given: ArrayLike | None) -> Doubles:
-    """Return clip planes (M, 4) from None, one or several."""
-    planes = np.zeros((0, 4)) if given is None else np.atleast_2d(np.asarray(given, np.float64))
-    if planes.ndim != 2 or planes.shape[1] != 4:
-        raise ValueError(f"clipping planes have the shape (M, 4), not {planes.shape}")
-    if not np.isfinite(planes).all():
-        raise ValueError("clipping planes must be finite")
-    return planes
+        given = np.zeros((0, 4)) if self.clip is None else self.clip
+        planes = np.atleast_2d(np.asarray(given, np.float64))
+        if planes.ndim != 2 or planes.shape[1] != 4:
+            raise ValueError(f"clipping planes have the shape (M, 4), not {planes.shape}")
+        if not np.isfinite(planes).all():
+            raise ValueError("clipping planes must be finite")
+        object.__setattr__(self, "clip", planes)
 
 
 class Cast(NamedTuple):
@@ -101,12 +97,17 @@ def cast_rays(
     """
     if height < 1 or width < 1:
         raise ValueError(f"a picture of {width} x {height} pixels; both must be at least 1")
-    source = _source_of_samples(samples)
+    checked = check_samples(samples)
+    color = checked.color * checked.extinction[:, None]
+    properties = np.column_stack([checked.extinction, color])
+    source = _RaySource(checked.position, properties, checked.extinction > 0, checked.lattice)
     picture = np.zeros((height, width, 5))
     if len(source.position):
         with _threads(threads):
             _cast(source, camera.view(), look, picture, progress)
-    return _developed(picture)
+    alpha = picture[..., 3]
+    depth = np.divide(picture[..., 4], alpha, out=np.full(alpha.shape, np.inf), where=alpha > 0)
+    return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32))
 
 
 def _cast(
@@ -122,20 +123,6 @@ def _cast(
         cast_rows(first, count, view, grid, plan, picture)
         if progress is not None:
             progress((first + count) / height)
-
-
-def _developed(picture: Doubles) -> Cast:
-    """Convert sums over a pixel's rays to results."""
-    alpha = picture[..., 3]
-    depth = np.divide(picture[..., 4], alpha, out=np.full(alpha.shape, np.inf), where=alpha > 0)
-    return Cast(picture[..., :4].astype(np.float32), depth.astype(np.float32))
-
-
-def _source_of_samples(samples: Samples) -> _RaySource:
-    checked = check_samples(samples)
-    color = checked.color * checked.extinction[:, None]
-    properties = np.column_stack([checked.extinction, color])
-    return _RaySource(checked.position, properties, checked.extinction > 0, checked.lattice)
 
 
 def _grid(source: _RaySource, view: View, reconstruction: Reconstruction) -> "Grid":

@@ -178,14 +178,15 @@ def _things() -> list[Ball | Panel]:
         Ball((1.55, 0.95, 4.5), 0.75, SurfaceMaterial("stripes", 5.0, "#15324a", "#e8e2d0")),
         Ball((0.5, -1.25, 6.6), 0.85, SurfaceMaterial("cloth", 4.0, "#2a3d1c", "#d4e39a")),
         Ball((2.75, -0.2, 7.4), 0.6, SurfaceMaterial("checker", 6.0, "#40204a", "#e2c43c")),
-        Panel((-2.75, -1.5, 4.4), (1.25, 0.0, -0.35), (0.0, 1.6, 0.0), _page()),
+        Panel(
+            (-2.75, -1.5, 4.4),
+            (1.25, 0.0, -0.35),
+            (0.0, 1.6, 0.0),
+            SurfaceMaterial("text", 11.0, "#1a1a22", "#efe9da"),
+        ),
         Panel((0.9, -1.9, 3.9), (0.8, 0.0, 0.25), (0.0, 0.62, 0.0), sky),
     ]
     return [*room, *_cards(), *_railing()]
-
-
-def _page() -> SurfaceMaterial:
-    return SurfaceMaterial("text", 11.0, "#1a1a22", "#efe9da")
 
 
 def _cards() -> list[Panel]:

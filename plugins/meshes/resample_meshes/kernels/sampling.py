@@ -23,8 +23,8 @@ from resample_meshes.kernels.surfaces import (
     matrix_at,
     texture_place,
 )
+from resample_texture.texels.encoding import LONG, SHORT
 from resample_texture.texels.kernels.texels import DENSE, phase
-from resample_texture.texels.levels import LONG, SHORT
 
 OPAQUE, MASK, BLEND = range(3)
 Layer = tuple[float, float, float, float]  # red, green, blue, premultiplied by alpha, and alpha

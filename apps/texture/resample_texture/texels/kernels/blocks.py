@@ -137,7 +137,7 @@ def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
 
 @kernel
 def view_bounds(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
-    """Lines (5, 3) that bound what a frame shows of the source plane.
+    """Lines (5, 3) that bound the visible part of the source plane.
 
     The product with (u, v, 1) is negative outside a line: left, right, above, below and behind.
     `reach` (px) widens the frame.
@@ -208,10 +208,10 @@ def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest
 def _longer(ranges: Doubles, cells: Integers) -> int:
     """Axis along which a block has to be split; -1 if it may stay whole."""
     axis = 0 if cells[0] >= cells[1] else 1
-    # Split what has too many cells.
+    # Split if there are too many cells.
     if cells[axis] > LARGEST:
         return axis
-    # Split what is too uneven, as under strong perspective, unless it has few cells.
+    # Split if cells are too uneven, as under strong perspective, and not few.
     for axis in range(2):
         if cells[axis] > EVEN_ENOUGH and ranges[axis, 1] > UNEVEN * ranges[axis, 0]:
             return 0 if cells[0] >= cells[1] else 1
@@ -220,7 +220,7 @@ def _longer(ranges: Doubles, cells: Integers) -> int:
 
 @kernel
 def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
-    """Axis and number of texels that fill no whole cell; -1 if there are none."""
+    """Axis and number of texels left over from whole cells; -1 if there are none."""
     for axis in range(2):
         rest = rectangle[axis, LENGTH] % (1 << block[axis, LEVEL])
         if rest:
@@ -273,14 +273,6 @@ def _noted(
 
 
 @kernel
-def _push(roots: Integers, root: int, stack: Integers) -> None:
-    """Begin a stack with a root."""
-    stack[0] = 0
-    for axis in range(2):
-        stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
-
-
-@kernel
 def _divided(
     matrix: Doubles,
     lines: Doubles,
@@ -307,7 +299,7 @@ def _divided(
     _copy(stack[top], block, 4)
     for axis in range(2):
         cells[axis] = _dice(block, axis, ranges[axis, 1], cut[0], cut[1])
-    # Split what has too many cells, or too uneven ones.
+    # Split if cells are too many, or too uneven.
     axis = _longer(ranges, cells)
     if axis >= 0:
         return 2 * _split(stack, top, axis)
@@ -348,7 +340,9 @@ def split_plane(
 
     # Descend from each root.
     for root in range(roots.shape[0]):
-        _push(roots, root, stack)
+        stack[0] = 0
+        for axis in range(2):
+            stack[0, axis, START], stack[0, axis, LENGTH] = roots[root, axis], roots[root, 2 + axis]
         depth = 1
         while depth > 0:
             # Stop at the visit limit: near a degenerate horizon the descent would not end.

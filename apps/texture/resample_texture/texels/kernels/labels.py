@@ -20,7 +20,7 @@ MOST_CORNERS = 24  # of a part: four, and at most two more for each line that cu
 NOTHING = 1e-9  # of a pixel; areas count as equal within this, and smaller ones as zero
 MOST_CELLS = 1 << 22  # texels beyond the edges from which a pixel's label is counted, at most
 MOST_UNIFORM_TEXELS = 256.0  # texels that are read at most to find that they share one label
-FRONT = 1e-12  # of the largest third coordinate; what has less is at the horizon
+FRONT = 1e-12  # share of the largest third coordinate; below it lies the horizon
 
 
 class PixelMapping(NamedTuple):
@@ -53,7 +53,9 @@ class Tally(NamedTuple):
     texel: Indices  # (codes,) where the code was met
     met: Indices  # (codes,) codes that were met
     rows: Doubles  # (3, 3) from places relative to a pixel's center to those of the source
-    parts: Doubles  # (5, MOST_CORNERS, 2) polygons: what is left of a square, of a column, a part
+    parts: (
+        Doubles  # (5, MOST_CORNERS, 2) polygons: the rest of a square, the rest of a column, a part
+    )
 
 
 @kernel
@@ -330,34 +332,6 @@ def _single(labels: LabelSource, rows: Doubles) -> int:
 
 
 @kernel
-def _find_row(
-    mapping: PixelMapping, labels: LabelSource, found: LabelPicture, tally: Tally, row: int
-) -> None:
-    """Find the labels of a row of pixels."""
-    for column in range(found.texel.shape[1]):
-        # Skip pixels that show nothing.
-        if not _fill_matrix(mapping, row, column, tally.rows):
-            continue
-        # Try the cheap case first: all texels around have one label.
-        alike = _single(labels, tally.rows)
-        if alike >= 0:
-            found.texel[row, column], found.coverage[row, column] = alike, np.float32(1.0)
-            continue
-        # Otherwise add the exact areas; what is too much to count takes the most common label.
-        met = _add_pixel(labels, tally)
-        if met < 0 and labels.common >= 0:
-            found.texel[row, column] = labels.common
-            found.coverage[row, column] = np.float32(1.0)
-        if met <= 0:
-            continue
-        # Store the label of the largest area, and how much of the pixel has any.
-        best, total = _largest(tally, met)
-        if total >= NOTHING:
-            found.texel[row, column] = tally.texel[best]
-            found.coverage[row, column] = np.float32(1.0 if total > 1.0 - NOTHING else total)
-
-
-@kernel
 def _find_band(
     mapping: PixelMapping, labels: LabelSource, found: LabelPicture, rows: tuple[int, int]
 ) -> None:
@@ -370,7 +344,27 @@ def _find_band(
         np.zeros((5, MOST_CORNERS, 2)),
     )
     for row in range(rows[0], rows[1]):
-        _find_row(mapping, labels, found, tally, row)
+        for column in range(found.texel.shape[1]):
+            # Skip pixels that show nothing.
+            if not _fill_matrix(mapping, row, column, tally.rows):
+                continue
+            # Try the cheap case first: all texels around have one label.
+            alike = _single(labels, tally.rows)
+            if alike >= 0:
+                found.texel[row, column], found.coverage[row, column] = alike, np.float32(1.0)
+                continue
+            # Otherwise add the exact areas; too large areas take the most common label.
+            met = _add_pixel(labels, tally)
+            if met < 0 and labels.common >= 0:
+                found.texel[row, column] = labels.common
+                found.coverage[row, column] = np.float32(1.0)
+            if met <= 0:
+                continue
+            # Store the label of the largest area, and how much of the pixel has any.
+            best, total = _largest(tally, met)
+            if total >= NOTHING:
+                found.texel[row, column] = tally.texel[best]
+                found.coverage[row, column] = np.float32(1.0 if total > 1.0 - NOTHING else total)
 
 
 @parallel_kernel

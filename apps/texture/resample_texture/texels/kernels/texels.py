@@ -22,7 +22,7 @@ class Extract(NamedTuple):
     width: int
     top: int = 0  # row and column at which the part begins
     left: int = 0
-    joined: int = 1  # rows of the source of which each row of the part is the sum
+    joined: int = 1  # rows of the source summed in each row of the part
 
 
 @inner_kernel
@@ -58,29 +58,6 @@ def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
     return size, 2.0 * pairs + 2.0, 2 * size - rest, -1.0
 
 
-@inner_kernel
-def _mean(
-    totals: Doubles,
-    kind: int,
-    place: tuple[int, int],
-    extent: tuple[int, int],
-    edge: int,
-    channel: int,
-) -> float:
-    """Mean of a rectangle of texels, from the summed-area table."""
-    height, width = totals.shape[1] - 1, totals.shape[2] - 1
-    total = 0.0
-    # Add the prefix sums at the four corners, with alternating signs.
-    for corner in range(4):
-        below, beyond = corner // 2, corner % 2
-        i, f, j, g = _prefix(place[1] + below * extent[1], height, edge)
-        m, p, n, q = _prefix(place[0] + beyond * extent[0], width, edge)
-        value = f * (p * totals[kind, i, m, channel] + q * totals[kind, i, n, channel])
-        value += g * (p * totals[kind, j, m, channel] + q * totals[kind, j, n, channel])
-        total += value if below == beyond else -value
-    return total / (float(extent[0]) * float(extent[1]))
-
-
 @kernel
 def _fetch_means(
     totals: Doubles, block: Integers, pad: tuple[int, int], edge: int, patch: Floats, first: int
@@ -96,7 +73,18 @@ def _fetch_means(
                 block[1, START] + (row - pad[1]) * extent[1],
             )
             for c in range(patch.shape[0]):
-                patch[c, row, column] = _mean(totals, kind, place, extent, edge, first + c)
+                channel = first + c
+                height, width = totals.shape[1] - 1, totals.shape[2] - 1
+                total = 0.0
+                # Add the prefix sums at the four corners, with alternating signs.
+                for corner in range(4):
+                    below, beyond = corner // 2, corner % 2
+                    i, f, j, g = _prefix(place[1] + below * extent[1], height, edge)
+                    m, p, n, q = _prefix(place[0] + beyond * extent[0], width, edge)
+                    value = f * (p * totals[kind, i, m, channel] + q * totals[kind, i, n, channel])
+                    value += g * (p * totals[kind, j, m, channel] + q * totals[kind, j, n, channel])
+                    total += value if below == beyond else -value
+                patch[c, row, column] = total / (float(extent[0]) * float(extent[1]))
 
 
 @kernel
@@ -337,7 +325,7 @@ def extents(block: Integers, axis: int) -> tuple[float, float]:
 
 @inner_kernel
 def texels_along(block: Integers, axis: int) -> int:
-    """Texels of a block along an axis, or groups of those that are joined."""
+    """Texels, or groups of joined texels, of a block along an axis."""
     return int(block[axis, LENGTH] >> block[axis, LEVEL])
 
 
