@@ -418,11 +418,7 @@ def _listed(facts: dict[str, Any]) -> str:
         lines.append(f"{f'channel {n}':<12} {', '.join(map(str, filter(None, words)))}")
     for n, level in enumerate(facts.get("levels", ())):
         lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
-    return "\n".join([*lines, *facts["findings"], *_bars(facts)]) + "\n"
-
-
-def _bars(facts: dict[str, Any]) -> list[str]:
-    """Format a histogram as bars on a logarithmic scale, so that rare values show."""
+    # Format a histogram as bars on a logarithmic scale, so that rare values show
     from resample_volume.classification.scales import edges_of
 
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
@@ -439,4 +435,4 @@ def _bars(facts: dict[str, Any]) -> list[str]:
         ]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
         lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
-    return lines
+    return "\n".join([*lines, *facts["findings"], *lines]) + "\n"

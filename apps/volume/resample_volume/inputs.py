@@ -145,11 +145,8 @@ def _array(given: Any) -> NDArray[Any]:
     if isinstance(values, np.ma.MaskedArray):
         wide = np.asarray(values.data, np.result_type(values.dtype, np.float32))
         values = np.where(np.ma.getmaskarray(values), np.nan, wide)
-    return _of_known_type(np.asarray(values))
-
-
-def _of_known_type(values: NDArray[Any]) -> NDArray[Any]:
-    """Convert values to the nearest supported type."""
+    values = np.asarray(values)
+    # Convert values to the nearest supported type
     kind, size = values.dtype.kind, values.dtype.itemsize
     if kind == "b":
         return values.view(np.uint8) if values.flags.c_contiguous else values.astype(np.uint8)

@@ -245,28 +245,23 @@ class Scene(AnyScene):
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
         with memoizing(self._found):
-            subject = self._subject(appearance, paint, fit, is_preview=is_preview)
+            # The classified volume, which is cached
+            parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
+            key = (appearance, *parts, fit, is_preview)
+            found = self._subjects.pop(key, None)
+            if found is None:
+                shown, kept = self.volume, appearance
+                if is_preview:
+                    shown, kept = self._previewed(appearance, paint)
+                around = self.volume if fit == "volume" else None
+                found = Subject.of(shown, kept, paint, around=around)
+            while len(self._subjects) >= KEPT:
+                del self._subjects[next(iter(self._subjects))]
+            self._subjects[key] = found
+            subject = found
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
         warn_of_nothing(subject, [(self.volume, appearance)], paint.projection)
         return subject, eye, subject.painter(paint)
-
-    def _subject(
-        self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool
-    ) -> Subject:
-        """Return the classified volume, which is cached."""
-        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
-        key = (look, *parts, fit, is_preview)
-        found = self._subjects.pop(key, None)
-        if found is None:
-            shown, kept = self.volume, look
-            if is_preview:
-                shown, kept = self._previewed(look, paint)
-            around = self.volume if fit == "volume" else None
-            found = Subject.of(shown, kept, paint, around=around)
-        while len(self._subjects) >= KEPT:
-            del self._subjects[next(iter(self._subjects))]
-        self._subjects[key] = found
-        return found
 
     def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
         """Return the volume with fewer voxels, and the look adapted to it."""

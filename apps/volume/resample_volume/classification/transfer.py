@@ -209,22 +209,13 @@ def tabulated(
     if changed is not None:
         color, opacity = changed(color, opacity)
     columns = np.column_stack([color, extinction(opacity, unit)])
+    least = max(1e-37, 1e-7 * abs(low))
     return TransferTable(
         np.ascontiguousarray(columns.reshape(rows, shape[1], 4)),
         low,
-        _above(low, high),
+        (low + max(least, high - low) if high > low else low + max(1.0, least)),
         end if end > 0 else 1.0,
     )
-
-
-def _above(low: float, high: float) -> float:
-    """Return the end of a range that begins at `low`, distinct from it in float32.
-
-    >>> _above(3.0, 3.0), _above(1e30, 1e30) > 1e30
-    (4.0, True)
-    """
-    least = max(1e-37, 1e-7 * abs(low))
-    return low + max(least, high - low) if high > low else low + max(1.0, least)
 
 
 def evaluated(

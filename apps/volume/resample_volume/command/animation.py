@@ -167,7 +167,14 @@ class Course:
 
 def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[AnyCamera]:
     """Return the cameras of a flight's frames (height, width), all around one sphere."""
-    viewpoints = flight.viewpoints(_spacing(subject, flight, size))
+    # Distance of neighbouring voxels at the center at zoom 1, px
+    start = flight.start if isinstance(flight, Flight) else Orbit()
+    view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
+    depth = (view.rotation @ subject.sphere.center + view.translation)[2]
+    voxel = np.cbrt(abs(np.linalg.det(subject.lattice)))
+    viewpoints = flight.viewpoints(
+        float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
+    )
     return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
 
 
@@ -239,15 +246,6 @@ def frame(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
     for bar in () if overlay is None else overlay.bars:
         rgba = with_color_bar(rgba, bar, paint.background)
     return screen_levels(rgba, background=paint.background)
-
-
-def _spacing(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> float:
-    """Distance of neighbouring voxels at the center at zoom 1, px."""
-    start = flight.start if isinstance(flight, Flight) else Orbit()
-    view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
-    depth = (view.rotation @ subject.sphere.center + view.translation)[2]
-    voxel = np.cbrt(abs(np.linalg.det(subject.lattice)))
-    return float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
 
 
 def around(subjects: Iterable[Subject]) -> Sphere:

@@ -233,7 +233,16 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     }
     told = {name: word for name, word in of_raw.items() if word}
     if told:
-        reader = _with_raw_options(Raw() if reader is None else reader, told)
+        reader = Raw() if reader is None else reader
+        # The reader of raw files, with shape and type from the options
+        if not isinstance(reader, Raw):
+            names = " and ".join(told)
+            raise ValueError(f"{names} are for raw files: take the reader raw, or leave them out")
+        twice = [name for name in told if getattr(reader, name)]
+        if twice:
+            raise ValueError(f"give {' and '.join(twice)} once, not to the reader as well")
+        whole = {name: getattr(reader, name) for name in ("shape", "dtype", "endian")} | told
+        reader = replace(reader, shape=whole["shape"], dtype=whole["dtype"], endian=whole["endian"])
     if source.level is not None:
         from resample_volume.files.stores.reader import Zarr
 
@@ -301,15 +310,3 @@ def require_values(volume: Volume, what: str) -> None:
             f"{what} is of values, but {volume.name} has colors; "
             + how("channel", volume.colors.shape[-1])
         )
-
-
-def _with_raw_options(reader: Reader, told: dict[str, str]) -> Reader:
-    """Return the reader of raw files, with shape and type from the options."""
-    if not isinstance(reader, Raw):
-        names = " and ".join(told)
-        raise ValueError(f"{names} are for raw files: take the reader raw, or leave them out")
-    twice = [name for name in told if getattr(reader, name)]
-    if twice:
-        raise ValueError(f"give {' and '.join(twice)} once, not to the reader as well")
-    whole = {name: getattr(reader, name) for name in ("shape", "dtype", "endian")} | told
-    return replace(reader, shape=whole["shape"], dtype=whole["dtype"], endian=whole["endian"])

@@ -61,7 +61,11 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
         colors = np.moveaxis(chosen.values[at], 0, -1)
         return in_color(colors, volume_of(chosen, colors[..., 0], chosen.name))
     values = chosen.values[at, _number(chosen, 1, channel)]
-    return volume_of(chosen, values, chosen.name + _named(recording, time, channel))
+    # The suffix of a volume's name
+    times, parts = recording.values.shape[:2]
+    words = [] if time is None or times * parts == 1 else [f"time {time}"]
+    words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]
+    return volume_of(chosen, values, chosen.name + (f" ({', '.join(words)})" if words else ""))
 
 
 def with_times_first(recording: Recording) -> Recording:
@@ -131,11 +135,3 @@ def _number(recording: Recording, axis: int, given: int | None) -> int:
     if given is not None and not -count <= given < count:
         raise ValueError(f"{listed}, 0 to {count - 1}; there is no {what} {given}")
     return (given or 0) % count
-
-
-def _named(recording: Recording, time: int | None, channel: int | None) -> str:
-    """Return the suffix of a volume's name."""
-    times, parts = recording.values.shape[:2]
-    words = [] if time is None or times * parts == 1 else [f"time {time}"]
-    words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]
-    return f" ({', '.join(words)})" if words else ""

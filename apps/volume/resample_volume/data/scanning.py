@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.outofcore.bricks import Box, BrickArray, Step, spans
+from resample.outofcore.bricks import BrickArray, Step, spans
 from resample.outofcore.passes import PassContext, in_order, passed
 from resample.progress import report
 from resample.types import Doubles
@@ -95,7 +95,13 @@ def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
         values, box = own.brick(index), own.box(index)
         at = (index[0] - first, *index[1:])
         least[at], greatest[at], infinite, missing = extent(values)
-        _copy_sample(some, values, box, step, planes.start)
+        # Copy a brick's values into a regular sample, which begins at a plane
+        starts = [-(-part.start // step) for part in box]
+        firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]
+        found = values[tuple(slice(first, None, step) for first in firsts)]
+        starts[0] -= planes.start
+        ends = [n + size for n, size in zip(starts, found.shape, strict=True)]
+        some[tuple(map(slice, starts, ends))] = found
         inner = (slice(box[0].start - low, box[0].stop - low), *box[1:])
         for axis, end in product(range(3), (0, 1)):
             if inner[axis].start == 0 if end == 0 else inner[axis].stop == shape[axis]:
@@ -190,13 +196,3 @@ def finite_outside(
         infinite += outside.size - finite.size
         found.append(np.asarray(finite, np.float64))
     return np.concatenate(found), infinite
-
-
-def _copy_sample(some: NDArray[Any], values: NDArray[Any], box: Box, step: int, plane: int) -> None:
-    """Copy a brick's values into a regular sample, which begins at a plane."""
-    starts = [-(-part.start // step) for part in box]
-    firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]
-    found = values[tuple(slice(first, None, step) for first in firsts)]
-    starts[0] -= plane
-    ends = [n + size for n, size in zip(starts, found.shape, strict=True)]
-    some[tuple(map(slice, starts, ends))] = found

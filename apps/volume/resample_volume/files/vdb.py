@@ -16,7 +16,6 @@ from resample.reading.limits import check_items, check_unpacked
 from resample.reading.native import plain
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import (
-    VolumeHeader,
     check_shape,
     existing_file,
     header,
@@ -55,27 +54,25 @@ class Vdb:
             with library.open(plain(path)) as file:
                 check_items(path.name, file.grid_count, "grids")
                 file.read_grids()
-                return _volume(_chosen(file, self.part, path.name), path, name)
+                # The grid of a name
+                grids = [file.grid(n) for n in range(file.grid_count)]
+                floats = [grid for grid in grids if grid.type_name.startswith(FLOATS)]
+                found = [grid for grid in floats if grid.name == (self.part or USUAL)]
+                if not self.part and len(floats) == 1:
+                    found = floats
+                if not found:
+                    known = ", ".join(
+                        f"{grid.name} ({grid.type_name.split('_')[1:2][0]})" for grid in grids
+                    )
+                    raise ValueError(
+                        f"{path.name}: choose a grid of floats, --reader vdb:part=NAME "
+                        f"({self.part or 'none'} given): {known or 'there is none'}"
+                    )
+                return _volume(found[0], path, name)
         except (library.VDBError, MemoryError, SystemError, UnicodeDecodeError) as error:
             raise ValueError(
                 f"{path.name} is damaged or no OpenVDB file: {one_line(error) or 'cut off'}"
             ) from None
-
-
-def _chosen(file: Any, part: str, name: str) -> Any:
-    """Return the grid of a name."""
-    grids = [file.grid(n) for n in range(file.grid_count)]
-    floats = [grid for grid in grids if grid.type_name.startswith(FLOATS)]
-    found = [grid for grid in floats if grid.name == (part or USUAL)]
-    if not part and len(floats) == 1:
-        found = floats
-    if not found:
-        known = ", ".join(f"{grid.name} ({grid.type_name.split('_')[1:2][0]})" for grid in grids)
-        raise ValueError(
-            f"{name}: choose a grid of floats, --reader vdb:part=NAME ({part or 'none'} given): "
-            f"{known or 'there is none'}"
-        )
-    return found[0]
 
 
 def _volume(grid: Any, path: Path, name: str) -> Volume:
@@ -96,7 +93,23 @@ def _volume(grid: Any, path: Path, name: str) -> Volume:
     shape = tuple((high - low + 1).tolist())
     check_shape(shape, name)
     check_unpacked(path.name, path.stat().st_size, 4 * int(np.prod(shape, dtype=object)))
-    known = _header(grid.transform, low, shape, path.name)
+    # The header by a grid's transform from indices to world space
+    kind = grid.transform["type"]
+    if kind == "affine":  # row vectors
+        matrix = np.array(grid.transform["matrix"], np.float64)
+        steps, start = matrix[:3, :3].T, matrix[3, :3]
+    elif kind in ("uniform_scale", "uniform_scale_translate", "scale", "scale_translate"):
+        steps = np.diag(np.array(grid.transform["scale"], np.float64))
+        start = np.array(grid.transform["translation"], np.float64)
+    elif kind == "translation":
+        steps, start = np.eye(3), np.array(grid.transform["translation"], np.float64)
+    else:
+        raise ValueError(
+            f"{path.name} has a map {kind!r:.40} of space, which is not known; {DENSE}"
+        )
+    with np.errstate(all="ignore"):  # absurd numbers are rejected, without warnings
+        origin = steps @ low + start
+    known = header(shape, np.float32, path.name, origin=origin, direction=steps)
     require_memory(known.size, name)
     is_level_set = told.get("class", "") == LEVEL_SET
     beside = np.nan if is_level_set else grid.float_background()
@@ -107,21 +120,3 @@ def _volume(grid: Any, path: Path, name: str) -> Volume:
     rest = "have no value" if is_level_set else f"are its background, {beside:.4g}"
     note = f"{grid.name}: {share:.3g} % of the voxels are active, others {rest}"
     return volume(values, known._replace(name=name))._replace(note=note)
-
-
-def _header(transform: Any, low: Any, shape: tuple[int, ...], name: str) -> VolumeHeader:
-    """Return the header by a grid's transform from indices to world space."""
-    kind = transform["type"]
-    if kind == "affine":  # row vectors
-        matrix = np.array(transform["matrix"], np.float64)
-        steps, start = matrix[:3, :3].T, matrix[3, :3]
-    elif kind in ("uniform_scale", "uniform_scale_translate", "scale", "scale_translate"):
-        steps = np.diag(np.array(transform["scale"], np.float64))
-        start = np.array(transform["translation"], np.float64)
-    elif kind == "translation":
-        steps, start = np.eye(3), np.array(transform["translation"], np.float64)
-    else:
-        raise ValueError(f"{name} has a map {kind!r:.40} of space, which is not known; {DENSE}")
-    with np.errstate(all="ignore"):  # absurd numbers are rejected, without warnings
-        origin = steps @ low + start
-    return header(shape, np.float32, name, origin=origin, direction=steps)

@@ -78,7 +78,34 @@ class Appearance:
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
-        _check_kinds(self)
+        # Refuse objects of another kind than the one that an attribute takes
+        from resample_volume.classification.labels import Labels
+
+        for name in ("transfer", "framing"):
+            given = getattr(self, name)
+            is_none = given is None and name == "framing"
+            if not is_none and not isinstance(given, str) and not hasattr(given, "needs_gradient"):
+                raise TypeError(
+                    f"{name} {shortly(given)}; give a name, such as bone, a range of values, such "
+                    "as 300..900, or a TransferFunction"
+                )
+        kinds: dict[str, tuple[type, str]] = {
+            "light": (Light, "a Light, or None for colors as they are"),
+            "labels": (Labels, "Labels, such as those of read_labels"),
+            "cue": (DepthCue, "a DepthCue"),
+            "crop": (str, "ranges of voxels along x, y and z, such as '64:192,:,10:'"),
+            "slab": (str, "center and thickness, such as '20,5'"),
+            "xray": (XRay, "an XRay"),
+        }
+        for name, (kind, wanted) in kinds.items():
+            if getattr(self, name) is not None:
+                check_kind(name, getattr(self, name), kind, wanted)
+        if self.gradient not in list(GRADIENTS):
+            raise ValueError(f"gradient {shortly(self.gradient)}; known: {', '.join(GRADIENTS)}")
+        if self.gradient_opacity is not None:
+            pair = doubles_of("gradient_opacity", self.gradient_opacity, TWO)
+            if pair.shape != (2,):
+                raise ValueError(f"gradient_opacity {shortly(self.gradient_opacity)}; give {TWO}")
         object.__setattr__(self, "clip", _several_of("clip", self.clip, str))
         for name in ("meshes", "planes", "surfaces"):
             object.__setattr__(self, name, _objects_of(name, getattr(self, name)))
@@ -122,37 +149,6 @@ class Appearance:
     def needed_gradient(self) -> str | None:
         """How gradients are computed; None if shading does not need them."""
         return None if self.light is None else self.gradient
-
-
-def _check_kinds(look: Any) -> None:
-    """Refuse objects of another kind than the one that an attribute takes."""
-    from resample_volume.classification.labels import Labels
-
-    for name in ("transfer", "framing"):
-        given = getattr(look, name)
-        is_none = given is None and name == "framing"
-        if not is_none and not isinstance(given, str) and not hasattr(given, "needs_gradient"):
-            raise TypeError(
-                f"{name} {shortly(given)}; give a name, such as bone, a range of values, such as "
-                "300..900, or a TransferFunction"
-            )
-    kinds: dict[str, tuple[type, str]] = {
-        "light": (Light, "a Light, or None for colors as they are"),
-        "labels": (Labels, "Labels, such as those of read_labels"),
-        "cue": (DepthCue, "a DepthCue"),
-        "crop": (str, "ranges of voxels along x, y and z, such as '64:192,:,10:'"),
-        "slab": (str, "center and thickness, such as '20,5'"),
-        "xray": (XRay, "an XRay"),
-    }
-    for name, (kind, wanted) in kinds.items():
-        if getattr(look, name) is not None:
-            check_kind(name, getattr(look, name), kind, wanted)
-    if look.gradient not in list(GRADIENTS):
-        raise ValueError(f"gradient {shortly(look.gradient)}; known: {', '.join(GRADIENTS)}")
-    if look.gradient_opacity is not None:
-        pair = doubles_of("gradient_opacity", look.gradient_opacity, TWO)
-        if pair.shape != (2,):
-            raise ValueError(f"gradient_opacity {shortly(look.gradient_opacity)}; give {TWO}")
 
 
 def _objects_of(name: str, given: Any) -> tuple[Any, ...]:
@@ -228,7 +224,16 @@ def check_together(
     """Reject options that exclude each other, and say which are allowed."""
     projection = resampler.projection
     is_composite = projection is Projection.COMPOSITE
-    _check_values(projection, extras)
+    # Reject options for projections of values under other projections
+    if "xray" in extras and projection is not Projection.XRAY:
+        raise ValueError(
+            f"mu-water and other options of X-rays need the projection xray, not {projection}"
+        )
+    if "invert" in extras and projection not in MEASURING:
+        raise ValueError(
+            "invert swaps black and white of values, so it needs the projection "
+            f"{', '.join(MEASURING[:-1])} or {MEASURING[-1]}, not {projection}"
+        )
     _check_objects([name for name in SCENE_OBJECTS if name in extras], resampler, classification)
     if is_composite and _in_effect(classification, resampler) is Classification.PRE:
         if resampler.order.summing is Summing.RAYS:
@@ -258,19 +263,6 @@ def _in_effect(classification: Classification, resampler: Resampler) -> Classifi
         return classification
     is_by_rays = resampler.order.summing is Summing.RAYS
     return Classification.POST if is_by_rays else Classification.PRE
-
-
-def _check_values(projection: Projection, extras: Collection[str]) -> None:
-    """Reject options for projections of values under other projections."""
-    if "xray" in extras and projection is not Projection.XRAY:
-        raise ValueError(
-            f"mu-water and other options of X-rays need the projection xray, not {projection}"
-        )
-    if "invert" in extras and projection not in MEASURING:
-        raise ValueError(
-            "invert swaps black and white of values, so it needs the projection "
-            f"{', '.join(MEASURING[:-1])} or {MEASURING[-1]}, not {projection}"
-        )
 
 
 def _check_objects(names: list[str], resampler: Resampler, classification: Classification) -> None:
@@ -358,29 +350,25 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
             "values of one"
         )
     if len(media) > 1:
-        _check_rays(media, resampler)
+        # Reject what rays through several fields cannot show
+        from resample_volume.classification.labels import MOST_RULES
+
+        if resampler.order.summing is not Summing.RAYS:
+            raise ValueError(f"several volumes need the order rays, not {resampler.order}")
+        for volume, look in media:
+            if look.classification is Classification.PRE:
+                raise ValueError(
+                    "several volumes are interpolated, then classified; leave the classification "
+                    "pre out, or show one of them"
+                )
+            if look.gradient != GRADIENT:
+                raise ValueError(
+                    f"gradient {look.gradient} is of the voxels of one volume, and several are "
+                    "fields; leave it out"
+                )
+            if look.labels is not None and not look.labels.are_few:
+                raise ValueError(
+                    f"{len(look.labels.rules)} labels of {volume.name} have looks; beside other "
+                    f"volumes at most {MOST_RULES} may"
+                )
     check_together(resampler, media[0][1].classification, media[0][1].extras)
-
-
-def _check_rays(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
-    """Reject what rays through several fields cannot show."""
-    from resample_volume.classification.labels import MOST_RULES
-
-    if resampler.order.summing is not Summing.RAYS:
-        raise ValueError(f"several volumes need the order rays, not {resampler.order}")
-    for volume, look in media:
-        if look.classification is Classification.PRE:
-            raise ValueError(
-                "several volumes are interpolated, then classified; leave the classification pre "
-                "out, or show one of them"
-            )
-        if look.gradient != GRADIENT:
-            raise ValueError(
-                f"gradient {look.gradient} is of the voxels of one volume, and several are fields; "
-                "leave it out"
-            )
-        if look.labels is not None and not look.labels.are_few:
-            raise ValueError(
-                f"{len(look.labels.rules)} labels of {volume.name} have looks; beside other "
-                f"volumes at most {MOST_RULES} may"
-            )

@@ -78,7 +78,9 @@ class Series:
         """Return a look for all times, with ranges and slopes over all of them."""
         together = self.all()
         if projection is Projection.XRAY:
-            look = replace(look, xray=self._settled(look.xray or XRay()))
+            xray = look.xray or XRay()
+            every = [settled(xray, volume, self.known) for volume in self]
+            look = replace(look, xray=max(every, key=lambda one: one.window or (0.0, 0.0)))
         transfer = transfer_of(together, look, projection)
         if look.gradient_opacity is not None:
             transfer = Faded(transfer, look.gradient_opacity)
@@ -95,11 +97,6 @@ class Series:
         if framing is not None:
             framing = Windowed(named_or_own(framing, together), span)
         return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
-
-    def _settled(self, xray: XRay) -> XRay:
-        """Settle X-rays over all times: their units, and the largest of their windows."""
-        every = [settled(xray, volume, self.known) for volume in self]
-        return max(every, key=lambda one: one.window or (0.0, 0.0))
 
     def __iter__(self) -> Iterator[Volume]:
         return (self[time] for time in range(len(self)))

@@ -251,24 +251,20 @@ def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) ->
         normal = (1 - 2 * (face % 2)) * np.eye(3)[face // 2]
         toward = -float(rotation[2] @ normal)
         if toward > 1e-3:
-            _draw(fine, screen, rotation, normal, name)
+            # Draw a face, upright as seen from outside
+            up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
+            across = np.cross(up, normal)
+            to_screen = np.stack([rotation @ across, rotation @ up], axis=1)[:2]
+            middle = (rotation @ normal)[:2]
+            local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
+            inside = (np.abs(local) <= 1).all(axis=-1)
+            bright = 0.15 + 0.55 * -float(rotation[2] @ normal)
+            is_rim = np.abs(local).max(axis=-1) > 1 - RIM
+            gray = np.where(is_rim, 0.02, bright * (1 - _ink(name, local)) + 0.01)
+            fine[inside, :3] = gray[inside, None]
+            fine[inside, 3] = 1.0
     coarse = fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3))
     return np.asarray(coarse, np.float32)
-
-
-def _draw(fine: Doubles, screen: Doubles, rotation: Doubles, normal: Doubles, name: str) -> None:
-    """Draw a face, upright as seen from outside."""
-    up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
-    across = np.cross(up, normal)
-    to_screen = np.stack([rotation @ across, rotation @ up], axis=1)[:2]
-    middle = (rotation @ normal)[:2]
-    local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
-    inside = (np.abs(local) <= 1).all(axis=-1)
-    bright = 0.15 + 0.55 * -float(rotation[2] @ normal)
-    is_rim = np.abs(local).max(axis=-1) > 1 - RIM
-    gray = np.where(is_rim, 0.02, bright * (1 - _ink(name, local)) + 0.01)
-    fine[inside, :3] = gray[inside, None]
-    fine[inside, 3] = 1.0
 
 
 def _ink(name: str, local: Doubles) -> Doubles:

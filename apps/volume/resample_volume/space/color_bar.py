@@ -75,31 +75,25 @@ def color_bar(
     if transfer.needs_gradient:
         _draw_plane(axes, page, transfer, (data_range, steep), ink)
     else:
-        _draw_strip(axes, page, transfer, data_range, ink)
+        # Draw colors by value, and the curve of opacities
+        value = page.values(FINE)
+        color, opacity = transfer.classify(value, None, data_range, 0.0)
+        across = round(page.bar[1] - page.bar[0])
+        colors = np.repeat(color.reshape(-1, FINE, 1, 3), across, axis=2)
+        shares = np.repeat(opacity.reshape(-1, FINE, 1), across, axis=2)
+        pure = shares[..., : round(PURE * across)]
+        pure[pure > 0] = 1.0
+        _show_over_squares(axes, page, colors, shares, ink)
+        left, right = page.curve
+        row = page.row(value)
+        for place in page.ticks:
+            axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=thin(page), alpha=0.25)
+        axes.fill_betweenx(row, left, left + opacity * (right - left), color=ink, alpha=0.3, lw=0)
+        axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * thin(page))
+        frame(axes, page, page.curve, ink)
+        name(axes, page, page.curve, ("0", "opacity", "1"), ink)
     draw_scale(axes, page, ink)
     return painted(axes, page, ink)
-
-
-def _draw_strip(
-    axes: "Axes", page: BarLayout, transfer: Transfer, data_range: DataRange, ink: str
-) -> None:
-    """Draw colors by value, and the curve of opacities."""
-    value = page.values(FINE)
-    color, opacity = transfer.classify(value, None, data_range, 0.0)
-    across = round(page.bar[1] - page.bar[0])
-    colors = np.repeat(color.reshape(-1, FINE, 1, 3), across, axis=2)
-    shares = np.repeat(opacity.reshape(-1, FINE, 1), across, axis=2)
-    pure = shares[..., : round(PURE * across)]
-    pure[pure > 0] = 1.0
-    _show_over_squares(axes, page, colors, shares, ink)
-    left, right = page.curve
-    row = page.row(value)
-    for place in page.ticks:
-        axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=thin(page), alpha=0.25)
-    axes.fill_betweenx(row, left, left + opacity * (right - left), color=ink, alpha=0.3, lw=0)
-    axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * thin(page))
-    frame(axes, page, page.curve, ink)
-    name(axes, page, page.curve, ("0", "opacity", "1"), ink)
 
 
 def _draw_plane(

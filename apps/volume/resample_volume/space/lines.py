@@ -47,7 +47,38 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     marks = _Marks(*map(np.concatenate, zip(*found, strict=True)))
     order = np.lexsort((-marks.depth, marks.pixel))
     marks = _Marks(marks.pixel[order], marks.depth[order], marks.light[order])
-    return _composited(frame, marks)
+    # Composite marks, sorted by pixel and, within one, from back to front
+    pixel, start = np.unique(marks.pixel, return_index=True)
+    count = np.diff(np.append(start, marks.pixel.size))
+    rgba = frame.rgba.reshape(-1, 4)[pixel].astype(np.float64)
+    depth, first = (
+        part.reshape(-1)[pixel].astype(np.float64) for part in (frame.depth, frame.first_depth)
+    )
+    sent = np.zeros((pixel.size, 5))  # premultiplied light, opacity, opacity × depth
+    behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
+    for turn in range(int(count.max())):
+        some = np.flatnonzero(count > turn)
+        mark = start[some] + turn
+        here = _share(marks.depth[mark], first[some], depth[some])
+        here = np.minimum(here, behind[some])
+        sent[some] = _over(_medium(rgba[some], depth[some], behind[some] - here), sent[some])
+        light = marks.light[mark]
+        line = np.column_stack([light, light[:, 3] * marks.depth[mark]])
+        sent[some] = _over(line, sent[some])
+        behind[some] = here
+        is_seen = light[:, 3] * (1 - rgba[some, 3]) ** here > VISIBLE
+        first[some] = np.minimum(first[some], np.where(is_seen, marks.depth[mark], np.inf))
+    sent = _over(_medium(rgba, depth, behind), sent)
+    layers = [frame.rgba, frame.depth, frame.first_depth, frame.coverage]
+    copies = [np.array(layer, np.float32) for layer in layers]
+    copies[0].reshape(-1, 4)[pixel] = sent[:, :4]
+    copies[1].reshape(-1)[pixel] = sent[:, 4] / np.maximum(sent[:, 3], 1e-30)
+    copies[2].reshape(-1)[pixel] = first
+    covered = np.maximum.reduceat(marks.light[:, 3], start)
+    copies[3].reshape(-1)[pixel] = np.maximum(copies[3].reshape(-1)[pixel], covered)
+    return frame._replace(
+        rgba=copies[0], depth=copies[1], first_depth=copies[2], coverage=copies[3]
+    )
 
 
 def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
@@ -108,41 +139,6 @@ def _near(
     kept = (beside >= 0) & (beside < count[1 - major])
     row, column = (both, beside) if major else (beside, both)
     return row[kept], column[kept]
-
-
-def _composited(frame: Frame, marks: _Marks) -> Frame:
-    """Composite marks, sorted by pixel and, within one, from back to front."""
-    pixel, start = np.unique(marks.pixel, return_index=True)
-    count = np.diff(np.append(start, marks.pixel.size))
-    rgba = frame.rgba.reshape(-1, 4)[pixel].astype(np.float64)
-    depth, first = (
-        part.reshape(-1)[pixel].astype(np.float64) for part in (frame.depth, frame.first_depth)
-    )
-    sent = np.zeros((pixel.size, 5))  # premultiplied light, opacity, opacity × depth
-    behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
-    for turn in range(int(count.max())):
-        some = np.flatnonzero(count > turn)
-        mark = start[some] + turn
-        here = _share(marks.depth[mark], first[some], depth[some])
-        here = np.minimum(here, behind[some])
-        sent[some] = _over(_medium(rgba[some], depth[some], behind[some] - here), sent[some])
-        light = marks.light[mark]
-        line = np.column_stack([light, light[:, 3] * marks.depth[mark]])
-        sent[some] = _over(line, sent[some])
-        behind[some] = here
-        is_seen = light[:, 3] * (1 - rgba[some, 3]) ** here > VISIBLE
-        first[some] = np.minimum(first[some], np.where(is_seen, marks.depth[mark], np.inf))
-    sent = _over(_medium(rgba, depth, behind), sent)
-    layers = [frame.rgba, frame.depth, frame.first_depth, frame.coverage]
-    copies = [np.array(layer, np.float32) for layer in layers]
-    copies[0].reshape(-1, 4)[pixel] = sent[:, :4]
-    copies[1].reshape(-1)[pixel] = sent[:, 4] / np.maximum(sent[:, 3], 1e-30)
-    copies[2].reshape(-1)[pixel] = first
-    covered = np.maximum.reduceat(marks.light[:, 3], start)
-    copies[3].reshape(-1)[pixel] = np.maximum(copies[3].reshape(-1)[pixel], covered)
-    return frame._replace(
-        rgba=copies[0], depth=copies[1], first_depth=copies[2], coverage=copies[3]
-    )
 
 
 def _share(depth: Doubles, first: Doubles, mean: Doubles) -> Doubles:

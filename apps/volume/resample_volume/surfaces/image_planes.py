@@ -134,30 +134,26 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
         plane = replace(plane, window=(low, high))
     if isinstance(where, str):
         if where[0] in AXES:
-            where = _across(volume, where)
+            # A plane perpendicular to an axis of voxels
+            place = _place(where)
+            if place is None:
+                raise ValueError(f"plane {where!r}; {FORM}")
+            axis, number, is_share = place
+            count = volume.values.shape[2 - axis]
+            number = number / 100 * count - 0.5 if is_share else number
+            if not -0.5 <= number <= count - 0.5:
+                raise ValueError(
+                    f"plane {where!r} misses {volume.name}, which has {count} voxels along "
+                    f"{AXES[axis]}; give 0 to {count - 1}, or 0% to 100%"
+                )
+            row = np.linalg.inv(lattice_of(volume))[axis]
+            where = _plane(row, float(row @ volume.origin) + number)
         else:  # given like a clip plane
             ((*normal, distance),) = planes(volume, None, (where,), "plane")
             where = _plane(np.array(normal), -distance)
         if not len(outline(volume, where)):
             raise ValueError(f"plane {plane.where!r} misses {volume.name}; {FORM}")
     return replace(plane, where=where)
-
-
-def _across(volume: Volume, where: str) -> tuple[float, float, float, float]:
-    """Return a plane perpendicular to an axis of voxels."""
-    place = _place(where)
-    if place is None:
-        raise ValueError(f"plane {where!r}; {FORM}")
-    axis, number, is_share = place
-    count = volume.values.shape[2 - axis]
-    number = number / 100 * count - 0.5 if is_share else number
-    if not -0.5 <= number <= count - 0.5:
-        raise ValueError(
-            f"plane {where!r} misses {volume.name}, which has {count} voxels along "
-            f"{AXES[axis]}; give 0 to {count - 1}, or 0% to 100%"
-        )
-    row = np.linalg.inv(lattice_of(volume))[axis]
-    return _plane(row, float(row @ volume.origin) + number)
 
 
 def _plane(normal: Doubles, distance: float) -> tuple[float, float, float, float]:

@@ -390,17 +390,8 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         nothing = array_like(values, values.shape, np.float32, FIELD)
         nothing[...] = 0
         return nothing, known.reshape(-1)
-    return _filled(values, known[PAD:-PAD, PAD:-PAD, PAD:-PAD], deep), known.reshape(-1)
-
-
-def _filled(
-    values: NDArray[np.generic], known: Flags, deep: NDArray[np.int32]
-) -> NDArray[np.generic]:
-    """Fill gaps with the nearest known value, plane by plane.
-
-    `values`: (Z, Y, X) with gaps. `known`: (Z, Y, X) where there are none. `deep`: (Z, Y, X) index
-    along z of the last voxel in front that is known, or NOTHING.
-    """
+    known = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
+    # Fill gaps with the nearest known value, plane by plane
     from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
@@ -419,7 +410,7 @@ def _filled(
         from_x = across[y, x]
         from_y = down[y, from_x]
         filled[z, y, x] = values[near[from_y, from_x], from_y, from_x]
-    return filled
+    return filled, known.reshape(-1)
 
 
 def _visible_count(

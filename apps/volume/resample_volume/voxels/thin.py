@@ -223,7 +223,15 @@ def _put_between(
         _Path(on, back, _flow_mismatch(on, back_before), is_back=False),
         _Path(back, on, _flow_mismatch(back, on_next), is_back=True),
     )
-    trust = _fit(slices, _bend(slices, before), UNSURE)
+    # Bound the spline's error between two slices: small where differences do not grow
+    fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
+    for middle in (before, before + 1):
+        a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
+        np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
+        np.maximum(second, np.abs(b + d - 2 * c), out=second)
+    fourth, second = _smooth(fourth), _smooth(second)
+    growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
+    trust = _fit(slices, np.asarray(fourth * growth**GROWTH), UNSURE)
     for n, place in enumerate(at):
         share = trust
         total = trust * _spline_at(slices, place)
@@ -284,18 +292,6 @@ def _fit(slices: _Slices, error: Plane, factor: float) -> Plane:
     """Return the weight for an error."""
     share = np.float32(factor / slices.span) * error
     return np.asarray((share + np.float32(SLACK)) ** -SHARP)
-
-
-def _bend(slices: _Slices, before: int) -> Plane:
-    """Bound the spline's error between two slices: small where differences do not grow."""
-    fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
-    for middle in (before, before + 1):
-        a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
-        np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
-        np.maximum(second, np.abs(b + d - 2 * c), out=second)
-    fourth, second = _smooth(fourth), _smooth(second)
-    growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
-    return np.asarray(fourth * growth**GROWTH)
 
 
 def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:

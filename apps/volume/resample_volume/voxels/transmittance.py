@@ -52,7 +52,11 @@ def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> F
         coarse, steps = _merged(extinction, (per, per, per)), per * lattice
         reach = REACH * float(np.linalg.norm(steps @ np.array(coarse.shape[::-1])))
         total = np.zeros(coarse.shape, np.float32)
-        for toward in _around(AROUND):
+        # Directions (N, 3), evenly distributed on a sphere by the golden angle
+        n = np.arange(AROUND) + 0.5
+        z, turn = 1 - 2 * n / AROUND, n * math.pi * (3 - math.sqrt(5))
+        across = np.sqrt(1 - z**2)
+        for toward in np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1):
             for place, depth in optical_depths(coarse, steps, toward, reach):
                 total[place] += np.exp(-depth)
         opened = np.minimum(1, total / np.float32(OPEN * AROUND))
@@ -101,7 +105,11 @@ def optical_depths(
     for n, index in enumerate(order):
         for before, sign in ((n - SKIPPED, length), (n - first_out, -length)):
             if before >= 0:
-                _add(total, sign * slices[order[before]], base - before * shear)
+                part = sign * slices[order[before]]
+                shift = base - before * shear
+                rows, columns = part.shape
+                for down, right, weight in _parts(shift):
+                    total[down : down + rows, right : right + columns] += weight * part
         place: tuple[slice | int, ...] = (*(slice(None),) * axis, index)
         yield place, np.maximum(0, _read(total, slices.shape[1:], base - n * shear))
 
@@ -215,14 +223,6 @@ def cells_of(size: NDArray[np.int64] | tuple[int, ...]) -> int:
     return math.ceil(max(size) / FINEST)
 
 
-def _around(count: int) -> Doubles:
-    """Return directions (N, 3), evenly distributed on a sphere by the golden angle."""
-    n = np.arange(count) + 0.5
-    z, turn = 1 - 2 * n / count, n * math.pi * (3 - math.sqrt(5))
-    across = np.sqrt(1 - z**2)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
-
-
 def _parts(shift: Doubles) -> Iterator[tuple[int, int, np.float32]]:
     """Return the four integer shifts around a shift, with their weights."""
     whole = np.floor(shift).astype(int)
@@ -231,13 +231,6 @@ def _parts(shift: Doubles) -> Iterator[tuple[int, int, np.float32]]:
         weight = (part[0] if down else 1 - part[0]) * (part[1] if right else 1 - part[1])
         if weight > 0:
             yield whole[0] + down, whole[1] + right, np.float32(weight)
-
-
-def _add(total: Floats, part: Floats, shift: Doubles) -> None:
-    """Add a slice to the sheared buffer."""
-    rows, columns = part.shape
-    for down, right, weight in _parts(shift):
-        total[down : down + rows, right : right + columns] += weight * part
 
 
 def _read(total: Floats, size: tuple[int, ...], shift: Doubles) -> Floats:

@@ -63,7 +63,19 @@ def _header(file: BinaryIO, path: Path, name: str) -> VolumeHeader:
         if len(line.split()) != 5:
             raise ValueError(f"{path.name}: an atom has five numbers, not {line[:60].split()}")
     if atoms < 0:
-        parts = _orbitals(file, path)
+        # The number of orbitals, and skip their indices
+        words = _words(file)
+        count = whole(path, words[0].decode("latin-1")) if words else 0
+        check_items(path.name, count, "orbitals")
+        left = count + 1 - len(words)
+        while left > 0:
+            words = _words(file)
+            if not words:
+                raise ValueError(f"{path.name} is cut off: {count} orbitals are not named")
+            left -= len(words)
+        if left < 0:
+            raise ValueError(f"{path.name} is damaged: more than {count} orbitals are named")
+        parts = count
     if parts < 1:
         raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
     shape = tuple(map(abs, sizes))
@@ -94,19 +106,3 @@ def _counted(words: list[bytes], path: Path, what: str) -> tuple[int, Doubles]:
             f"{path.name} is not a Gaussian cube: {what} are a number and three more, not {told!r}"
         )
     return count, place
-
-
-def _orbitals(file: BinaryIO, path: Path) -> int:
-    """Return the number of orbitals, and skip their indices."""
-    words = _words(file)
-    count = whole(path, words[0].decode("latin-1")) if words else 0
-    check_items(path.name, count, "orbitals")
-    left = count + 1 - len(words)
-    while left > 0:
-        words = _words(file)
-        if not words:
-            raise ValueError(f"{path.name} is cut off: {count} orbitals are not named")
-        left -= len(words)
-    if left < 0:
-        raise ValueError(f"{path.name} is damaged: more than {count} orbitals are named")
-    return count

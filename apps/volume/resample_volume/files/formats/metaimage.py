@@ -12,7 +12,6 @@ from resample_volume.data.recordings import is_color
 from resample_volume.data.spacings import in_unit, unit_of_space
 from resample_volume.files.parsing.headers import (
     Check,
-    VolumeHeader,
     check_shape,
     header,
     recording,
@@ -55,7 +54,39 @@ def read_metaimage(path: Path, name: str, check: Check) -> Recording:
     if not told.value.get("elementdatafile"):
         raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")
     check_meta_numbers(path, told.value)
-    known = _header(told.value, path, name)
+    axes = whole(path, told.value["ndims"])
+    sizes = tuple(whole(path, word) for word in told.value["dimsize"].split())
+    word = told.value.get("elementtype", "")
+    kind = TYPES.get(word.lower().removesuffix("_array"))
+    if kind is None:
+        raise ValueError(f"{path.name} has voxels of type {word!r}; known are {', '.join(TYPES)}")
+    if len(sizes) != 4:
+        check_shape(sizes, name)
+    spacing, origin = _first(told.value, SPACINGS, 3), _first(told.value, ORIGINS, 3)
+    unit, by = unit_of_length(told.value.get("distanceunits", ""))
+    matrix = _first(told.value, MATRICES, axes * axes)
+    steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
+    is_big = any(_is_true(told.value, f"{word}byteordermsb") for word in ("binarydata", "element"))
+    known = header(
+        sizes[:3],
+        np.dtype(kind).newbyteorder(">" if is_big else "<"),
+        name,
+        spacing=times(spacing, by) if spacing.size else (1, 1, 1),
+        origin=times(origin, by) if origin.size else (0, 0, 0),
+        direction=steps,
+    )
+    parts = whole(path, told.value.get("elementnumberofchannels", "1"))
+    if parts < 1:
+        raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
+    known = known._replace(
+        times=sizes[3] if len(sizes) == 4 else 1,
+        parts=parts,
+        is_color=is_color((parts,), known.dtype),
+        pixel=f"vector of {kind}",
+        units="hu" if is_hounsfield(told.value.get("units", "")) else "",
+        length=unit or (UNKNOWN if spacing.size else VOXEL),
+        note=f"{SCALE} is not applied, as in ITK" if SCALE.lower() in told.value else "",
+    )
     stored = _stored(path, told)
     check(known)
     return recording(voxels(stored, known), known)
@@ -97,42 +128,6 @@ def _first(value: Mapping[str, str], keys: tuple[str, ...], count: int) -> Any:
     """Return the numbers of the first key present, or none."""
     found = next((value[key] for key in keys if key in value), "")
     return np.array([float(word) for word in found.split()][:count])
-
-
-def _header(value: Mapping[str, str], path: Path, name: str) -> VolumeHeader:
-    axes = whole(path, value["ndims"])
-    sizes = tuple(whole(path, word) for word in value["dimsize"].split())
-    word = value.get("elementtype", "")
-    kind = TYPES.get(word.lower().removesuffix("_array"))
-    if kind is None:
-        raise ValueError(f"{path.name} has voxels of type {word!r}; known are {', '.join(TYPES)}")
-    if len(sizes) != 4:
-        check_shape(sizes, name)
-    spacing, origin = _first(value, SPACINGS, 3), _first(value, ORIGINS, 3)
-    unit, by = unit_of_length(value.get("distanceunits", ""))
-    matrix = _first(value, MATRICES, axes * axes)
-    steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
-    is_big = any(_is_true(value, f"{word}byteordermsb") for word in ("binarydata", "element"))
-    known = header(
-        sizes[:3],
-        np.dtype(kind).newbyteorder(">" if is_big else "<"),
-        name,
-        spacing=times(spacing, by) if spacing.size else (1, 1, 1),
-        origin=times(origin, by) if origin.size else (0, 0, 0),
-        direction=steps,
-    )
-    parts = whole(path, value.get("elementnumberofchannels", "1"))
-    if parts < 1:
-        raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
-    return known._replace(
-        times=sizes[3] if len(sizes) == 4 else 1,
-        parts=parts,
-        is_color=is_color((parts,), known.dtype),
-        pixel=f"vector of {kind}",
-        units="hu" if is_hounsfield(value.get("units", "")) else "",
-        length=unit or (UNKNOWN if spacing.size else VOXEL),
-        note=f"{SCALE} is not applied, as in ITK" if SCALE.lower() in value else "",
-    )
 
 
 def _is_true(value: Mapping[str, str], key: str) -> bool:

@@ -13,7 +13,6 @@ import numpy as np
 from resample.types import Doubles
 from resample_volume.files.parsing.headers import (
     Check,
-    VolumeHeader,
     check_shape,
     header,
     recording,
@@ -60,7 +59,35 @@ LARGEST = 1 << 30  # bytes of a second header
 def read_mrc(path: Path, name: str, check: Check) -> Recording:
     """Read a map, or a stack of volumes as times."""
     fields = _fields(first_bytes(path, LENGTH), path.name)
-    known, axes = _parsed_header(fields, path.name, name)
+    # What is known of voxels, and which of x, y, z columns, rows and sections are of
+    kind = _type(fields, path.name)
+    order = tuple(map(int, fields["order"]))
+    axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
+    if sorted(axes) != [0, 1, 2]:
+        raise ValueError(f"{path.name} is damaged: its axes are {order}, not 1, 2, 3 in some order")
+    extended = int(fields["extended"])
+    if not 0 <= extended <= LARGEST:
+        raise ValueError(f"{path.name} is damaged: its second header has {extended} bytes")
+    count, times = [int(each) for each in fields["count"]], 1
+    if int(fields["group"]) == VOLUMES:
+        each = int(fields["grid"][2])
+        if not 1 <= each <= count[2] or count[2] % each or axes[2] != 2:
+            raise ValueError(
+                f"{path.name} is damaged: {count[2]} sections are no stack of volumes of {each}"
+            )
+        count[2], times = each, count[2] // each
+    shape = tuple(count[axes.index(axis)] for axis in range(3))
+    check_shape(shape, name)
+    spacing, origin, direction = _place(fields, axes, path.name)
+    known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
+    missing = [axis for axis, side in zip("xyz", fields["cell"], strict=True) if not side]
+    note = f"no size of the cell along {' and '.join(missing)}: voxels of 1 Å are assumed"
+    if len(missing) in (0, 3):
+        note = ""
+    known, axes = (
+        known._replace(times=times, length=VOXEL if len(missing) == 3 else "Å", note=note),
+        axes,
+    )
     check(known)
     start = LENGTH + int(fields["extended"])
     packing = "gzip" if path.name.lower().endswith(".gz") else "raw"
@@ -87,35 +114,6 @@ def _fields(start: bytes, name: str) -> Any:
         if stamped or int(fields["mode"]) in (*TYPES, *REFUSED):
             return fields
     raise ValueError(f"{name} is damaged: neither order of bytes gives its mode a meaning")
-
-
-def _parsed_header(fields: Any, file: str, name: str) -> tuple[VolumeHeader, tuple[int, ...]]:
-    """Return what is known of voxels, and which of x, y, z columns, rows and sections are of."""
-    kind = _type(fields, file)
-    order = tuple(map(int, fields["order"]))
-    axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
-    if sorted(axes) != [0, 1, 2]:
-        raise ValueError(f"{file} is damaged: its axes are {order}, not 1, 2, 3 in some order")
-    extended = int(fields["extended"])
-    if not 0 <= extended <= LARGEST:
-        raise ValueError(f"{file} is damaged: its second header has {extended} bytes")
-    count, times = [int(each) for each in fields["count"]], 1
-    if int(fields["group"]) == VOLUMES:
-        each = int(fields["grid"][2])
-        if not 1 <= each <= count[2] or count[2] % each or axes[2] != 2:
-            raise ValueError(
-                f"{file} is damaged: {count[2]} sections are no stack of volumes of {each}"
-            )
-        count[2], times = each, count[2] // each
-    shape = tuple(count[axes.index(axis)] for axis in range(3))
-    check_shape(shape, name)
-    spacing, origin, direction = _place(fields, axes, file)
-    known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
-    missing = [axis for axis, side in zip("xyz", fields["cell"], strict=True) if not side]
-    note = f"no size of the cell along {' and '.join(missing)}: voxels of 1 Å are assumed"
-    if len(missing) in (0, 3):
-        note = ""
-    return known._replace(times=times, length=VOXEL if len(missing) == 3 else "Å", note=note), axes
 
 
 def _type(fields: Any, file: str) -> np.dtype[Any]:

@@ -104,7 +104,11 @@ def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:
     head["pixdim"] = (sign, *volume.spacing, 0, 0, 0, 0)
     head["slope"], head["units"] = 1, MILLIMETERS if unit_of_space(volume) else 0
     head["qform"] = head["sform"] = SCANNER
-    head["quatern"] = _quaternion(steps * (1, 1, sign))
+    # (b, c, d) of the unit quaternion of a rotation
+    from scipy.spatial.transform import Rotation
+
+    b, c, d, a = Rotation.from_matrix(steps * (1, 1, sign)).as_quat()
+    head["quatern"] = np.array([b, c, d]) * (-1.0 if a < 0 else 1.0)
     head["qoffset"] = origin
     head["srow"] = np.column_stack([steps * volume.spacing, origin])
     with path.open("wb") as file:
@@ -128,7 +132,14 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
     if min(size) < 1:
         raise ValueError(f"{path.name} is empty: {size} voxels; every dimension must be over 0")
     code, shape = int(fields["datatype"]), (*size, 1, 1)
-    kind, parts = _type(code, path.name), COLORS.get(code, 1)
+    if code in COMPLEX:
+        raise ValueError(
+            f"{path.name} has voxels of complex numbers; a volume has one real number per voxel: "
+            "extract a component"
+        )
+    if code not in TYPES and code not in COLORS:
+        raise ValueError(f"{path.name} has voxels of the unknown type {code}; convert the volume")
+    kind, parts = np.dtype(TYPES.get(code, "uint8")), COLORS.get(code, 1)
     if int(fields["bitpix"]) != 8 * kind.itemsize * parts:
         raise ValueError(f"{path.name} is damaged: bitpix {int(fields['bitpix'])} of type {code}")
     offset = float(fields["offset"])
@@ -151,7 +162,7 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
         parts=parts,
         is_color=code in COLORS or is_color((parts,), known.dtype),
         pixel=f"vector of {kind.name}",
-        units="hu" if is_hounsfield(_word(fields["intent"])) else "",
+        units="hu" if is_hounsfield(fields["intent"].split(b"\0")[0].decode("latin-1")) else "",
         length=unit,
         note="; ".join(note),
     )
@@ -170,21 +181,6 @@ def _fields(start: bytes, name: str) -> Any:
     raise ValueError(f"{name} is not a NIfTI file of one piece, or its header is cut off")
 
 
-def _type(code: int, name: str) -> np.dtype[Any]:
-    if code in COMPLEX:
-        raise ValueError(
-            f"{name} has voxels of complex numbers; a volume has one real number per voxel: "
-            "extract a component"
-        )
-    if code not in TYPES and code not in COLORS:
-        raise ValueError(f"{name} has voxels of the unknown type {code}; convert the volume")
-    return np.dtype(TYPES.get(code, "uint8"))
-
-
-def _word(text: bytes) -> str:
-    return text.split(b"\0")[0].decode("latin-1")
-
-
 def _place(fields: Any) -> tuple[tuple[Doubles, Doubles, Doubles], list[str]]:
     """Return spacing, origin and direction, LPS; and what was chosen, for messages."""
     spacing = np.array([float(str(size)) for size in fields["pixdim"][1:4]])  # 0.65, not 0.64999998
@@ -195,7 +191,21 @@ def _place(fields: Any) -> tuple[tuple[Doubles, Doubles, Doubles], list[str]]:
     is_right_angled = np.allclose(steps.T @ steps, np.eye(3), atol=SAME)
     of_s = (length, TO_LPS @ affine[:, 3], TO_LPS @ steps)
     sign = -1.0 if fields["pixdim"][0] < 0 else 1.0
-    turned = _rotation(np.array(fields["quatern"], np.float64)) * (1, 1, sign)
+    quaternion = np.array(fields["quatern"], np.float64)
+    # The matrix of a unit quaternion, given without its non-negative real part
+    b, c, d = quaternion
+    rest = 1 - b * b - c * c - d * d
+    if rest < 1e-7:
+        b, c, d = quaternion / max(float(np.linalg.norm(quaternion)), 1e-30)
+        rest = 0.0
+    a = math.sqrt(rest)
+    turned = np.array(
+        [
+            [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+            [2 * (b * c + a * d), a * a + c * c - b * b - d * d, 2 * (c * d - a * b)],
+            [2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c],
+        ]
+    ) * (1, 1, sign)
     of_q = (spacing, TO_LPS @ np.array(fields["qoffset"], np.float64), TO_LPS @ turned)
     if s > 0 and (q <= 0 or (s == SCANNER and is_right_angled)):
         is_valid = np.isfinite(spacing).all() and (spacing > 0).all()
@@ -210,31 +220,6 @@ def _place(fields: Any) -> tuple[tuple[Doubles, Doubles, Doubles], list[str]]:
         for one, other in ((of_s[1], of_q[1]), (of_s[0] * of_s[2], spacing * of_q[2]))
     )
     return of_q, ["sform and qform differ; qform is used, as by ITK"] * differs
-
-
-def _rotation(quaternion: Doubles) -> Doubles:
-    """Return the matrix of a unit quaternion, given without its non-negative real part."""
-    b, c, d = quaternion
-    rest = 1 - b * b - c * c - d * d
-    if rest < 1e-7:
-        b, c, d = quaternion / max(float(np.linalg.norm(quaternion)), 1e-30)
-        rest = 0.0
-    a = math.sqrt(rest)
-    return np.array(
-        [
-            [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
-            [2 * (b * c + a * d), a * a + c * c - b * b - d * d, 2 * (c * d - a * b)],
-            [2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c],
-        ]
-    )
-
-
-def _quaternion(matrix: Doubles) -> Doubles:
-    """Return (b, c, d) of the unit quaternion of a rotation."""
-    from scipy.spatial.transform import Rotation
-
-    b, c, d, a = Rotation.from_matrix(matrix).as_quat()
-    return np.array([b, c, d]) * (-1.0 if a < 0 else 1.0)
 
 
 def _scaled(values: NDArray[Any], fields: Any, name: str) -> NDArray[Any]:

@@ -82,9 +82,27 @@ def read_nrrd(path: Path, name: str, check: Check) -> Recording:
             raise ValueError(f"{path.name} is not a NRRD file: it does not begin with NRRD000")
     data = told.value.get("data file", told.value.get("datafile", ""))
     paths = files_named(path, data) if data else []
-    _require(told.value, path)
+    for key in ("dimension", "type", "sizes", "encoding"):
+        if key not in told.value:
+            raise ValueError(f"{path.name} is not a NRRD file: its header has no {key}")
     check_nrrd_numbers(path, told.value)
-    axes = _axes(told.value, path)
+    size = [whole(path, word) for word in told.value["sizes"].split()]
+    kinds = told.value.get("kinds", "").lower().split() or ["???"] * len(size)
+    if len(kinds) != len(size):
+        raise ValueError(f"{path.name}: its kinds are {len(kinds)}, its axes {len(size)}")
+    if "complex" in kinds:
+        raise ValueError(
+            f"{path.name} has voxels of complex numbers; a volume has one real number per voxel: "
+            "extract a component"
+        )
+    apart = [axis for axis, kind in enumerate(kinds) if kind not in OF_SPACE]
+    vectors = _vectors(told.value, path)
+    if not apart and len(size) == 4 and vectors and vectors[0] is None:
+        apart = [0]  # unlike the last one, which is time
+    if len(apart) > 1:
+        raise ValueError(f"{path.name} has {len(apart)} axes that are none of space; it may have 1")
+    space = [axis for axis in range(len(size)) if axis not in apart]
+    axes = _Axes(space, apart[0] if apart else None, size)
     known = _header(told.value, axes, path, name)
     stored = _stored(path, told, paths)
     check(known)
@@ -124,32 +142,6 @@ def write_nrrd(path: Path, volume: Volume) -> None:
 
 def _vector(numbers: Doubles) -> str:
     return f"({','.join(f'{number:.17g}' for number in numbers)})"
-
-
-def _require(value: Mapping[str, str], path: Path) -> None:
-    for key in ("dimension", "type", "sizes", "encoding"):
-        if key not in value:
-            raise ValueError(f"{path.name} is not a NRRD file: its header has no {key}")
-
-
-def _axes(value: Mapping[str, str], path: Path) -> _Axes:
-    size = [whole(path, word) for word in value["sizes"].split()]
-    kinds = value.get("kinds", "").lower().split() or ["???"] * len(size)
-    if len(kinds) != len(size):
-        raise ValueError(f"{path.name}: its kinds are {len(kinds)}, its axes {len(size)}")
-    if "complex" in kinds:
-        raise ValueError(
-            f"{path.name} has voxels of complex numbers; a volume has one real number per voxel: "
-            "extract a component"
-        )
-    apart = [axis for axis, kind in enumerate(kinds) if kind not in OF_SPACE]
-    vectors = _vectors(value, path)
-    if not apart and len(size) == 4 and vectors and vectors[0] is None:
-        apart = [0]  # unlike the last one, which is time
-    if len(apart) > 1:
-        raise ValueError(f"{path.name} has {len(apart)} axes that are none of space; it may have 1")
-    space = [axis for axis in range(len(size)) if axis not in apart]
-    return _Axes(space, apart[0] if apart else None, size)
 
 
 def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> VolumeHeader:

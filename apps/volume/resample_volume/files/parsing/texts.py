@@ -155,26 +155,23 @@ def files_named(path: Path, data: str) -> list[Path]:
         heads = [n for n, line in enumerate(lines) if "LIST" in line]
         names = [line.strip() for line in lines[heads[0] + 1 :] if line.strip()]
     elif "%" in data:
-        names = _numbered(path, data)
+        pattern, *numbers = data.split()
+        if not PATTERN.fullmatch(pattern) or not numbers:
+            raise ValueError(
+                f"{path.name}: {data!r:.60} is no pattern of names; give one such as a%03d.raw 1 "
+                "99 1"
+            )
+        first, last, step = (whole(path, word) for word in [*numbers, *"111"][:3])
+        step = max(1, abs(step)) * (1 if last >= first else -1)
+        every = range(first, last + (1 if step > 0 else -1), step)
+        check_items(path.name, len(every), "files named")
+        names = [pattern % number for number in every]
     else:
         names = [data]
     check_items(path.name, len(names), "files named")
     if not names:
         raise ValueError(f"{path.name} names no files of data; correct its header")
     return [_beside(path, name) for name in names]
-
-
-def _numbered(path: Path, data: str) -> list[str]:
-    pattern, *numbers = data.split()
-    if not PATTERN.fullmatch(pattern) or not numbers:
-        raise ValueError(
-            f"{path.name}: {data!r:.60} is no pattern of names; give one such as a%03d.raw 1 99 1"
-        )
-    first, last, step = (whole(path, word) for word in [*numbers, *"111"][:3])
-    step = max(1, abs(step)) * (1 if last >= first else -1)
-    every = range(first, last + (1 if step > 0 else -1), step)
-    check_items(path.name, len(every), "files named")
-    return [pattern % number for number in every]
 
 
 def is_hounsfield(word: str) -> bool:

@@ -102,7 +102,22 @@ def _fill(target: memoryview, path: Path, stored: VoxelData, dtype: np.dtype[Any
     elif stored.packing == "raw":
         target[:] = _bare(path, stored, np.dtype(np.uint8), len(target)).data
     else:
-        _unpack(target, path, stored)
+        # Decompress a file into memory, and verify its checksums
+        wanted, packed = len(target) + stored.skip, path.stat().st_size
+        check_unpacked(path.name, packed, wanted)
+        count = 0
+        with path.open("rb") as file, unpacking(path.name):
+            file.seek(max(0, stored.start))
+            for piece in _pieces(file, stored.packing):
+                first = max(0, count - stored.skip)
+                begin = max(0, stored.skip - count)
+                kept = piece[begin : begin + max(0, len(target) - first)]
+                target[first : first + len(kept)] = kept
+                count += len(piece)
+                if count > wanted + SLACK:
+                    raise wrong_size(path.name, count - stored.skip, len(target), more=" or more")
+        if count < wanted or (count > wanted and stored.is_exact):
+            raise wrong_size(path.name, max(0, count - stored.skip), len(target))
 
 
 def _of_text(path: Path, stored: VoxelData, dtype: np.dtype[Any]) -> bytes:
@@ -114,25 +129,6 @@ def _of_text(path: Path, stored: VoxelData, dtype: np.dtype[Any]) -> bytes:
         return np.array(words, dtype).tobytes()
     except (ValueError, OverflowError) as error:
         raise ValueError(f"{path.name} is damaged: {error}; get the file again") from None
-
-
-def _unpack(target: memoryview, path: Path, stored: VoxelData) -> None:
-    """Decompress a file into memory, and verify its checksums."""
-    wanted, packed = len(target) + stored.skip, path.stat().st_size
-    check_unpacked(path.name, packed, wanted)
-    count = 0
-    with path.open("rb") as file, unpacking(path.name):
-        file.seek(max(0, stored.start))
-        for piece in _pieces(file, stored.packing):
-            first = max(0, count - stored.skip)
-            begin = max(0, stored.skip - count)
-            kept = piece[begin : begin + max(0, len(target) - first)]
-            target[first : first + len(kept)] = kept
-            count += len(piece)
-            if count > wanted + SLACK:
-                raise wrong_size(path.name, count - stored.skip, len(target), more=" or more")
-    if count < wanted or (count > wanted and stored.is_exact):
-        raise wrong_size(path.name, max(0, count - stored.skip), len(target))
 
 
 def _pieces(file: BinaryIO, packing: str) -> Iterator[bytes]:

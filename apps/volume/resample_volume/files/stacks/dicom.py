@@ -54,7 +54,11 @@ def dicom_slices(folder: Path, series: str) -> list[Path]:
         dataset = _read_dataset(file)
         with _quiet(file):
             uid, has_picture = str(dataset.get("SeriesInstanceUID", "")), "Rows" in dataset
-            if not has_picture and _is_picture(dataset):
+            if not has_picture and (
+                "SeriesInstanceUID" not in dataset
+                or "Image Storage"
+                in getattr(dataset.get("SOPClassUID", ""), "name", "Image Storage")
+            ):
                 raise ValueError("its picture is missing")
         if has_picture:
             known.setdefault(uid, []).append(file)
@@ -82,7 +86,22 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         parts, kind, units = _parts(first), _kind(slices), _units(first)
         sizes = (whole(first, "Columns"), whole(first, "Rows"), len(slices))
         places = np.array([each.place for each in slices])
-        spacing, direction = _lattice(slices, places)
+        # Spacing (3,) and direction (3, 3)
+        dataset, frame = slices[0].dataset, slices[0].frame
+        row, column = slices[0].axes
+        key = "ImagerPixelSpacing"
+        given = dataset.get(key)
+        imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
+        down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
+        normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
+        if len(slices) > 1 and np.isfinite(places).all():
+            way = (places[-1] - places[0]) / (len(slices) - 1)
+            length = float(np.linalg.norm(way))
+            if length > 0:
+                step = length
+                if np.linalg.norm(way / length - normal) > TILTED:
+                    normal = way / length
+        spacing, direction = np.array([across, down, step]), np.column_stack([row, column, normal])
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
     known = known._replace(parts=parts, is_color=parts > 1, units=units, note=_note(slices, places))
@@ -159,13 +178,6 @@ class _Watched(BufferedReader):
         if size is None or size < 0:
             check_deflated(self.path.name, found, RAW)
         return found
-
-
-def _is_picture(dataset: Any) -> bool:
-    """Return whether a file without a picture should have one."""
-    return "SeriesInstanceUID" not in dataset or "Image Storage" in getattr(
-        dataset.get("SOPClassUID", ""), "name", "Image Storage"
-    )
 
 
 def _slices(path: Path) -> list[_Slice]:
@@ -340,25 +352,6 @@ def _decoder(path: Path, syntax: Any) -> str:
             f"{path.name} is packed as {syntax.name}; pip install 'hybrid-resample[dicom]'"
         )
     return min(known, key=lambda plugin: (plugin == "gdcm", plugin))
-
-
-def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
-    """Return spacing (3,) and direction (3, 3)."""
-    dataset, frame = slices[0].dataset, slices[0].frame
-    row, column = slices[0].axes
-    key = "ImagerPixelSpacing"
-    given = dataset.get(key)
-    imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
-    down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
-    normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
-    if len(slices) > 1 and np.isfinite(places).all():
-        way = (places[-1] - places[0]) / (len(slices) - 1)
-        length = float(np.linalg.norm(way))
-        if length > 0:
-            step = length
-            if np.linalg.norm(way / length - normal) > TILTED:
-                normal = way / length
-    return np.array([across, down, step]), np.column_stack([row, column, normal])
 
 
 def _is_negative(dataset: Any) -> bool:

@@ -123,7 +123,40 @@ def write_store(
             for share in _fill(levels, recording, form):
                 if progress is not None:
                     progress(share)
-            group.attrs.update(_attributes(recording, shapes))
+            # OME-Zarr's attributes of an image, and our own
+            letters = _letters(recording)
+            name = UDUNITS.get(unit_of_space(recording), "")
+            unit = {"unit": name} if name else {}
+            axes = [
+                {"name": axis, "type": NAMES[axis], **(unit if NAMES[axis] == "space" else {})}
+                for axis in letters
+            ]
+            # Levels with transforms: voxels are means, so their centers lie between finer ones
+            found, ones = [], [1.0] * (len(_letters(recording)) - 3)
+            spacing, origin = np.array(recording.spacing), np.array(recording.origin)
+            for n, shape in enumerate(shapes):
+                steps = [
+                    {"type": "scale", "scale": ones + spacing[::-1].tolist()},
+                    {
+                        "type": "translation",
+                        "translation": [0.0] * len(ones) + origin[::-1].tolist(),
+                    },
+                ]
+                found.append({"path": str(n), "coordinateTransformations": steps})
+                per: Doubles = np.array(per_axis(shape)[::-1], np.float64)
+                origin = origin + recording.direction @ (spacing * (per - 1) / 2)
+                spacing = spacing * per
+            image = {"name": recording.name, "axes": axes, "datasets": found}
+            own = {
+                "direction": recording.direction.tolist(),
+                "units": recording.units,
+                "space": recording.space,
+                "color": recording.is_color,
+            }
+            whole: dict[str, Any] = {"version": VERSION, "multiscales": [image]}
+            if recording.looks:
+                whole["omero"] = {"channels": [_channel(look) for look in recording.looks]}
+            group.attrs.update({"ome": whole, OWN: own})
             temporary.rename(path)
     except OSError as error:
         raise unwritten(path, error) from None
@@ -207,28 +240,6 @@ def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) 
                 yield done / total
 
 
-def _attributes(recording: Recording, shapes: list[Step]) -> dict[str, Any]:
-    """Return OME-Zarr's attributes of an image, and our own."""
-    letters = _letters(recording)
-    name = UDUNITS.get(unit_of_space(recording), "")
-    unit = {"unit": name} if name else {}
-    axes = [
-        {"name": axis, "type": NAMES[axis], **(unit if NAMES[axis] == "space" else {})}
-        for axis in letters
-    ]
-    image = {"name": recording.name, "axes": axes, "datasets": _datasets(recording, shapes)}
-    own = {
-        "direction": recording.direction.tolist(),
-        "units": recording.units,
-        "space": recording.space,
-        "color": recording.is_color,
-    }
-    whole: dict[str, Any] = {"version": VERSION, "multiscales": [image]}
-    if recording.looks:
-        whole["omero"] = {"channels": [_channel(look) for look in recording.looks]}
-    return {"ome": whole, OWN: own}
-
-
 def _channel(look: ChannelLook) -> dict[str, Any]:
     """Return the look of a channel as OMERO has it."""
     told: dict[str, Any] = {"label": look.label, "active": look.is_active}
@@ -238,19 +249,3 @@ def _channel(look: ChannelLook) -> dict[str, Any]:
         low, high = look.window
         told["window"] = {"start": low, "end": high, "min": low, "max": high}
     return told
-
-
-def _datasets(recording: Recording, shapes: list[Step]) -> list[dict[str, Any]]:
-    """Return levels with transforms: voxels are means, so their centers lie between finer ones."""
-    found, ones = [], [1.0] * (len(_letters(recording)) - 3)
-    spacing, origin = np.array(recording.spacing), np.array(recording.origin)
-    for n, shape in enumerate(shapes):
-        steps = [
-            {"type": "scale", "scale": ones + spacing[::-1].tolist()},
-            {"type": "translation", "translation": [0.0] * len(ones) + origin[::-1].tolist()},
-        ]
-        found.append({"path": str(n), "coordinateTransformations": steps})
-        per: Doubles = np.array(per_axis(shape)[::-1], np.float64)
-        origin = origin + recording.direction @ (spacing * (per - 1) / 2)
-        spacing = spacing * per
-    return found

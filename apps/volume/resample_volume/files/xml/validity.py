@@ -110,41 +110,56 @@ def check_blocks(path: Path) -> None:
         every = elements_of(content)
         if not every:
             raise ValueError(f"{path.name} is damaged: it is no XML")
-        _check_packed(path.name, content, every)
-        _check_counts(path.name, len(content), every)
+        size, attributes = len(content), every[0].attributes
+        number = "<Q" if attributes.get("header_type") == "UInt64" else "<I"
+        if attributes.get("byte_order") == "BigEndian":
+            number = number.replace("<", ">")
+        is_packed = "compressor" in attributes
+        if every[-1].name == APPENDED and data_start(content, every[-1]) < 0:
+            raise ValueError(f"{path.name} is damaged: its data do not begin with an underscore")
+        unpacked = 0
+        for begin in _begins(content, every):
+            numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
+            if not numbers or (is_packed and numbers[0] and len(numbers) < 2):
+                raise ValueError(f"{path.name} is damaged: data do not begin with their size")
+            if numbers[0] > size:
+                raise ValueError(
+                    f"{path.name} is damaged: {numbers[0]} bytes or blocks are not there"
+                )
+            if is_packed and len(numbers) > 1:
+                if numbers[0] and not numbers[1]:  # VTK divides by it
+                    raise ValueError(f"{path.name} is damaged: blocks of data have no size")
+                unpacked += numbers[0] * numbers[1]
+                check_unpacked(path.name, size, unpacked)
+        size = len(content)
+        # Reject arrays for which VTK would allocate far more than the file can fill
+        needed = places = whole = filled = 0
+        for element in every:
+            attributes = element.attributes
+            if element.name == "Piece":
+                counts = [
+                    count_of(attributes.get(key, "1"))
+                    for key in ("NumberOfPoints", "NumberOfCells")
+                ]
+                places = max(1, _inside(attributes.get("Extent", "")), *counts)
+                filled += places
+                needed += places
+            elif element.name in WHOLE:
+                whole = _inside(attributes.get("WholeExtent", ""))
+            elif element.name in ARRAYS:
+                rows = max(places, count_of(attributes.get("NumberOfTuples", "0")))
+                width = WIDTHS.get(attributes.get("type", "")[-1:], WIDEST)
+                needed += rows * count_of(attributes.get("NumberOfComponents", "1")) * width
+            check_ratio(path.name, size, needed)
+        if whole > filled:
+            raise ValueError(f"{path.name} is damaged: its pieces hold {filled} of {whole} points")
+        require_memory(needed, path.name)
 
 
 def count_of(text: str) -> int:
     """Parse a count; an invalid one counts as large."""
     number = _number(text)
     return LARGEST if number < 0 else number
-
-
-def _check_counts(name: str, size: int, every: list[Element]) -> None:
-    """Reject arrays for which VTK would allocate far more than the file can fill."""
-    needed = places = whole = filled = 0
-    for element in every:
-        attributes = element.attributes
-        if element.name == "Piece":
-            places = _places(attributes)
-            filled += places
-            needed += places
-        elif element.name in WHOLE:
-            whole = _inside(attributes.get("WholeExtent", ""))
-        elif element.name in ARRAYS:
-            rows = max(places, count_of(attributes.get("NumberOfTuples", "0")))
-            width = WIDTHS.get(attributes.get("type", "")[-1:], WIDEST)
-            needed += rows * count_of(attributes.get("NumberOfComponents", "1")) * width
-        check_ratio(name, size, needed)
-    if whole > filled:
-        raise ValueError(f"{name} is damaged: its pieces hold {filled} of {whole} points")
-    require_memory(needed, name)
-
-
-def _places(attributes: dict[str, str]) -> int:
-    """Return a piece's number of points, or of cells if larger; at least one."""
-    counts = [count_of(attributes.get(key, "1")) for key in ("NumberOfPoints", "NumberOfCells")]
-    return max(1, _inside(attributes.get("Extent", "")), *counts)
 
 
 def _inside(extent: str) -> int:
@@ -159,28 +174,6 @@ def _number(text: str) -> int:
     """Parse an integer; an invalid one counts as large."""
     known = NUMBER.fullmatch(text.strip())
     return int(text) if known else LARGEST
-
-
-def _check_packed(name: str, content: mmap, every: list[Element]) -> None:
-    size, attributes = len(content), every[0].attributes
-    number = "<Q" if attributes.get("header_type") == "UInt64" else "<I"
-    if attributes.get("byte_order") == "BigEndian":
-        number = number.replace("<", ">")
-    is_packed = "compressor" in attributes
-    if every[-1].name == APPENDED and data_start(content, every[-1]) < 0:
-        raise ValueError(f"{name} is damaged: its data do not begin with an underscore")
-    unpacked = 0
-    for begin in _begins(content, every):
-        numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
-        if not numbers or (is_packed and numbers[0] and len(numbers) < 2):
-            raise ValueError(f"{name} is damaged: data do not begin with their size")
-        if numbers[0] > size:
-            raise ValueError(f"{name} is damaged: {numbers[0]} bytes or blocks are not there")
-        if is_packed and len(numbers) > 1:
-            if numbers[0] and not numbers[1]:  # VTK divides by it
-                raise ValueError(f"{name} is damaged: blocks of data have no size")
-            unpacked += numbers[0] * numbers[1]
-            check_unpacked(name, size, unpacked)
 
 
 def _begins(content: mmap, every: list[Element]) -> Iterator[bytes]:
