@@ -20,8 +20,8 @@ from resample.cli import app as resample_app
 from resample.console import linear_color
 from resample.files.saving import screen_levels
 from resample.progress import Cancel
-from resample_volume.classification.materials import spread
 from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import spread
 from resample_volume.cli import app
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared

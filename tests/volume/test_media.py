@@ -15,7 +15,7 @@ from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.generated import vessel_tree
 from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance, Classification
-from resample_volume.multivolume.lattices import common_lattice
+from resample_volume.multivolume.series import common_lattice
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light

@@ -19,8 +19,12 @@ from resample_volume.data.recordings import (
     volume_at,
     with_times_first,
 )
-from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
+from resample_volume.files.metaimage import MetaImage
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.nrrd import Nrrd
+from resample_volume.files.readers import Npy
 from resample_volume.files.source import open_recording, open_volume, read_labels
+from resample_volume.files.tiff import TiffStack
 from resample_volume.inputs import as_volume
 from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject

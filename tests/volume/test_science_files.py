@@ -9,8 +9,7 @@ import pytest
 from PIL import Image
 
 from resample_volume.cli import app
-from resample_volume.files.hdf5 import Hdf5
-from resample_volume.files.netcdf import NetCdf
+from resample_volume.files.hdf5 import Hdf5, NetCdf
 from resample_volume.files.source import open_recording, open_volume
 from tests.commands import ended
 

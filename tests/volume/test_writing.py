@@ -11,7 +11,7 @@ from resample_volume.files.generated import vessel_tree
 from resample_volume.files.readers import Npy
 from resample_volume.files.source import SUFFIXES, open_volume, write_volume
 from resample_volume.multivolume.appearance import Appearance
-from resample_volume.space.color_bar import with_bar
+from resample_volume.space.annotations import with_bar
 from resample_volume.types import Volume
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from resample_volume.files.source import open_volume
     from resample_volume.files.source import open_volume as open  # noqa: A004
     from resample_volume.inputs import as_volume
-    from resample_volume.multivolume.appearance import Appearance
-    from resample_volume.multivolume.xrays import XRay
+    from resample_volume.multivolume.appearance import Appearance, XRay
     from resample_volume.scenes import Scene
     from resample_volume.space.annotations import Annotations, annotate
     from resample_volume.space.lines import measure
@@ -44,7 +43,7 @@ _HOMES = {
     "SceneMesh": "surfaces.meshes",
     "TransferFunction": "classification.transfer",
     "Volume": "types",
-    "XRay": "multivolume.xrays",
+    "XRay": "multivolume.appearance",
     "animate": "calls",
     "annotate": "space.annotations",
     "as_volume": "inputs",

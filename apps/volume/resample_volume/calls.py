@@ -108,8 +108,7 @@ def render(
         wanted = "a Resampler, or None for the one that suits the look"
         check_kind("resampler", paint, Resampler, wanted)
         return pictured(media, view, shape, paint, fit, progress=progress)[0]
-    from resample_volume.command.inputs import changed, opened
-    from resample_volume.command.multivolume import with_objects
+    from resample_volume.command.inputs import changed, opened, with_objects
     from resample_volume.command.rendering import annotated_picture
 
     look, resampling, beside, source, form = _chosen("render", options)

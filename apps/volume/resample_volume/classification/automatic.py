@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
-from resample_volume.classification.materials import spread
-from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
+from resample_volume.classification.transfer import (
+    Color,
+    Transfer,
+    TransferFunction,
+    from_points,
+    spread,
+)
 from resample_volume.classification.value_statistics import LUNG, Survey, tissue, with_lungs
-from resample_volume.data.scanning import are_few, step_of
-from resample_volume.data.thresholds import Peak, peak_between
+from resample_volume.data.scanning import Peak, are_few, peak_between, step_of
 from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 

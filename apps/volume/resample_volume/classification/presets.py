@@ -12,14 +12,15 @@ import numpy as np
 from resample.messages import choices_in, parts_of
 from resample_volume.classification import TISSUES
 from resample_volume.classification.automatic import automatic, ramp, tomographic
-from resample_volume.classification.materials import Materials, spread
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.scales import on_scale
 from resample_volume.classification.transfer import (
     SUFFIXES,
+    Materials,
     Transfer,
     TransferFunction,
     from_points,
+    spread,
 )
 from resample_volume.classification.value_statistics import Survey, survey, tissue
 from resample_volume.types import Volume

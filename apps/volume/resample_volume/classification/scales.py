@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
-from resample_volume.classification.materials import Materials
 from resample_volume.classification.regions import Faded, RegionTransfer
-from resample_volume.classification.transfer import Transfer, TransferFunction
+from resample_volume.classification.transfer import Materials, Transfer, TransferFunction
 from resample_volume.classification.value_statistics import findings, survey, without_padding
-from resample_volume.data.parts import slabs
-from resample_volume.data.values import as_array
+from resample_volume.data.values import as_array, slabs
 from resample_volume.types import Volume
 
 LINEAR, LOG, SYMLOG = "linear", "log", "symlog"

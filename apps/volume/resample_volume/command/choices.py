@@ -337,7 +337,7 @@ class AppearanceChoices(Choices):
             "invert": self.invert or None,
         }
         if self.slab is not None:
-            from resample_volume.surfaces.plane_meshes import Section
+            from resample_volume.surfaces.image_planes import Section
 
             Section.of(self.slab)
         extras = [name for name, choice in chosen.items() if choice is not None]
@@ -353,13 +353,14 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
-        from resample_volume.data.spacings import mm_of
+        from resample_volume.data.recordings import mm_of
         from resample_volume.multivolume.appearance import (
+            MU_WATER,
             Appearance,
             Classification,
+            XRay,
             named_transfer,
         )
-        from resample_volume.multivolume.xrays import MU_WATER, XRay
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
@@ -588,7 +589,7 @@ class BesidePicture(BesideFilm):
         if self.deep is None:
             return
         from resample.files.saving import check_deep
-        from resample_volume.space.slabs import check_slabs
+        from resample_volume.rendering import check_slabs
 
         check_deep(output)
         check_slabs(self.deep, resampler)

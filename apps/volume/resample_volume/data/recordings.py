@@ -1,4 +1,4 @@
-"""Choose one volume of a recording: a time, a channel, or colors."""
+"""Units of lengths of volumes."""
 
 from typing import Any
 
@@ -6,9 +6,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.lengths import SCALES, ratio, times
 from resample.types import Floats
-from resample_volume.data.parts import slabs
-from resample_volume.types import Part, Recording, Volume
+from resample_volume.data.values import slabs
+from resample_volume.types import ASSUMED, UNKNOWN, Part, Recording, Volume
+
+
+def unit_of_space(volume: Volume | Recording) -> str:
+    """Return the symbol of a volume's scene unit; empty if unknown."""
+    return volume.length if volume.length in SCALES else "mm" if volume.space == "lps" else ""
+
+
+def in_unit(volume: Volume, unit: str) -> Volume:
+    """Return a volume in another scene unit, if both are known."""
+    own = unit_of_space(volume)
+    if not (own and unit) or own == unit:
+        return volume
+    lengths = [
+        times(length, ratio(own, unit))
+        for length in (volume.spacing, volume.origin, volume.thickness)
+    ]
+    return volume._replace(spacing=lengths[0], origin=lengths[1], thickness=lengths[2], length=unit)
+
+
+def assumed(volume: Volume | Recording) -> str:
+    """Return what was assumed of a volume's lengths, for messages; empty if they are stated."""
+    if volume.length == UNKNOWN and volume.space == "lps":
+        return "no unit of length is stated; mm are assumed"
+    return ASSUMED.get(volume.length, "")
+
+
+def mm_of(volume: Volume) -> float:
+    """Return the millimeters of a scene unit; 1 if it is unknown."""
+    unit = unit_of_space(volume)
+    return ratio(unit, "mm") if unit else 1.0
+
 
 COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
 UNTOLD = (("#ffffff", None), ("", None))  # colors and windows of a single channel

@@ -9,9 +9,15 @@ import numpy as np
 
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.native import damage, lacking
-from resample_volume.data.memory import require_memory
-from resample_volume.files.axes import SPACE, LabelledAxis, lattice_of, recording_along
-from resample_volume.files.parsing.headers import Check, OneOfAll
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import (
+    SPACE,
+    Check,
+    LabelledAxis,
+    OneOfAll,
+    lattice_of,
+    recording_along,
+)
 from resample_volume.types import Recording
 
 CELESTIAL = re.compile("RA|DEC|[GESH]L(ON|AT)|..L[NT]")  # names of axes in degrees

@@ -14,8 +14,8 @@ import numpy as np
 from resample.messages import one_line
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.native import plain
-from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import (
     check_shape,
     existing_file,
     header,

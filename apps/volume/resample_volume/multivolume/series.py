@@ -1,24 +1,85 @@
-"""Volumes over time under one look and one camera."""
+"""Several volumes: the times of a recording, and a lattice that covers several."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
-from resample_volume.classification.materials import Windowed
+from resample.types import Doubles
 from resample_volume.classification.regions import Faded
+from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import Survey, survey, without_padding
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
-from resample_volume.multivolume.appearance import Appearance, named_or_own, transfer_of
-from resample_volume.multivolume.xrays import XRay, settled
+from resample_volume.multivolume.appearance import (
+    Appearance,
+    XRay,
+    named_or_own,
+    settled,
+    transfer_of,
+)
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.visible import finite_range, steepness, visible_with_slopes
+from resample_volume.voxels.visible import finite_range, lattice_of, steepness, visible_with_slopes
 
 if TYPE_CHECKING:
-    from resample_volume.files.stores.chunks import Chunked
+    from resample_volume.files.zarr import Chunked
+
+SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the lattice
+
+
+class CommonLattice(NamedTuple):
+    """A lattice that covers several volumes."""
+
+    steps: Doubles  # (3, 3) columns are the steps to the next place along x, y, z; scene units
+    origin: Doubles  # (3,) scene position of the first place
+    size: NDArray[np.int64]  # (3,) places along x, y, z
+
+    @property
+    def middle(self) -> Doubles:
+        """Scene position (3,) of its center."""
+        return self.origin + self.steps @ (self.size - 1.0) / 2
+
+    def volume(self) -> Volume:
+        """A volume of zeros on it, which takes no memory."""
+        spacing = np.linalg.norm(self.steps, axis=0)
+        nothing = np.broadcast_to(np.uint8(0), tuple(self.size[::-1]))
+        return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
+
+
+def common_lattice(volumes: Sequence[Volume]) -> CommonLattice:
+    """Return the lattice of the finest volume, extended to cover all.
+
+    The finest has the smallest voxels. The result does not depend on the order of the volumes.
+    """
+    finest = min(volumes, key=_fineness)
+    steps = lattice_of(finest)
+    boxes = [_box(volume, steps, finest.origin) for volume in volumes]
+    first = np.min([box[0] for box in boxes], axis=0)
+    last = np.max([box[1] for box in boxes], axis=0)
+    return CommonLattice(steps, finest.origin + steps @ first, last - first + 1)
+
+
+def _fineness(volume: Volume) -> tuple[float, ...]:
+    """Sort key that puts the finest volume first."""
+    steps = lattice_of(volume)
+    size = round(float(abs(np.linalg.det(steps))), 9)
+    return (size, *steps.ravel(), *volume.origin, *volume.values.shape)
+
+
+def _box(
+    volume: Volume, steps: Doubles, origin: Doubles
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return first and last index (3,) of a lattice that a volume covers, with half voxels."""
+    ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
+    corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
+    away = lattice_of(volume) @ corners + (volume.origin - origin)[:, np.newaxis]
+    place = np.linalg.solve(steps, away)
+    first = np.ceil(place.min(axis=1) - SAME).astype(np.int64)
+    return first, np.maximum(first, np.floor(place.max(axis=1) + SAME).astype(np.int64))
+
 
 Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
 
@@ -120,6 +181,6 @@ def is_chunked(recording: Recording) -> bool:
 
 def chunked(recording: Recording) -> "Chunked | None":
     """Return values that stay in their file; None if these do not."""
-    from resample_volume.files.stores.chunks import Chunked
+    from resample_volume.files.zarr import Chunked
 
     return recording.values if isinstance(recording.values, Chunked) else None

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.engine.compositing import VISIBLE
 from resample.types import Doubles, Frame, View
-from resample_volume.data.spacings import unit_of_space
+from resample_volume.data.recordings import unit_of_space
 from resample_volume.picking import Picked
 from resample_volume.types import Volume
 

@@ -45,8 +45,7 @@ from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.slicing import profile, slice_levels, slice_planes
-from resample_volume.space.annotations import annotated
-from resample_volume.space.color_bar import bar_of
+from resample_volume.space.annotations import annotated, bar_of
 from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered

@@ -39,12 +39,10 @@ from resample_volume.classification.transfer import (
     visible_places,
 )
 from resample_volume.classification.value_statistics import counted, survey
-from resample_volume.data.memory import require_memory
-from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few
+from resample_volume.data.values import require_memory, slabs
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
-from resample_volume.voxels.thickness import with_true_thickness
 from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
@@ -54,6 +52,7 @@ from resample_volume.voxels.thin import (
     repeated,
     thin_that_fits,
     thinned,
+    with_true_thickness,
 )
 from resample_volume.voxels.visible import (
     finite_range,
@@ -279,7 +278,7 @@ def with_shadows(
     `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
     occludes no light.
     """
-    from resample_volume.voxels.transmittance import field_transmittance
+    from resample_volume.voxels.shading import field_transmittance
 
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]

@@ -15,10 +15,17 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.memory import require_beside, require_memory
-from resample_volume.data.parts import kernel_layers, side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
-from resample_volume.data.values import Stored, as_array, values_of
+from resample_volume.data.values import (
+    Stored,
+    as_array,
+    kernel_layers,
+    require_beside,
+    require_memory,
+    side_by_side,
+    slabs,
+    values_of,
+)
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:

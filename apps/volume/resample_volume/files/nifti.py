@@ -7,25 +7,28 @@ those of pixdim, unless its columns have other lengths or are sheared.
 
 import gzip
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles
-from resample_volume.data.memory import require_memory
-from resample_volume.data.recordings import is_color
-from resample_volume.data.spacings import in_unit, unit_of_space
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.recordings import in_unit, is_color, unit_of_space
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import (
     Check,
+    OneOfAll,
     VolumeHeader,
+    VoxelData,
     check_shape,
+    first_bytes,
     header,
     recording,
+    voxels,
 )
-from resample_volume.files.parsing.texts import is_hounsfield
-from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
+from resample_volume.files.texts import is_hounsfield
 from resample_volume.types import UNKNOWN, Recording, Volume
 
 FIELDS = {  # name: NumPy's type in NIfTI-1, its place there, and both in NIfTI-2
@@ -73,22 +76,31 @@ SAME = 1e-3  # of a voxel, by which transforms may differ
 TO_LPS = np.diag([-1.0, -1.0, 1.0])
 
 
-def read_nifti(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file; slope and intercept are applied."""
-    fields = _fields(first_bytes(path, LENGTHS[1]), path.name)
-    known = _header(fields, path, name)
-    check(known)
-    offset = int(fields["offset"])
-    if path.name.lower().endswith(".gz"):
-        stored = VoxelData([path], 0, "gzip", offset, is_exact=False)
-    else:
-        stored = VoxelData([path], offset, is_exact=False)
-    values = _scaled(voxels(stored, known), fields, name)
-    known = known._replace(dtype=values.dtype)
-    if int(fields["datatype"]) in COLORS:
-        return recording(values, known)
-    every = values.reshape(known.parts, known.times, *known.shape[::-1])
-    return recording(every.swapaxes(0, 1), known, channels_first=True)
+@dataclass(frozen=True)
+class Nifti(OneOfAll):
+    """NIfTI-1 or -2 in a single file; slope and intercept are applied, which gives floats.
+
+    Its coordinates are RAS; they are converted to LPS, like those of other formats.
+    """
+
+    space: ClassVar[str] = "lps"
+    suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        fields = _fields(first_bytes(path, LENGTHS[1]), path.name)
+        known = _header(fields, path, name)
+        check(known)
+        offset = int(fields["offset"])
+        if path.name.lower().endswith(".gz"):
+            stored = VoxelData([path], 0, "gzip", offset, is_exact=False)
+        else:
+            stored = VoxelData([path], offset, is_exact=False)
+        values = _scaled(voxels(stored, known), fields, name)
+        known = known._replace(dtype=values.dtype)
+        if int(fields["datatype"]) in COLORS:
+            return recording(values, known)
+        every = values.reshape(known.parts, known.times, *known.shape[::-1])
+        return recording(every.swapaxes(0, 1), known, channels_first=True)
 
 
 def write_nifti(path: Path, volume: Volume, *, is_packed: bool) -> None:

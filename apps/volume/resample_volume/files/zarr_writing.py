@@ -17,7 +17,7 @@ from resample.files.writing import beside, unwritten
 from resample.outofcore.bricks import Step, boxes_of
 from resample.progress import Progress
 from resample.types import Doubles
-from resample_volume.data.spacings import unit_of_space
+from resample_volume.data.recordings import unit_of_space
 from resample_volume.data.values import values_of
 from resample_volume.types import ChannelLook, Recording
 

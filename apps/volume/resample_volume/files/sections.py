@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import check_items
 from resample.types import Doubles
-from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import is_color
-from resample_volume.files.parsing.headers import VolumeHeader
-from resample_volume.files.parsing.texts import numbers, skip_numbers
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import VolumeHeader
+from resample_volume.files.texts import numbers, skip_numbers
 
 PARTS = ("", "magnitude")
 ROWS = 1 << 18  # vectors whose lengths are computed at a time

@@ -4,9 +4,10 @@ import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BufferedReader, FileIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,10 @@ from resample.reading.limits import RAW, LimitError, check_deflated, check_items
 from resample.reading.native import suppressed_output
 from resample.reading.pictures import size_of
 from resample.types import Doubles
-from resample_volume.data.memory import require_memory
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.headers import check_alone, header, volume
-from resample_volume.files.stacks.slices import natural
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import check_alone, existing_file, header, stem, volume
+from resample_volume.files.tiff import natural
 from resample_volume.types import VOXEL, Volume
 
 UNDEFINED = 0xFFFFFFFF  # length of elements with an end mark
@@ -448,3 +449,20 @@ def check_frames(dataset: Any, name: str) -> None:
                 f"{name} holds a picture of {size[1]} x {size[0]} pixels and says that it has "
                 f"{wanted[1]} x {wanted[0]}; get it again"
             )
+
+
+@dataclass(frozen=True)
+class Dicom:
+    """A folder with a DICOM series, sorted by position, or one multi-frame file."""
+
+    series: str = ""  # instance UID; needed where the folder holds several
+
+    space: ClassVar[str] = "lps"
+    suffixes: ClassVar[tuple[str, ...]] = (".dcm",)
+
+    def __call__(self, path: Path) -> Volume:
+        if path.is_dir():
+            files = dicom_slices(path, self.series)
+            return dicom_volume(files, path.resolve().name)
+        name = stem(existing_file(path), self.suffixes)
+        return dicom_volume([path], name)

@@ -4,37 +4,41 @@ The form is that of "VTK File Formats" (docs.vtk.org): numbers of binary files a
 """
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from resample.reading.limits import check_size
 from resample.registry import load, missing
 from resample.types import Doubles
-from resample_volume.data.memory import require_memory
 from resample_volume.data.recordings import alone
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import (
     Check,
+    OneOfAll,
     VolumeHeader,
+    VoxelData,
     check_shape,
     header,
     recording,
+    voxels,
 )
-from resample_volume.files.parsing.sections import (
+from resample_volume.files.sections import (
     Array,
     ArrayQuery,
     Sections,
     cells_between,
+    check_part,
     check_single,
     choose,
     middles,
     of_parts,
     part_of,
 )
-from resample_volume.files.parsing.texts import numbers
-from resample_volume.files.parsing.voxels import VoxelData, voxels
+from resample_volume.files.texts import Numbers, numbers, steps_of
 from resample_volume.types import Recording
 
 OTHERS = {
@@ -157,3 +161,27 @@ def _evened(every: Recording, lattice: _Lattice, is_of_cells: bool) -> Recording
     even = rectilinear(volume.values, x, y, z, volume.name)
     values = even.values[np.newaxis, np.newaxis]
     return Recording(values, *even[1:5], note=even.note, length=every.length)
+
+
+@dataclass(frozen=True)
+class Vtk(OneOfAll):
+    """VTK's legacy files, as text or binary: image data, rectilinear grids, grids of cells.
+
+    Values are at points or cells; components are channels, or a color. Unstructured grids are
+    resampled onto a lattice, with the extra vtk.
+    """
+
+    array: str = ""  # name of the array; empty: the first of SCALARS, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+
+    spacing: Numbers = ""  # of that lattice, as 0.5 or 1x1x2; empty: the mean size of cells
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vtk",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+        steps_of(self.spacing)
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        wanted = ArrayQuery(self.array, self.part, "vtk")
+        return read_vtk(path, wanted, steps_of(self.spacing), name, check)

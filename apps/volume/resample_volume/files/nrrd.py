@@ -8,23 +8,26 @@ import gzip
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from resample.lengths import times, unit_of_length
 from resample.types import Doubles
-from resample_volume.data.recordings import is_color
-from resample_volume.data.spacings import unit_of_space
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.recordings import is_color, unit_of_space
+from resample_volume.files.headers import (
     Check,
+    OneOfAll,
     VolumeHeader,
+    VoxelData,
     check_shape,
     header,
     recording,
+    voxels,
 )
-from resample_volume.files.parsing.texts import (
+from resample_volume.files.texts import (
     NOTHING,
     Fields,
     check_nrrd_numbers,
@@ -33,7 +36,6 @@ from resample_volume.files.parsing.texts import (
     text_fields,
     whole,
 )
-from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import UNKNOWN, VOXEL, Recording, Volume
 
 TYPES = {
@@ -74,45 +76,52 @@ class _Axes(NamedTuple):
     size: list[int]
 
 
-def read_nrrd(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file, with its data in it or beside it."""
-    told = text_fields(path, ":")
-    with path.open("rb") as file:
-        if file.read(4) != b"NRRD":
-            raise ValueError(f"{path.name} is not a NRRD file: it does not begin with NRRD000")
-    data = told.value.get("data file", told.value.get("datafile", ""))
-    paths = files_named(path, data) if data else []
-    for key in ("dimension", "type", "sizes", "encoding"):
-        if key not in told.value:
-            raise ValueError(f"{path.name} is not a NRRD file: its header has no {key}")
-    check_nrrd_numbers(path, told.value)
-    size = [whole(path, word) for word in told.value["sizes"].split()]
-    kinds = told.value.get("kinds", "").lower().split() or ["???"] * len(size)
-    if len(kinds) != len(size):
-        raise ValueError(f"{path.name}: its kinds are {len(kinds)}, its axes {len(size)}")
-    if "complex" in kinds:
-        raise ValueError(
-            f"{path.name} has voxels of complex numbers; a volume has one real number per voxel: "
-            "extract a component"
-        )
-    apart = [axis for axis, kind in enumerate(kinds) if kind not in OF_SPACE]
-    vectors = _vectors(told.value, path)
-    if not apart and len(size) == 4 and vectors and vectors[0] is None:
-        apart = [0]  # unlike the last one, which is time
-    if len(apart) > 1:
-        raise ValueError(f"{path.name} has {len(apart)} axes that are none of space; it may have 1")
-    space = [axis for axis in range(len(size)) if axis not in apart]
-    axes = _Axes(space, apart[0] if apart else None, size)
-    known = _header(told.value, axes, path, name)
-    stored = _stored(path, told, paths)
-    check(known)
-    values = voxels(stored, known).reshape(axes.size[::-1])
-    parts = [] if axes.part is None else [axes.part]
-    values = values.transpose([values.ndim - 1 - axis for axis in (*parts, *axes.space[::-1])])
-    if len(axes.space) == 4 and parts:
-        values = values.swapaxes(0, 1)
-    shape = (known.times, known.parts, *known.shape[::-1])
-    return recording(values.reshape(shape), known, channels_first=True)
+@dataclass(frozen=True)
+class Nrrd(OneOfAll):
+    """NRRD, with the data in the same file or beside it; raw voxels are memory mapped."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        told = text_fields(path, ":")
+        with path.open("rb") as file:
+            if file.read(4) != b"NRRD":
+                raise ValueError(f"{path.name} is not a NRRD file: it does not begin with NRRD000")
+        data = told.value.get("data file", told.value.get("datafile", ""))
+        paths = files_named(path, data) if data else []
+        for key in ("dimension", "type", "sizes", "encoding"):
+            if key not in told.value:
+                raise ValueError(f"{path.name} is not a NRRD file: its header has no {key}")
+        check_nrrd_numbers(path, told.value)
+        size = [whole(path, word) for word in told.value["sizes"].split()]
+        kinds = told.value.get("kinds", "").lower().split() or ["???"] * len(size)
+        if len(kinds) != len(size):
+            raise ValueError(f"{path.name}: its kinds are {len(kinds)}, its axes {len(size)}")
+        if "complex" in kinds:
+            raise ValueError(
+                f"{path.name} has voxels of complex numbers; a volume has one real number per "
+                "voxel: extract a component"
+            )
+        apart = [axis for axis, kind in enumerate(kinds) if kind not in OF_SPACE]
+        vectors = _vectors(told.value, path)
+        if not apart and len(size) == 4 and vectors and vectors[0] is None:
+            apart = [0]  # unlike the last one, which is time
+        if len(apart) > 1:
+            raise ValueError(
+                f"{path.name} has {len(apart)} axes that are none of space; it may have 1"
+            )
+        space = [axis for axis in range(len(size)) if axis not in apart]
+        axes = _Axes(space, apart[0] if apart else None, size)
+        known = _header(told.value, axes, path, name)
+        stored = _stored(path, told, paths)
+        check(known)
+        values = voxels(stored, known).reshape(axes.size[::-1])
+        parts = [] if axes.part is None else [axes.part]
+        values = values.transpose([values.ndim - 1 - axis for axis in (*parts, *axes.space[::-1])])
+        if len(axes.space) == 4 and parts:
+            values = values.swapaxes(0, 1)
+        shape = (known.times, known.parts, *known.shape[::-1])
+        return recording(values.reshape(shape), known, channels_first=True)
 
 
 def write_nrrd(path: Path, volume: Volume) -> None:

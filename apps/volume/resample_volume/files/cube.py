@@ -4,44 +4,51 @@ Lengths are in Bohr, or in Å if the numbers of voxels are negative; they are co
 are skipped. Values are float32, which holds all digits that Gaussian writes.
 """
 
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, ClassVar
 
 import numpy as np
 
 from resample.reading.limits import check_items, check_size
 from resample.types import Doubles
-from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import (
     Check,
+    OneOfAll,
     VolumeHeader,
     check_shape,
     header,
     recording,
 )
-from resample_volume.files.parsing.texts import check_length, numbers, whole
+from resample_volume.files.texts import check_length, numbers, whole
 from resample_volume.types import Recording
 
 BOHR = 0.529177210903  # Å (CODATA 2018)
 LONGEST = 4096  # bytes of a line
 
 
-def read_cube(path: Path, name: str, check: Check) -> Recording:
-    """Read a cube; orbitals, or other multiple numbers per voxel, are channels."""
-    check_size(path.name, path.stat().st_size)
-    with path.open("rb") as file:
-        known = _header(file, path, name)
-        check(known)
-        count = known.size // known.dtype.itemsize
-        check_length(file, count, path.name)
-        require_memory(2 * known.size, name)
-        values = numbers(file, count, known.dtype, path.name)
-        if file.read(LONGEST).strip():
-            raise ValueError(f"{path.name} is damaged: more than its {count} numbers follow")
-    every = np.empty((known.parts, *known.shape[::-1]), known.dtype)
-    every[...] = values.reshape(*known.shape, known.parts).transpose(3, 2, 1, 0)
-    return recording(every, known, channels_first=True)
+@dataclass(frozen=True)
+class Cube(OneOfAll):
+    """Gaussian's cubes, in Å; several orbitals are channels."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".cube", ".cub")
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        check_size(path.name, path.stat().st_size)
+        with path.open("rb") as file:
+            known = _header(file, path, name)
+            check(known)
+            count = known.size // known.dtype.itemsize
+            check_length(file, count, path.name)
+            require_memory(2 * known.size, name)
+            values = numbers(file, count, known.dtype, path.name)
+            if file.read(LONGEST).strip():
+                raise ValueError(f"{path.name} is damaged: more than its {count} numbers follow")
+        every = np.empty((known.parts, *known.shape[::-1]), known.dtype)
+        every[...] = values.reshape(*known.shape, known.parts).transpose(3, 2, 1, 0)
+        return recording(every, known, channels_first=True)
 
 
 @np.errstate(all="ignore")  # absurd numbers are rejected, without warnings

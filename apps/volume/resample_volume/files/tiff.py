@@ -1,19 +1,35 @@
-"""What TIFF files say of their pages: by OME-XML, by ImageJ's lines, or by tags of resolution.
-
-Forms: docs.openmicroscopy.org/ome-model, and ImageJ's source (ij/io/TiffDecoder).
-"""
+"""Stacks of pictures and pages of TIFF files, with the sizes of OME-TIFF and ImageJ."""
 
 import math
 import re
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import ratio, times, unit_of_length
+from resample.reading.limits import check_items, check_unpacked
+from resample.reading.native import suppressed_output
+from resample.reading.pictures import check_picture, opened
 from resample.reading.texts import check_xml_text
-from resample_volume.types import UNKNOWN, VOXEL, ChannelLook
+from resample_volume.data.recordings import is_color
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import (
+    Check,
+    OneOfAll,
+    VolumeHeader,
+    accept_any,
+    existing_file,
+    header,
+    recording,
+    stem,
+)
+from resample_volume.files.texts import Numbers, spacing_of
+from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -240,3 +256,161 @@ def _of_tags(page: Page) -> StackFacts:
     return StackFacts(
         note=f"its resolution of {told} is not used, as slices have no distance (--spacing)"
     )
+
+
+NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
+
+
+class SlicePage(NamedTuple):
+    """One slice, not yet read."""
+
+    name: str
+    width: int
+    height: int
+    channels: int
+    dtype: str
+    told: Page
+
+
+def natural(path: Path) -> list[tuple[int, str]]:
+    """Return a sort key that puts `slice9` before `slice10`."""
+    pieces = re.split(r"(\d+)", path.name)
+    return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in pieces]
+
+
+def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """Return a folder's visible files with one of the suffixes, in natural order."""
+    found = (file for file in folder.iterdir() if file.suffix.lower() in suffixes)
+    return sorted((file for file in found if not file.name.startswith(".")), key=natural)
+
+
+def stack_pages(paths: list[Path]) -> list[SlicePage]:
+    """Return all slices of picture files, which must be alike."""
+    pages = []
+    with suppressed_output():
+        for page in (page for path in paths for page, _ in _walk(path)):
+            pages.append(page)
+            check_items(paths[0].name, len(pages), "slices")
+    first = pages[0]
+    for page in pages:
+        if page.channels not in (1, 3, 4):
+            raise ValueError(
+                f"{page.name} has {page.channels} channels; slices have one number per pixel, or "
+                "colors: convert it to gray"
+            )
+        if page[1:5] != first[1:5]:
+            raise ValueError(
+                f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
+                f"{first.width} x {first.height} {first.dtype}; slices must be alike"
+            )
+    return pages
+
+
+def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage]) -> NDArray[Any]:
+    """Read values (N, Y, X), or colors (N, Y, X, C), of all pages of picture files."""
+    require_memory(known.size, known.name)
+    check_unpacked(known.name, sum(path.stat().st_size for path in paths), known.size)
+    parts = pages[0].channels
+    values = np.empty((len(pages), *known.shape[1::-1], parts), known.dtype)
+    with suppressed_output():
+        every = ((path, image) for path in paths for _, image in _walk(path))
+        for n, (path, image) in enumerate(every):
+            check_picture(path, image.spec())
+            pixels = image.read_image("unknown")
+            if pixels is None:
+                raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
+            values[n] = _straight(pixels, image.spec())
+    return values if parts > 1 else values[..., 0]
+
+
+def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
+    """Yield the pages of one file, each with the open image at it."""
+    with _opened(path) as image:
+        n = 0
+        while image.seek_subimage(n, 0):
+            spec = image.spec()
+            kind = NUMPY.get(str(spec.format), str(spec.format))
+            each = [spec.get_float_attribute(f"{axis}Resolution") for axis in "XY"]
+            unit = spec.get_string_attribute("ResolutionUnit")
+            text = spec.get_string_attribute("ImageDescription")
+            told = Page(text, (each[0], each[1]), unit, spec.get_int_attribute("Orientation", 1))
+            yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
+            n += 1
+        image.geterror()  # clears the error that there is no page n
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    if not path.is_file():
+        raise ValueError(f"{path.name} is a device or a pipe, not a file")
+    try:
+        image = opened(path)
+    except OSError as error:
+        reason = str(error).rpartition("that can be read: ")[2]
+        raise ValueError(f"{path.name} cannot be read: {reason}") from None
+    try:
+        yield image
+    finally:
+        image.close()
+
+
+def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
+    """Undo premultiplied alpha, which some files have."""
+    if spec.nchannels != 4 or spec.get_int_attribute("oiio:UnassociatedAlpha"):
+        return pixels
+    alpha, most = pixels[..., 3:].astype(np.float64), 1.0
+    if pixels.dtype.kind in "iu":
+        most = np.iinfo(pixels.dtype).max
+    color = np.divide(
+        pixels[..., :3] * np.float64(most),
+        alpha,
+        where=alpha > 0,
+        out=np.zeros((*alpha.shape[:-1], 3)),
+    )
+    if pixels.dtype.kind in "iu":
+        color = np.rint(np.minimum(color, most))
+    return np.concatenate([color.astype(pixels.dtype), pixels[..., 3:]], axis=-1)
+
+
+def _last(message: str) -> str:
+    return message.strip().rpartition("\n")[2] or "no reason given"
+
+
+@dataclass(frozen=True)
+class TiffStack(OneOfAll):
+    """A folder of gray pictures, sorted by number, or one multi-page file.
+
+    Sizes, times and channels are those of OME-TIFF or ImageJ; other pictures have none.
+    """
+
+    spacing: Numbers = ""  # instead of the file's
+
+    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
+
+    def __post_init__(self) -> None:
+        spacing_of(self.spacing)
+
+    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
+        if path.is_dir():
+            paths, name = files_with(path, self.suffixes), path.resolve().name
+        else:
+            paths, name = [existing_file(path)], stem(path, self.suffixes)
+        if not paths:
+            raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
+        pages = stack_pages(paths)
+        first, count = pages[0], len(pages)
+        facts = stack_facts(first.told, count, first.channels, name, is_alone=len(paths) == 1)
+        own = (facts.spacing, facts.length)
+        spacing, length = spacing_of(self.spacing) if self.spacing else own
+        shape = (first.width, first.height, facts.slices or count)
+        known = header(shape, first.dtype, name, spacing=spacing, origin=facts.origin)
+        color, parts = is_color((first.channels,), known.dtype), first.channels * facts.channels
+        known = known._replace(length=length, note=facts.note, is_color=color)
+        known = known._replace(parts=parts, times=facts.times)
+        check(known)
+        every = facts.sorted(stack_values(paths, known, pages))
+        if facts.line != (0, 1):
+            every = np.asarray(facts.line[0] + facts.line[1] * every, np.float32)
+            known = known._replace(dtype=every.dtype, is_color=False)
+        found = recording(every, known, channels_first=first.channels == 1)
+        return found._replace(looks=facts.looks)

@@ -5,19 +5,23 @@ and NZSTART. Cells may be oblique; their first axis is x, their second lies in t
 """
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from resample.types import Doubles
-from resample_volume.files.parsing.headers import (
+from resample_volume.files.headers import (
     Check,
+    OneOfAll,
+    VoxelData,
     check_shape,
+    first_bytes,
     header,
     recording,
+    voxels,
 )
-from resample_volume.files.parsing.voxels import VoxelData, first_bytes, voxels
 from resample_volume.types import VOXEL, Recording
 
 LENGTH = 1024  # bytes of a header
@@ -56,52 +60,58 @@ STAMP, IS_SIGNED = 1146047817, 1  # IMOD's; without the flag its bytes have no s
 LARGEST = 1 << 30  # bytes of a second header
 
 
-def read_mrc(path: Path, name: str, check: Check) -> Recording:
-    """Read a map, or a stack of volumes as times."""
-    fields = _fields(first_bytes(path, LENGTH), path.name)
-    # What is known of voxels, and which of x, y, z columns, rows and sections are of
-    kind = _type(fields, path.name)
-    order = tuple(map(int, fields["order"]))
-    axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
-    if sorted(axes) != [0, 1, 2]:
-        raise ValueError(f"{path.name} is damaged: its axes are {order}, not 1, 2, 3 in some order")
-    extended = int(fields["extended"])
-    if not 0 <= extended <= LARGEST:
-        raise ValueError(f"{path.name} is damaged: its second header has {extended} bytes")
-    count, times = [int(each) for each in fields["count"]], 1
-    if int(fields["group"]) == VOLUMES:
-        each = int(fields["grid"][2])
-        if not 1 <= each <= count[2] or count[2] % each or axes[2] != 2:
-            raise ValueError(
-                f"{path.name} is damaged: {count[2]} sections are no stack of volumes of {each}"
-            )
-        count[2], times = each, count[2] // each
-    shape = tuple(count[axes.index(axis)] for axis in range(3))
-    check_shape(shape, name)
-    spacing, origin, direction = _place(fields, axes, path.name)
-    known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
-    missing = [axis for axis, side in zip("xyz", fields["cell"], strict=True) if not side]
-    note = f"no size of the cell along {' and '.join(missing)}: voxels of 1 Å are assumed"
-    if len(missing) in (0, 3):
-        note = ""
-    known, axes = (
-        known._replace(times=times, length=VOXEL if len(missing) == 3 else "Å", note=note),
-        axes,
+@dataclass(frozen=True)
+class Mrc(OneOfAll):
+    """MRC and CCP4 maps, in Å; volumes of a stack are times. Raw voxels are memory mapped."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (
+        *(".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
     )
-    check(known)
-    start = LENGTH + int(fields["extended"])
-    packing = "gzip" if path.name.lower().endswith(".gz") else "raw"
-    if packing == "gzip":
-        stored = VoxelData([path], 0, packing, start, is_exact=False)
-    else:
-        stored = VoxelData([path], start, is_exact=False)
-    sizes = [known.shape[axis] for axis in axes[::-1]]
-    values = voxels(stored, known).reshape(known.times, *sizes)
-    turned = [1 + axes[::-1].index(axis) for axis in (2, 1, 0)]
-    is_pictures = int(fields["group"]) == PICTURES and int(fields["grid"][2]) == 1
-    if is_pictures:
-        known = known._replace(note="a stack of pictures: its slices are those pictures")
-    return recording(values.transpose(0, *turned), known)
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        fields = _fields(first_bytes(path, LENGTH), path.name)
+        # What is known of voxels, and which of x, y, z columns, rows and sections are of
+        kind = _type(fields, path.name)
+        order = tuple(map(int, fields["order"]))
+        axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
+        if sorted(axes) != [0, 1, 2]:
+            raise ValueError(
+                f"{path.name} is damaged: its axes are {order}, not 1, 2, 3 in some order"
+            )
+        extended = int(fields["extended"])
+        if not 0 <= extended <= LARGEST:
+            raise ValueError(f"{path.name} is damaged: its second header has {extended} bytes")
+        count, times = [int(each) for each in fields["count"]], 1
+        if int(fields["group"]) == VOLUMES:
+            each = int(fields["grid"][2])
+            if not 1 <= each <= count[2] or count[2] % each or axes[2] != 2:
+                raise ValueError(
+                    f"{path.name} is damaged: {count[2]} sections are no stack of volumes of {each}"
+                )
+            count[2], times = each, count[2] // each
+        shape = tuple(count[axes.index(axis)] for axis in range(3))
+        check_shape(shape, name)
+        spacing, origin, direction = _place(fields, axes, path.name)
+        known = header(shape, kind, name, spacing=spacing, origin=origin, direction=direction)
+        missing = [axis for axis, side in zip("xyz", fields["cell"], strict=True) if not side]
+        note = f"no size of the cell along {' and '.join(missing)}: voxels of 1 Å are assumed"
+        if len(missing) in (0, 3):
+            note = ""
+        known = known._replace(times=times, length=VOXEL if len(missing) == 3 else "Å", note=note)
+        check(known)
+        start = LENGTH + int(fields["extended"])
+        packing = "gzip" if path.name.lower().endswith(".gz") else "raw"
+        if packing == "gzip":
+            stored = VoxelData([path], 0, packing, start, is_exact=False)
+        else:
+            stored = VoxelData([path], start, is_exact=False)
+        sizes = [known.shape[axis] for axis in axes[::-1]]
+        values = voxels(stored, known).reshape(known.times, *sizes)
+        turned = [1 + axes[::-1].index(axis) for axis in (2, 1, 0)]
+        is_pictures = int(fields["group"]) == PICTURES and int(fields["grid"][2]) == 1
+        if is_pictures:
+            known = known._replace(note="a stack of pictures: its slices are those pictures")
+        return recording(values.transpose(0, *turned), known)
 
 
 def _fields(start: bytes, name: str) -> Any:

@@ -2,21 +2,24 @@
 
 import zlib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from resample.lengths import times, unit_of_length
-from resample_volume.data.recordings import is_color
-from resample_volume.data.spacings import in_unit, unit_of_space
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.recordings import in_unit, is_color, unit_of_space
+from resample_volume.files.headers import (
     Check,
+    OneOfAll,
+    VoxelData,
     check_shape,
     header,
     recording,
+    voxels,
 )
-from resample_volume.files.parsing.texts import (
+from resample_volume.files.texts import (
     Fields,
     check_meta_numbers,
     files_named,
@@ -24,7 +27,6 @@ from resample_volume.files.parsing.texts import (
     text_fields,
     whole,
 )
-from resample_volume.files.parsing.voxels import VoxelData, voxels
 from resample_volume.types import UNKNOWN, VOXEL, Recording, Volume
 
 TYPES = {
@@ -48,48 +50,57 @@ MATRICES = ("transformmatrix", "rotation", "orientation")
 SCALE = "ElementToIntensityFunctionSlope"
 
 
-def read_metaimage(path: Path, name: str, check: Check) -> Recording:
-    """Read all times and channels of an existing file, with its data in it or beside it."""
-    told = text_fields(path, "=", "elementdatafile")
-    if not told.value.get("elementdatafile"):
-        raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")
-    check_meta_numbers(path, told.value)
-    axes = whole(path, told.value["ndims"])
-    sizes = tuple(whole(path, word) for word in told.value["dimsize"].split())
-    word = told.value.get("elementtype", "")
-    kind = TYPES.get(word.lower().removesuffix("_array"))
-    if kind is None:
-        raise ValueError(f"{path.name} has voxels of type {word!r}; known are {', '.join(TYPES)}")
-    if len(sizes) != 4:
-        check_shape(sizes, name)
-    spacing, origin = _first(told.value, SPACINGS, 3), _first(told.value, ORIGINS, 3)
-    unit, by = unit_of_length(told.value.get("distanceunits", ""))
-    matrix = _first(told.value, MATRICES, axes * axes)
-    steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
-    is_big = any(_is_true(told.value, f"{word}byteordermsb") for word in ("binarydata", "element"))
-    known = header(
-        sizes[:3],
-        np.dtype(kind).newbyteorder(">" if is_big else "<"),
-        name,
-        spacing=times(spacing, by) if spacing.size else (1, 1, 1),
-        origin=times(origin, by) if origin.size else (0, 0, 0),
-        direction=steps,
-    )
-    parts = whole(path, told.value.get("elementnumberofchannels", "1"))
-    if parts < 1:
-        raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
-    known = known._replace(
-        times=sizes[3] if len(sizes) == 4 else 1,
-        parts=parts,
-        is_color=is_color((parts,), known.dtype),
-        pixel=f"vector of {kind}",
-        units="hu" if is_hounsfield(told.value.get("units", "")) else "",
-        length=unit or (UNKNOWN if spacing.size else VOXEL),
-        note=f"{SCALE} is not applied, as in ITK" if SCALE.lower() in told.value else "",
-    )
-    stored = _stored(path, told)
-    check(known)
-    return recording(voxels(stored, known), known)
+@dataclass(frozen=True)
+class MetaImage(OneOfAll):
+    """MetaImage, with the data in the same file or beside it; raw voxels are memory mapped."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        told = text_fields(path, "=", "elementdatafile")
+        if not told.value.get("elementdatafile"):
+            raise ValueError(f"{path.name} is not a MetaImage: its header names no ElementDataFile")
+        check_meta_numbers(path, told.value)
+        axes = whole(path, told.value["ndims"])
+        sizes = tuple(whole(path, word) for word in told.value["dimsize"].split())
+        word = told.value.get("elementtype", "")
+        kind = TYPES.get(word.lower().removesuffix("_array"))
+        if kind is None:
+            raise ValueError(
+                f"{path.name} has voxels of type {word!r}; known are {', '.join(TYPES)}"
+            )
+        if len(sizes) != 4:
+            check_shape(sizes, name)
+        spacing, origin = _first(told.value, SPACINGS, 3), _first(told.value, ORIGINS, 3)
+        unit, by = unit_of_length(told.value.get("distanceunits", ""))
+        matrix = _first(told.value, MATRICES, axes * axes)
+        steps = matrix.reshape(axes, axes)[:3, :3].T if matrix.size else np.eye(3)
+        is_big = any(
+            _is_true(told.value, f"{word}byteordermsb") for word in ("binarydata", "element")
+        )
+        known = header(
+            sizes[:3],
+            np.dtype(kind).newbyteorder(">" if is_big else "<"),
+            name,
+            spacing=times(spacing, by) if spacing.size else (1, 1, 1),
+            origin=times(origin, by) if origin.size else (0, 0, 0),
+            direction=steps,
+        )
+        parts = whole(path, told.value.get("elementnumberofchannels", "1"))
+        if parts < 1:
+            raise ValueError(f"{path.name}: its voxels have {parts} numbers; correct its header")
+        known = known._replace(
+            times=sizes[3] if len(sizes) == 4 else 1,
+            parts=parts,
+            is_color=is_color((parts,), known.dtype),
+            pixel=f"vector of {kind}",
+            units="hu" if is_hounsfield(told.value.get("units", "")) else "",
+            length=unit or (UNKNOWN if spacing.size else VOXEL),
+            note=f"{SCALE} is not applied, as in ITK" if SCALE.lower() in told.value else "",
+        )
+        stored = _stored(path, told)
+        check(known)
+        return recording(voxels(stored, known), known)
 
 
 def write_metaimage(path: Path, volume: Volume) -> None:
