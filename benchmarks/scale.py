@@ -144,7 +144,7 @@ def rendered(job: Job) -> dict[str, Any]:
 
 def _alone(volume: "Volume", job: Job) -> "Frame":
     """Picture by this process."""
-    from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance
+    from resample_volume.appearance import BY_DEFAULT, Appearance
     from resample_volume.rendering import Subject
 
     subject = Subject.of(volume, Appearance(job.look), BY_DEFAULT, around=volume)
@@ -156,8 +156,8 @@ def _shared(volume: "Volume", job: Job) -> "Frame":
     """Picture by several processes, each with its part of the memory."""
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
+    from resample_volume.appearance import BY_DEFAULT, Appearance
     from resample_volume.command.rendering import SharedScene, painted_by
-    from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance
     from resample_volume.voxels.framing import ball_around, centered
 
     whole, _ = centered(volume)

@@ -10,10 +10,10 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels import shading
 from resample_volume.voxels.shading import SKIPPED, Light, light_transmittance, optical_depths

@@ -14,10 +14,9 @@ import SimpleITK
 from resample.memory import physical_memory
 from resample_volume.data import values as volume_values
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.cube import Cube
 from resample_volume.files.dicom import Dicom
+from resample_volume.files.maps import Cube, Mrc
 from resample_volume.files.metaimage import MetaImage
-from resample_volume.files.mrc import Mrc
 from resample_volume.files.nifti import Nifti
 from resample_volume.files.nrrd import Nrrd
 from resample_volume.files.readers import Npy, Raw

@@ -65,7 +65,7 @@ def test_an_image_of_a_fits_file_is_chosen_by_name_and_scaled(tmp_path):
     fits.HDUList(held).writeto(tmp_path / "a.fits")
     volume = open_volume(tmp_path / "a.fits")
     np.testing.assert_array_equal(volume.values, VALUES)
-    from resample_volume.files.fits import Fits
+    from resample_volume.files.libraries import Fits
 
     raw = Fits("SCI")(tmp_path / "a.fits").values
     np.testing.assert_allclose(raw, fits.getdata(tmp_path / "a.fits", "SCI"))

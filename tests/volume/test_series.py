@@ -15,8 +15,8 @@ from resample_volume.classification.transfer import from_points
 from resample_volume.command.animation import Course, around
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import appearance_over_time, held, labelled, times_of
-from resample_volume.multivolume.series import Series
 from resample_volume.rendering import Subject
+from resample_volume.series import Series
 from resample_volume.types import Recording
 from tests import commands
 from tests.volume.of_voxels import of_voxels

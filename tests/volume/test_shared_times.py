@@ -14,7 +14,7 @@ from resample.command.workers import WorkerPool
 from resample_volume import cli
 from resample_volume.files import zarr as zarr_files
 from resample_volume.files.source import open_recording, open_streamed
-from resample_volume.multivolume.series import Series, whole
+from resample_volume.series import Series, whole
 from tests import commands
 from tests.killing import Killing
 

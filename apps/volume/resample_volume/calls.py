@@ -16,10 +16,10 @@ from resample.painting.scenes.plans import shape_of
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import Frame
+from resample_volume.appearance import Appearance, resampler_for
 from resample_volume.classification.scales import scaled
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, resampler_for
 from resample_volume.rendering import Fitted, pictured
 from resample_volume.types import Volume
 

@@ -18,13 +18,7 @@ from resample.painting.choices import MEASURING, Projection
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import NO_TRIANGLES, Doubles, Frame, LatticeField, Samples, Triangles, View
-from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Transfer
-from resample_volume.classification.value_statistics import survey
-from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
-from resample_volume.data.values import as_array, as_arrays, is_streamed
-from resample_volume.multivolume.appearance import (
+from resample_volume.appearance import (
     AS_IT_IS,
     BY_DEFAULT,
     MU_WATER,
@@ -43,6 +37,12 @@ from resample_volume.multivolume.appearance import (
     settled,
     transfer_of,
 )
+from resample_volume.classification.automatic import LEVELS
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.transfer import Transfer
+from resample_volume.classification.value_statistics import survey
+from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
+from resample_volume.data.values import as_array, as_arrays, is_streamed
 from resample_volume.types import Placed, Volume
 from resample_volume.voxels.framing import (
     FramedVoxels,
@@ -63,8 +63,8 @@ from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer
 from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
-    from resample_volume.multivolume.series import CommonLattice
-    from resample_volume.surfaces.meshes import SceneMesh
+    from resample_volume.meshes import SceneMesh
+    from resample_volume.series import CommonLattice
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # what a renderer gets
@@ -85,7 +85,7 @@ class Placement(NamedTuple):
 
 def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
-    from resample_volume.multivolume.series import common_lattice
+    from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
     media = [(in_unit(volume, unit), look) for volume, look in media]
@@ -187,8 +187,8 @@ def _pictures(
     """Return planes and isosurfaces of a look as meshes in the volume's scene."""
     if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
-    from resample_volume.surfaces.image_planes import plane_mesh, surface_mesh
-    from resample_volume.surfaces.image_planes import settled as settled_plane
+    from resample_volume.image_planes import plane_mesh, surface_mesh
+    from resample_volume.image_planes import settled as settled_plane
 
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
@@ -200,7 +200,7 @@ def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
     """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
     if not meshes:
         return NO_TRIANGLES
-    from resample_volume.surfaces.meshes import placed
+    from resample_volume.meshes import placed
 
     return placed(meshes, middle)
 

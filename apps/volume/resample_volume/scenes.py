@@ -16,11 +16,7 @@ from resample.resampler import Resampler
 from resample.scene.previews import PER, Shrunk, enlarged_frame
 from resample.scene.scenes import AnyScene, Quality, is_quick
 from resample.types import Frame
-from resample_volume.classification.transfer import Windowed
-from resample_volume.classification.value_statistics import survey, without_padding
-from resample_volume.data.values import as_array, values_of
-from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import (
+from resample_volume.appearance import (
     Appearance,
     Tone,
     XRay,
@@ -28,9 +24,13 @@ from resample_volume.multivolume.appearance import (
     settled,
     transfer_of,
 )
+from resample_volume.classification.transfer import Windowed
+from resample_volume.classification.value_statistics import survey, without_padding
+from resample_volume.data.values import as_array, values_of
+from resample_volume.image_planes import settled as settled_plane
+from resample_volume.inputs import as_volume
 from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
-from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered, planes
 from resample_volume.voxels.visible import finite_range, unit_of

@@ -35,6 +35,8 @@ from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, told
 from resample.resampler import Resampler
 from resample.types import Floats
+from resample_volume.annotations import Annotations, annotated
+from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
 from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
 from resample_volume.command.inputs import (
@@ -54,10 +56,8 @@ from resample_volume.command.inputs import (
 from resample_volume.command.inputs import over_time as read_over_time
 from resample_volume.command.rendering import say_missed, scene_of
 from resample_volume.data.values import bricks_of, is_streamed
-from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance, VolumeLayer
-from resample_volume.multivolume.series import Ready, Series, is_chunked, whole
 from resample_volume.rendering import Subject
-from resample_volume.space.annotations import Annotations, annotated
+from resample_volume.series import Ready, Series, is_chunked, whole
 from resample_volume.types import Recording, Volume
 
 PATHS = ("orbit", "zoom", "threshold", "still")
@@ -353,7 +353,7 @@ def _overlay(
     given, bars = script.beside.annotations(paint.background), list[Floats]()
     if script.beside.color_bar:
         require_values(shown[0][0], "a color bar")
-        from resample_volume.space.annotations import bar_of
+        from resample_volume.annotations import bar_of
 
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]

@@ -19,6 +19,7 @@ from resample.outofcore.passes import PassContext
 from resample.painting.choices import Projection
 from resample.progress import told
 from resample.resampler import Resampler
+from resample_volume.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.classification.presets import BETWEEN, PRESETS
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.value_statistics import (
@@ -47,12 +48,11 @@ from resample_volume.files.source import (
     open_volume,
 )
 from resample_volume.files.texts import spacing_of
-from resample_volume.multivolume.appearance import Appearance, SceneObjects, VolumeLayer
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
-    from resample_volume.multivolume.series import Series
+    from resample_volume.series import Series
 
 Opened = TypeVar("Opened", Volume, Recording)
 Found = TypeVar("Found")
@@ -208,7 +208,7 @@ def over_time(source: ReadOptions, name: str) -> Recording | None:
 
 def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     """Read a store's times into an array: in memory or, if they do not fit, in a mapped file."""
-    from resample_volume.multivolume.series import whole
+    from resample_volume.series import whole
 
     shape = recording.values.shape
     every = _as_array(with_memory(whole(recording), allowed_memory(source)))
@@ -417,7 +417,7 @@ def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[Volume
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     """Return the times of a recording's chosen channel; None if there is only one."""
-    from resample_volume.multivolume.series import chunked
+    from resample_volume.series import chunked
 
     values = recording.values
     if source.channel is not None:

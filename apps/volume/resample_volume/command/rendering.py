@@ -21,14 +21,14 @@ from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, shared_out, told
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
-from resample_volume.classification.value_statistics import survey
-from resample_volume.data.values import bricks_of, is_streamed, with_bricks
-from resample_volume.multivolume.appearance import (
+from resample_volume.appearance import (
     VolumeLayer,
     check_several,
     check_together,
     decided,
 )
+from resample_volume.classification.value_statistics import survey
+from resample_volume.data.values import bricks_of, is_streamed, with_bricks
 from resample_volume.rendering import (
     AROUND,
     Fit,
@@ -199,12 +199,12 @@ def annotated_picture(
 ) -> Frame:
     """Draw the annotations of a picture, and a color bar per volume, as far as asked for."""
     if beside.is_annotated:
-        from resample_volume.space.annotations import annotated
+        from resample_volume.annotations import annotated
 
         marks = beside.annotations(background)
         frame = annotated(frame, camera, subject.placed(media[0][0]), marks)
     if beside.color_bar:
-        from resample_volume.space.color_bar import with_bar
+        from resample_volume.annotations import with_bar
 
         for medium in media:
             frame = with_bar(frame, *medium, resampler, background, subject.tone)

@@ -75,7 +75,7 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
     two types hold all others exactly. A contiguous volume of these types is passed as it is; others
     are converted some planes at a time, where there are voxels.
     """
-    from resample_volume.data.kernels.gradients import BRICK
+    from resample_volume.kernels.gradients import BRICK
 
     if values.dtype in AS_THEY_ARE and values.flags.c_contiguous:
         yield PlaneRange(slice(0, index.size), _read_only(values), 0)

@@ -391,7 +391,7 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         return nothing, known.reshape(-1)
     known = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
     # Fill gaps with the nearest known value, plane by plane
-    from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
+    from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))

@@ -158,7 +158,7 @@ def viewer_of(
 
 
 def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
-    from resample_volume.voxels.kernels.shading import shade_voxels
+    from resample_volume.kernels.voxels import shade_voxels
 
     if len(voxels.gradient) != len(voxels.position):
         raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")

@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
 from resample.types import Doubles
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Windowed
-from resample_volume.classification.value_statistics import Survey, survey, without_padding
-from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
-from resample_volume.data.values import bricks_of, is_streamed, with_bricks
-from resample_volume.multivolume.appearance import (
+from resample_volume.appearance import (
     Appearance,
     XRay,
     named_or_own,
     settled,
     transfer_of,
 )
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.transfer import Windowed
+from resample_volume.classification.value_statistics import Survey, survey, without_padding
+from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
+from resample_volume.data.values import bricks_of, is_streamed, with_bricks
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.visible import finite_range, lattice_of, steepness, visible_with_slopes
 

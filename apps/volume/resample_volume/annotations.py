@@ -29,6 +29,14 @@ from resample.measuring.color_bars import (
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats, Frame, View
+from resample_volume.appearance import (
+    AS_IT_IS,
+    Appearance,
+    Tone,
+    VolumeLayer,
+    negative,
+    transfer_of,
+)
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.transfer import (
     DataRange,
@@ -38,16 +46,8 @@ from resample_volume.classification.transfer import (
 )
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.recordings import unit_of_space
-from resample_volume.multivolume.appearance import (
-    AS_IT_IS,
-    Appearance,
-    Tone,
-    VolumeLayer,
-    negative,
-    transfer_of,
-)
+from resample_volume.lines import Stroke, with_lines
 from resample_volume.rendering import Subject
-from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 

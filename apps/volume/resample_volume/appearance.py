@@ -31,8 +31,8 @@ from resample_volume.voxels.visible import GRADIENTS, finite_range
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
-    from resample_volume.surfaces.image_planes import ImagePlane, Section
-    from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
+    from resample_volume.image_planes import ImagePlane, Section
+    from resample_volume.meshes import IsoSurface, SceneMesh
 
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206
 # at 60 keV and 0.0184 at 80 keV.
@@ -262,7 +262,7 @@ class Appearance:
         """Slab outside of which nothing is shown."""
         if self.slab is None:
             return None
-        from resample_volume.surfaces.image_planes import Section
+        from resample_volume.image_planes import Section
 
         return Section.of(self.slab)
 
@@ -301,8 +301,8 @@ def _objects_of(name: str, given: Any) -> tuple[Any, ...]:
     """Return the meshes, planes or surfaces of a look."""
     if not given:
         return ()
-    from resample_volume.surfaces.image_planes import ImagePlane
-    from resample_volume.surfaces.meshes import IsoSurface, SceneMesh
+    from resample_volume.image_planes import ImagePlane
+    from resample_volume.meshes import IsoSurface, SceneMesh
 
     kinds = {"meshes": (SceneMesh,), "planes": (ImagePlane, str), "surfaces": (IsoSurface, str)}
     return _several_of(name, given, *kinds[name])

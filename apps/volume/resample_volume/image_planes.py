@@ -14,7 +14,7 @@ from resample_volume.classification.scales import scale_named
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.classification.value_statistics import survey
 from resample_volume.data.values import require_memory
-from resample_volume.surfaces.meshes import IsoSurface, SceneMesh, choices_of, chosen_opacity
+from resample_volume.meshes import IsoSurface, SceneMesh, choices_of, chosen_opacity
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import planes
 from resample_volume.voxels.gathered import Gathered, check_iso
