@@ -16,9 +16,9 @@ from resample.cameras.viewpoints import Orbit
 from resample.engine.jit import threads
 from resample_texture import warp
 from resample_texture.methods.forward import Hybrid
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import Voxels

@@ -63,8 +63,8 @@ def _workloads(options: Options) -> dict[str, Callable[[], dict[str, Run]]]:
 
 def _volume(name: str, side: int, classification: str) -> dict[str, Run]:
     from resample_volume import Appearance, Scene
+    from resample_volume.appearance import Classification
     from resample_volume.classification.transfer import from_points
-    from resample_volume.multivolume.appearance import Classification
 
     scene = Scene(name)
 

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.sparse import Bubbles
 from resample.cameras.viewpoints import Orbit
 from resample.memory import GIB, bytes_of
-from resample_volume.files.stores.statistics_cache import RECENT
+from resample_volume.files.zarr import RECENT
 
 if TYPE_CHECKING:
     from resample.types import Frame
@@ -92,8 +92,8 @@ def demonstrated(size: int, job: Job) -> bool:
 
 def generated(path: Path, size: int) -> None:
     """Write a sparse volume as OME-Zarr."""
-    from resample_volume.files.stores.chunks import Single
-    from resample_volume.files.stores.writing import Layered, write_store
+    from resample_volume.files.zarr import Single
+    from resample_volume.files.zarr_writing import Layered, write_store
     from resample_volume.types import Recording
 
     values: Any = Single(Bubbles(size).bricks())
@@ -115,7 +115,7 @@ def rendered(job: Job) -> dict[str, Any]:
     from resample_volume.calls import render
     from resample_volume.command.choices import ReadOptions
     from resample_volume.command.inputs import prepared
-    from resample_volume.data.bricks import Bricks
+    from resample_volume.data.values import Bricks
     from resample_volume.files.source import generate
 
     render(generate("checker-box:size=16"), LOOK, size=(32, 32))  # compiles or loads kernels
@@ -144,7 +144,7 @@ def rendered(job: Job) -> dict[str, Any]:
 
 def _alone(volume: "Volume", job: Job) -> "Frame":
     """Picture by this process."""
-    from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance
+    from resample_volume.appearance import BY_DEFAULT, Appearance
     from resample_volume.rendering import Subject
 
     subject = Subject.of(volume, Appearance(job.look), BY_DEFAULT, around=volume)
@@ -156,8 +156,8 @@ def _shared(volume: "Volume", job: Job) -> "Frame":
     """Picture by several processes, each with its part of the memory."""
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
-    from resample_volume.command.bands import SharedScene, painted_by
-    from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance
+    from resample_volume.appearance import BY_DEFAULT, Appearance
+    from resample_volume.command.rendering import SharedScene, painted_by
     from resample_volume.voxels.framing import ball_around, centered
 
     whole, _ = centered(volume)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from resample.outofcore.bricks import Box
 from resample.types import Doubles
-from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import Bricks
 
 BUBBLES = 48
 WALL, SOFT = 4.0, 1.2  # voxels, half thickness of a wall, and width of its transition

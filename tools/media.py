@@ -190,7 +190,7 @@ def flicker() -> None:
     """Animation of a distant rotating checker box: one ray per pixel, and ours, enlarged."""
     from resample_comparisons.volume.peers import VtkRenderer
     from resample_volume import Appearance, Scene
-    from resample_volume.multivolume.appearance import transfer_of
+    from resample_volume.appearance import transfer_of
 
     scene, size = Scene(BLOCKS), (FLICKER, FLICKER)
     look = Appearance("checker", light=None)

@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from resample_meshes.files import load_mesh
-from resample_volume.surfaces.meshes import read_mesh
+from resample_volume.meshes import read_mesh
 from tests.fuzz.corpus import gltf
 
 TREE, DATA = gltf()

@@ -29,7 +29,7 @@ from resample_meshes.rendering import MeshStyle
 from resample_points.painting.gaussians import GaussianAppearance
 from resample_points.painting.rendering import Shading
 from resample_texture.geometry.projections import FisheyePicture
-from resample_volume.multivolume.appearance import Classification
+from resample_volume.appearance import Classification
 from tests.core.test_bad_arguments import complaint
 
 # Arguments that take a plugin by name or as an object: class, keyword, a name, and the object.

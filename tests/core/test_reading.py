@@ -35,9 +35,13 @@ from resample_meshes.files import load_mesh
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.mappings import read_map
 from resample_volume.classification.files import read_transfer
-from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, Raw, Vti
-from resample_volume.files.stores.reader import Zarr
-from resample_volume.surfaces.meshes import read_mesh
+from resample_volume.files.metaimage import MetaImage
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.nrrd import Nrrd
+from resample_volume.files.readers import Npy, Raw
+from resample_volume.files.vti import Vti
+from resample_volume.files.zarr import Zarr
+from resample_volume.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
 
 REFUSALS = (ValueError, OSError, LookupError)
@@ -158,7 +162,7 @@ def test_a_bomb_of_raw_data_is_refused(kind, tmp_path):
 
 
 def test_raw_data_that_never_end_are_not_unpacked_to_their_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample_volume.files.parsing.voxels.SLACK", 1 << 16)
+    monkeypatch.setattr("resample_volume.files.headers.SLACK", 1 << 16)
     put(tmp_path / "a.raw.gz", gzip.compress(bytes(1 << 22), 1))
     text = (
         "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: gzip\ndata file: a.raw.gz\n"
@@ -173,7 +177,7 @@ def test_packed_data_of_the_wrong_size_say_so_however_much_more_they_are(count, 
 
 
 def test_a_nifti_that_goes_on_behind_its_values_is_not_unpacked_to_its_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample_volume.files.parsing.voxels.SLACK", 1 << 16)
+    monkeypatch.setattr("resample_volume.files.headers.SLACK", 1 << 16)
     start = bytearray(352)
     struct.pack_into("<i", start, 0, 348)
     struct.pack_into("<8h", start, 40, 3, 4, 4, 4, 1, 1, 1, 1)

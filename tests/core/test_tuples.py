@@ -12,12 +12,11 @@ from resample.messages import choices_in, numbers_in
 from resample_texture.command.choices import BetweenProjections
 from resample_volume import Volume, load_transfer
 from resample_volume.command.choices import AppearanceChoices
-from resample_volume.command.multivolume import _other
+from resample_volume.command.inputs import _other
 from resample_volume.editing import spelled
-from resample_volume.files.parsing.texts import sizes_of, three_numbers
-from resample_volume.surfaces.image_planes import ImagePlane
-from resample_volume.surfaces.plane_meshes import Section
-from resample_volume.voxels.cropping import planes
+from resample_volume.files.texts import sizes_of, three_numbers
+from resample_volume.image_planes import ImagePlane, Section
+from resample_volume.voxels.framing import planes
 
 BALL = Volume(np.arange(64.0).reshape(4, 4, 4), np.ones(3), np.zeros(3), np.eye(3), "")
 SLASHED = re.compile(r"(?<![\w./])-?[\d.]+(/-?[\d.]+)+(?![\w/])|\w+/\w+/\w+")

@@ -29,9 +29,11 @@ from resample.reading.pictures import size_at_once, size_of
 from resample_meshes.files import load_mesh
 from resample_points.files.readers import read_cloud
 from resample_points.geometry import spacing
-from resample_volume.files.readers import Dicom, Nrrd, TiffStack
-from resample_volume.files.xml.validity import check_blocks
-from resample_volume.surfaces.meshes import read_mesh
+from resample_volume.files.dicom import Dicom
+from resample_volume.files.nrrd import Nrrd
+from resample_volume.files.tiff import TiffStack
+from resample_volume.files.vti import check_blocks
+from resample_volume.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
 from tests.deep import read_deep
 

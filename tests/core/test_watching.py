@@ -18,9 +18,9 @@ from resample.resampler import Resampler
 from resample_comparisons.volume.painting import AxisSheets, ImageSheets
 from resample_points import Cloud, render_cloud
 from resample_texture import BackwardMap, Homography, warp
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 
 FAINT = from_points([(0.0, (0.2, 0.5, 0.9), 0.0), (255.0, (1.0, 0.9, 0.4), 0.02)])

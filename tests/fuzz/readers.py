@@ -23,7 +23,7 @@ from resample_texture.geometry.matrices import parse_matrix
 from resample_volume.classification.files import read_transfer
 from resample_volume.cli import app
 from resample_volume.files.source import open_recording
-from resample_volume.surfaces.meshes import read_mesh
+from resample_volume.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
 
 

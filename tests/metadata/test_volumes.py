@@ -12,7 +12,7 @@ import SimpleITK
 import tifffile
 
 from resample.lengths import ratio
-from resample_volume.data.spacings import assumed, unit_of_space
+from resample_volume.data.recordings import assumed, unit_of_space
 from resample_volume.files.readers import Raw
 from resample_volume.files.source import open_recording, open_volume
 from resample_volume.types import ChannelLook

@@ -20,13 +20,13 @@ from resample.cli import app as resample_app
 from resample.console import linear_color
 from resample.files.saving import screen_levels
 from resample.progress import Cancel
-from resample_volume.classification.materials import spread
+from resample_volume.appearance import transfer_of
 from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import spread
 from resample_volume.cli import app
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.editing import MOST, points_of, spelled
-from resample_volume.multivolume.appearance import transfer_of
 from resample_volume.viewing import VolumePainter, picture, suits, volume_view, volumes
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served

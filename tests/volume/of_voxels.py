@@ -2,6 +2,6 @@
 
 from functools import partial
 
-from resample_volume.multivolume.appearance import Appearance, Classification
+from resample_volume.appearance import Appearance, Classification
 
 of_voxels = partial(Appearance, classification=Classification.PRE)

@@ -15,9 +15,9 @@ import pytest
 
 from resample.files.stores.opening import Address
 from resample_volume.cli import app
+from resample_volume.files import zarr as zarr_files
 from resample_volume.files.source import open_streamed, open_volume
-from resample_volume.files.stores import statistics_cache
-from resample_volume.files.stores.reader import Zarr
+from resample_volume.files.zarr import Zarr
 from tests.commands import ended, refused
 from tests.servers import Server
 
@@ -132,7 +132,7 @@ def test_a_wrong_checksum_is_damage(values, server):
 @pytest.fixture
 def keeping(monkeypatch, tmp_path):
     """Volumes of any size are kept."""
-    monkeypatch.setattr(statistics_cache, "LEAST", 0)
+    monkeypatch.setattr(zarr_files, "LEAST", 0)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 
@@ -242,7 +242,7 @@ def test_what_is_no_store_is_said(server):
 
 
 def test_addresses_of_other_files_are_refused(server):
-    from resample_volume.files.readers import Nrrd
+    from resample_volume.files.nrrd import Nrrd
 
     with pytest.raises(ValueError, match="only zarr stores are read"):
         open_volume(f"{server.url}a.nrrd", Nrrd())

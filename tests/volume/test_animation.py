@@ -13,6 +13,7 @@ from resample.files.animations import write_film
 from resample.files.saving import write_png
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.command.animation import (
@@ -22,13 +23,12 @@ from resample_volume.command.animation import (
     FrameOptions,
     cameras_of,
     flight_of,
-    frame,
+    frame_of,
     shots,
 )
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.voxels.shading import Light
 from tests.commands import ended, refused
@@ -198,7 +198,7 @@ def test_a_frame_is_the_picture_that_is_rendered(light, tmp_path):
     volume = vessel_tree(16)._replace(origin=np.array([5.0, 6.0, 7.0]))
     look = Appearance(light=light)
     subject = Subject.of(volume, look)
-    seen = frame(subject, cameras_of(subject, Flight("orbit", 4, Orbit(30)), SIZE)[1], SKY)
+    seen = frame_of(subject, cameras_of(subject, Flight("orbit", 4, Orbit(30)), SIZE)[1], SKY)
     write_png(
         tmp_path / "a.png",
         render(volume, look, Orbit(120), size=(32, 24)).rgba,
@@ -209,7 +209,7 @@ def test_a_frame_is_the_picture_that_is_rendered(light, tmp_path):
 
 def test_nothing_to_see_is_the_background():
     subject = Subject.of(as_volume(np.full((4, 4, 4), np.nan, np.float32)), Appearance("gray"))
-    levels = frame(subject, cameras_of(subject, Flight("threshold", 3), SIZE)[2], SKY)
+    levels = frame_of(subject, cameras_of(subject, Flight("threshold", 3), SIZE)[2], SKY)
     assert levels.shape == (*SIZE, 3)
     assert (levels == levels[0, 0]).all()
 
@@ -218,7 +218,7 @@ def test_the_shots_are_the_frames_of_the_cameras(subject):
     cameras = cameras_of(subject, Flight("orbit", 3), SIZE)
     made = shots(subject, cameras, SKY)
     assert made.total == 3
-    assert np.array_equal(made.frame(2), frame(subject, cameras[2], SKY))
+    assert np.array_equal(made.frame(2), frame_of(subject, cameras[2], SKY))
 
 
 @pytest.mark.sweep

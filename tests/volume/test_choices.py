@@ -7,20 +7,20 @@ from resample.command.settings import Resampling
 from resample.painting.choices import MEASURING, Primitive, Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.labels import Rule
-from resample_volume.classification.materials import spread
-from resample_volume.classification.presets import load_transfer
-from resample_volume.command.choices import AppearanceChoices, ReadOptions
-from resample_volume.command.inputs import opened
-from resample_volume.files.generated import checker_box
-from resample_volume.multivolume.appearance import (
+from resample_volume.appearance import (
     BY_DEFAULT,
     Appearance,
     Classification,
+    XRay,
     check_together,
 )
-from resample_volume.multivolume.xrays import XRay
+from resample_volume.classification.automatic import LEVELS
+from resample_volume.classification.labels import Rule
+from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.transfer import spread
+from resample_volume.command.choices import AppearanceChoices, ReadOptions
+from resample_volume.command.inputs import opened
+from resample_volume.files.generated import checker_box
 from resample_volume.voxels.shading import DepthCue, Light
 
 BOX = checker_box(4, 2)

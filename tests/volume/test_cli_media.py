@@ -11,8 +11,7 @@ from resample.files.images import read_image
 from resample.resampler import Resampler
 from resample_volume import cli
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
-from resample_volume.command.inputs import held
-from resample_volume.command.multivolume import media, others
+from resample_volume.command.inputs import held, media, others
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.source import write_volume
 from resample_volume.rendering import Subject

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from resample.measuring.color_bars import ticks_of, with_color_bar
+from resample_volume.annotations import color_bar
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.transfer import from_points
-from resample_volume.space.color_bar import color_bar
 
 BYTE = (0.0, 255.0)
 WHITE, GREEN = (1.0, 1.0, 1.0), (0.0, 1.0, 0.0)
@@ -132,8 +132,8 @@ def test_a_bar_of_another_height_is_refused() -> None:
 def test_the_modules_load_without_heavy_libraries() -> None:
     heavy = {"numba", "matplotlib", "scipy", "cv2", "PIL"}
     code = (
-        "import sys, resample_volume.space.color_bar, resample_volume.classification.labels;"
-        "import resample_volume.voxels.cropping;"
+        "import sys, resample_volume.annotations, resample_volume.classification.labels;"
+        "import resample_volume.voxels.framing;"
         f"sys.exit(', '.join({heavy} & set(sys.modules)) or 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

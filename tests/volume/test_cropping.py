@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from resample_volume.classification.transfer import from_points
 from resample_volume.types import Volume
-from resample_volume.voxels.cropping import inside, keep, planes
+from resample_volume.voxels.framing import inside, keep, planes
 from resample_volume.voxels.visible import classify, lattice_of
 
 WHITE = from_points([(0, (1.0, 1.0, 1.0), 0.5)])

@@ -13,10 +13,10 @@ from resample.files.images import read_image
 from resample.painting.rays import spacing_of
 from resample.resampler import Resampler
 from resample_volume import Appearance, as_volume, render
+from resample_volume.appearance import BY_DEFAULT
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.cli import app
 from resample_volume.files.generated import vessel_tree
-from resample_volume.multivolume.appearance import BY_DEFAULT
 from resample_volume.rendering import Subject
 from resample_volume.voxels.visible import lattice_of
 from tests import commands

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from resample_volume.files.readers import Dicom
+from resample_volume.files.dicom import Dicom
 from tests.fuzz.corpus import dicoms
 
 pydicom = pytest.importorskip("pydicom")

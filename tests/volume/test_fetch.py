@@ -13,8 +13,8 @@ import pytest
 from werkzeug import Response
 
 from resample.files import public
-from resample_volume.files import public as module
-from resample_volume.files.public import available, fetch
+from resample_volume.files import generated as module
+from resample_volume.files.generated import available, fetch
 from resample_volume.files.source import open_volume
 from tests.processes import PATIENCE
 

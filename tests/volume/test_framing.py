@@ -9,11 +9,11 @@ from resample.cameras.viewpoints import Orbit, Sphere, Spot
 from resample.command.settings import Resampling
 from resample.files.images import read_image
 from resample_volume import cli
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.presets import load_transfer
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import filling, sphere_around
 from resample_volume.voxels.visible import classify

@@ -11,14 +11,14 @@ from resample.colors import from_srgb, to_srgb
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume import image_planes
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
+from resample_volume.image_planes import ImagePlane, outline, settled
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
-from resample_volume.surfaces import plane_meshes
-from resample_volume.surfaces.image_planes import ImagePlane, outline, settled
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import lattice_of
 from tests.commands import ended, refused
@@ -42,7 +42,7 @@ HALF_KNOWN = EVEN_VOLUME._replace(values=np.where(np.indices(VALUES.shape)[2] < 
 @pytest.fixture
 def coarse(monkeypatch):
     """Few corners, where values hardly change from voxel to voxel."""
-    monkeypatch.setattr(plane_meshes, "FINEST", 1)
+    monkeypatch.setattr(image_planes, "FINEST", 1)
 
 
 def looking_along(normal):

@@ -6,13 +6,13 @@ import pytest
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume import meshes
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
+from resample_volume.meshes import IsoSurface
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
-from resample_volume.surfaces import meshes
-from resample_volume.surfaces.meshes import IsoSurface
 from resample_volume.voxels.shading import Light
 from tests.commands import ended, refused
 from tests.volume.test_space_meshes import FOG, RED, ahead, fog

@@ -9,9 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample_volume.files.readers import Dicom, MetaImage, Nifti, Nrrd
+from resample_volume.files import dicom
+from resample_volume.files.dicom import Dicom
+from resample_volume.files.metaimage import MetaImage
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.nrrd import Nrrd
 from resample_volume.files.source import find_reader, open_recording, open_volume, write_volume
-from resample_volume.files.stacks import dicom
 from resample_volume.types import Volume
 
 sitk = pytest.importorskip("SimpleITK", reason="readers are compared with SimpleITK")

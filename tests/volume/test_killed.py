@@ -19,7 +19,7 @@ import numpy as np
 from resample.files.animations import write_film
 from resample_volume.command.animation import Flight, FrameOptions, cameras_of, shots
 from resample_volume.files.generated import vessel_tree
-from resample_volume.multivolume.appearance import Appearance
+from resample_volume.appearance import Appearance
 from resample_volume.rendering import Subject
 
 TIMES = 20

@@ -9,10 +9,10 @@ from resample.colors import from_srgb
 from resample_volume.classification.labels import Labels, Rule, parse_rules
 from resample_volume.classification.regions import Region, RegionTransfer
 from resample_volume.classification.transfer import from_points
-from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import Bricks
 from resample_volume.files.source import read_labels
-from resample_volume.files.stores.chunks import Single
-from resample_volume.files.stores.writing import Layered, write_store
+from resample_volume.files.zarr import Single
+from resample_volume.files.zarr_writing import Layered, write_store
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.visible import classify
 

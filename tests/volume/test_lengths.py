@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from resample.files.images import read_image
-from resample_volume import as_volume, render
+from resample_volume import annotations, as_volume, render
+from resample_volume.appearance import Appearance
 from resample_volume.classification.value_statistics import label_count
 from resample_volume.cli import app
-from resample_volume.data.spacings import unit_of_space
+from resample_volume.data.recordings import unit_of_space
 from resample_volume.files.source import generate, open_recording, open_volume, write_volume
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import placement
-from resample_volume.space import annotations
 from tests.commands import ended, refused
 from tests.metadata import volumes
 from tests.metadata.volumes import SPACING, directions, nrrd, ome_tiff, ome_zarr

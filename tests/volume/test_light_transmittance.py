@@ -10,14 +10,13 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
-from resample_volume.voxels import transmittance
-from resample_volume.voxels.shading import Light
-from resample_volume.voxels.transmittance import SKIPPED, light_transmittance, optical_depths
+from resample_volume.voxels import shading
+from resample_volume.voxels.shading import SKIPPED, Light, light_transmittance, optical_depths
 from tests.record import Record
 
 WHITE = (1.0, 1.0, 1.0)
@@ -173,7 +172,7 @@ def test_large_volumes_share_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     light = Light((1, -1, 2), shadows=True, occlusion=True)
     for classification in Classification:
         fine = lamps(light, table_and_block(), classification=classification)
-        monkeypatch.setattr(transmittance, "FINEST", 22)
+        monkeypatch.setattr(shading, "FINEST", 22)
         coarse = lamps(light, table_and_block(), classification=classification)
         monkeypatch.undo()
         assert 1e-4 < np.abs(fine - coarse).mean() < 0.02

@@ -10,12 +10,11 @@ import pytest
 from resample.files.images import read_image
 from resample.memory.mapped import is_in_file
 from resample.painting.choices import Projection
+from resample_volume.appearance import ALONG_RAYS, Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.cli import app
-from resample_volume.data.bricks import Bricks
-from resample_volume.data.values import as_array
-from resample_volume.multivolume.appearance import ALONG_RAYS, Appearance, Classification
+from resample_volume.data.values import Bricks, as_array
 from resample_volume.scenes import Scene
 from resample_volume.types import Volume
 from tests.commands import ended

@@ -9,7 +9,7 @@ import pytest
 
 from resample.reading.limits import SETTING
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.readers import Cube, Mrc
+from resample_volume.files.maps import Cube, Mrc
 from resample_volume.files.source import find_reader, open_volume
 
 AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))

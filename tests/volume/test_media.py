@@ -10,13 +10,13 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
+from resample_volume.appearance import BY_DEFAULT, Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.generated import vessel_tree
-from resample_volume.multivolume.appearance import BY_DEFAULT, Appearance, Classification
-from resample_volume.multivolume.lattices import common_lattice
 from resample_volume.rendering import Subject
+from resample_volume.series import common_lattice
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import DepthCue, Light
 from resample_volume.voxels.visible import lattice_of

@@ -14,12 +14,12 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample.types import Doubles, Frame
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.types import Volume
-from resample_volume.voxels.thickness import with_true_thickness
+from resample_volume.voxels.thin import with_true_thickness
 from tests.record import Record
 
 LOOK = from_points(

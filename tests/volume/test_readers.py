@@ -12,22 +12,18 @@ import pytest
 import SimpleITK
 
 from resample.memory import physical_memory
-from resample_volume.data import memory
+from resample_volume.data import values as volume_values
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.readers import (
-    Cube,
-    Dicom,
-    MetaImage,
-    Mrc,
-    Nifti,
-    Npy,
-    Nrrd,
-    Raw,
-    TiffStack,
-    Vti,
-    Vtk,
-)
+from resample_volume.files.dicom import Dicom
+from resample_volume.files.maps import Cube, Mrc
+from resample_volume.files.metaimage import MetaImage
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.nrrd import Nrrd
+from resample_volume.files.readers import Npy, Raw
 from resample_volume.files.source import describe
+from resample_volume.files.tiff import TiffStack
+from resample_volume.files.vti import Vti
+from resample_volume.files.vtk import Vtk
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
@@ -726,7 +722,7 @@ def test_a_huge_header_does_not_allocate(tmp_path):
 def test_a_platform_that_does_not_tell_its_memory_refuses_nothing(monkeypatch):
     monkeypatch.delattr("os.sysconf")
     assert physical_memory() is None
-    memory.require_memory(1 << 80, "all")
+    volume_values.require_memory(1 << 80, "all")
 
 
 # Real data

@@ -12,6 +12,7 @@ from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
 from resample_comparisons.volume.painting import ImageSheets
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.data.recordings import (
@@ -19,10 +20,13 @@ from resample_volume.data.recordings import (
     volume_at,
     with_times_first,
 )
-from resample_volume.files.readers import MetaImage, Nifti, Npy, Nrrd, TiffStack
+from resample_volume.files.metaimage import MetaImage
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.nrrd import Nrrd
+from resample_volume.files.readers import Npy
 from resample_volume.files.source import open_recording, open_volume, read_labels
+from resample_volume.files.tiff import TiffStack
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels.visible import classify
 from tests.volume.of_voxels import of_voxels

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import resample_volume
-from resample_volume.data import memory
+from resample import memory
 from resample_volume.data import rectilinear as module
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.grids import Npz, Vtr
+from resample_volume.files.readers import Npz
 from resample_volume.files.source import describe, open_volume
+from resample_volume.files.vti import Vtr
 
 X = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
 Y = np.array([-3.0, -2.5, -1.0, 0.0, 2.0, 3.0])
@@ -96,7 +97,7 @@ def test_planes_that_are_far_too_close_do_not_make_a_huge_lattice(monkeypatch):
     small = rectilinear(field(X, Y, Z), X, Y, Z)
     assert small.values.size < 1.2 * 500
     assert "not finer" in small.note
-    monkeypatch.setattr(memory.memory, "physical_memory", lambda: 100)
+    monkeypatch.setattr(memory, "physical_memory", lambda: 100)
     with pytest.raises(ValueError, match="grid on an even lattice of 5 x 10 x 11 voxels needs"):
         rectilinear(field(X, Y, Z), X, Y, Z)
 

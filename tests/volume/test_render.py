@@ -11,12 +11,12 @@ from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.painting.choices import Primitive
 from resample.resampler import Resampler
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.presets import PRESETS, load_transfer
 from resample_volume.classification.transfer import from_points
 from resample_volume.files.generated import checker_box, vessel_tree
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import Light
 

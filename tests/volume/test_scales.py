@@ -8,6 +8,7 @@ from matplotlib.colors import LogNorm, SymLogNorm
 
 from resample.command.settings import Resampling
 from resample_volume import cli
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.presets import transfer_for
 from resample_volume.classification.scales import LogScale, edges_of, on_scale, scale_named, scaled
@@ -16,7 +17,6 @@ from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.picking import picked
 from resample_volume.viewing import volume_view
 from tests import commands

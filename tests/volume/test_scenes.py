@@ -13,10 +13,10 @@ from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Orbit
 from resample.measuring.quality import psnr
 from resample_volume import Appearance, Scene, render
+from resample_volume.appearance import Classification
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Classification
 from resample_volume.scenes import merged
 from resample_volume.types import Volume
 from resample_volume.voxels import gathered, visible

@@ -9,8 +9,7 @@ import pytest
 from PIL import Image
 
 from resample_volume.cli import app
-from resample_volume.files.hdf5 import Hdf5
-from resample_volume.files.netcdf import NetCdf
+from resample_volume.files.hdf5 import Hdf5, NetCdf
 from resample_volume.files.source import open_recording, open_volume
 from tests.commands import ended
 
@@ -66,7 +65,7 @@ def test_an_image_of_a_fits_file_is_chosen_by_name_and_scaled(tmp_path):
     fits.HDUList(held).writeto(tmp_path / "a.fits")
     volume = open_volume(tmp_path / "a.fits")
     np.testing.assert_array_equal(volume.values, VALUES)
-    from resample_volume.files.fits import Fits
+    from resample_volume.files.libraries import Fits
 
     raw = Fits("SCI")(tmp_path / "a.fits").values
     np.testing.assert_allclose(raw, fits.getdata(tmp_path / "a.fits", "SCI"))

@@ -14,10 +14,9 @@ from resample_volume import cli
 from resample_volume.classification.transfer import from_points
 from resample_volume.command.animation import Course, around
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
-from resample_volume.command.inputs import held
-from resample_volume.command.multivolume import appearance_over_time, labelled, times_of
-from resample_volume.multivolume.series import Series
+from resample_volume.command.inputs import appearance_over_time, held, labelled, times_of
 from resample_volume.rendering import Subject
+from resample_volume.series import Series
 from resample_volume.types import Recording
 from tests import commands
 from tests.volume.of_voxels import of_voxels
@@ -151,7 +150,7 @@ def test_a_film_is_of_all_times_unless_one_is_asked_for(monkeypatch, words, time
         asked.append(None if recording is None else len(recording.values))
         raise ValueError("no film is made here")
 
-    monkeypatch.setattr("resample_volume.command.filming.film_of", film_of)
+    monkeypatch.setattr("resample_volume.command.animation.film_of", film_of)
     assert ended("animate", "beats.npy", "-o", "f", *words, *SMALL) == 2
     assert asked == [times]
 

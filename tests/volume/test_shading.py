@@ -11,8 +11,8 @@ from resample.cameras.poses import look_at
 from resample.cameras.viewpoints import Sphere
 from resample.engine.jit import kernel
 from resample.types import Doubles, Floats
+from resample_volume.kernels.voxels import power
 from resample_volume.voxels.framing import Shifted
-from resample_volume.voxels.kernels.shading import power
 from resample_volume.voxels.shading import DepthCue, Light, cue_range, cued, shade
 from resample_volume.voxels.visible import Voxels
 

@@ -12,9 +12,9 @@ import pytest
 from resample.command import workers
 from resample.command.workers import WorkerPool
 from resample_volume import cli
+from resample_volume.files import zarr as zarr_files
 from resample_volume.files.source import open_recording, open_streamed
-from resample_volume.files.stores import chunks, statistics_cache
-from resample_volume.multivolume.series import Series, whole
+from resample_volume.series import Series, whole
 from tests import commands
 from tests.killing import Killing
 
@@ -30,7 +30,7 @@ ANOTHER = "vessel-tree:size=16:transfer=gray"
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(chunks, "SIDE", 8)
+    monkeypatch.setattr(zarr_files, "SIDE", 8)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 
@@ -211,7 +211,7 @@ def pickled(monkeypatch):
 )
 @pytest.mark.usefixtures("pickled")
 def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
-    monkeypatch.setattr(statistics_cache, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(zarr_files, "LEAST", 0 if is_kept else 1 << 30)
     beats("float32")
     assert ended("animate", name, *FILM, *words, "-o", "a") == 0
     assert ended("animate", name, *FILM, *words, "-o", "b", "--workers", "2") == 0
@@ -250,7 +250,7 @@ def test_rays_that_become_voxels_beside_another_volume_are_shared_out(name):
 )
 @pytest.mark.usefixtures("pickled")
 def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
-    monkeypatch.setattr(statistics_cache, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(zarr_files, "LEAST", 0 if is_kept else 1 << 30)
     beats("int16", padding=-3000)
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "1") == 0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from resample.outofcore import bricks as caches
 from resample.outofcore.bricks import PinnedCache
 from resample_volume.classification.value_statistics import survey, without_padding
-from resample_volume.data.bricks import Bricks
+from resample_volume.data.values import Bricks
 from resample_volume.types import Volume
 
 SIDE = (4, 4, 4)

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from resample.types import Floats
-from resample_volume.data import parts
-from resample_volume.data.kernels.gradients import BRICK, brick_order, find_gradients
-from resample_volume.files.parsing.headers import KEPT
+from resample_volume.data import values as volume_values
+from resample_volume.files.headers import KEPT
+from resample_volume.kernels.gradients import BRICK, brick_order, find_gradients
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import gradients_at
 from tests.kernels import compiled_only, specialisations
@@ -58,7 +58,7 @@ def test_slopes_do_not_depend_on_type_layout_and_parts(
     gradient: str, layout: Any, order: str, planes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     index = asked(order)
-    monkeypatch.setattr(parts, "CHUNK", planes)
+    monkeypatch.setattr(volume_values, "CHUNK", planes)
     for kind in KEPT:
         values = values_of(kind)
         wide = values.astype(np.float64)

@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from resample_volume.classification.automatic import VEIL
 from resample_volume.classification.presets import load_transfer, transfer_for
 from resample_volume.classification.value_statistics import survey
-from resample_volume.data.thresholds import Histogram, peak_between
+from resample_volume.data.scanning import Histogram, peak_between
 from resample_volume.inputs import as_volume
 
 SIDE = 48

@@ -8,7 +8,9 @@ import SimpleITK
 
 from resample import registry
 from resample_volume.files import source
-from resample_volume.files.readers import Dicom, Nifti, Npy, Raw, TiffStack
+from resample_volume.files.dicom import Dicom
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.readers import Npy, Raw
 from resample_volume.files.source import (
     describe,
     find_reader,
@@ -16,6 +18,7 @@ from resample_volume.files.source import (
     open_recording,
     open_volume,
 )
+from resample_volume.files.tiff import TiffStack
 from resample_volume.types import Volume
 
 SUFFIXES = [
@@ -184,7 +187,7 @@ def test_a_histogram_without_bins_is_refused():
 def test_slabs_change_nothing(rng, monkeypatch):
     made = volume(rng.integers(0, 255, (9, 4, 4)).astype(np.uint8))
     whole = describe(made)
-    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 40)
+    monkeypatch.setattr("resample_volume.data.values.CHUNK", 40)
     assert describe(made) == whole
 
 

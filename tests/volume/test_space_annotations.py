@@ -7,16 +7,15 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
 from resample.types import Frame, Statistics
-from resample_volume import Annotations, annotate, open_volume
+from resample_volume import Annotations, annotate, lines, open_volume
+from resample_volume.annotations import AXES, PATIENT, cube_picture, round_length
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance
+from resample_volume.lines import Stroke, with_lines
 from resample_volume.rendering import Subject
-from resample_volume.space import lines
-from resample_volume.space.annotations import AXES, PATIENT, cube_picture, round_length
-from resample_volume.space.lines import Stroke, with_lines
 from resample_volume.voxels.framing import corners
 
 SIZE = (60, 80)

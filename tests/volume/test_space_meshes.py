@@ -10,12 +10,12 @@ from resample.colors import from_srgb
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, Classification
+from resample_volume.meshes import read_mesh, scene_mesh
 from resample_volume.rendering import Subject
-from resample_volume.surfaces.meshes import read_mesh, scene_mesh
 from resample_volume.voxels.shading import Light
 from tests import naive, ray_truth
 from tests.commands import refused

@@ -10,11 +10,10 @@ from resample.files.saving import DepthSlab, write_deep
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.cli import app
-from resample_volume.multivolume.appearance import Appearance, Classification
-from resample_volume.rendering import Subject
-from resample_volume.space.slabs import boxed, check_slabs, depths, slabs
-from resample_volume.surfaces.meshes import scene_mesh
+from resample_volume.meshes import scene_mesh
+from resample_volume.rendering import Subject, boxed, check_slabs, depths, slabs
 from resample_volume.voxels.shading import Light
 from tests.commands import refused
 from tests.deep import read_deep

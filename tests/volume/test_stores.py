@@ -21,6 +21,7 @@ from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.data.recordings import alone, volume_at
 from resample_volume.data.values import as_array
+from resample_volume.files import zarr as zarr_files
 from resample_volume.files.source import (
     describe,
     find_reader,
@@ -29,9 +30,8 @@ from resample_volume.files.source import (
     open_volume,
     write_volume,
 )
-from resample_volume.files.stores import statistics_cache
-from resample_volume.files.stores.reader import Zarr
-from resample_volume.files.stores.writing import halved, per_axis
+from resample_volume.files.zarr import Zarr
+from resample_volume.files.zarr_writing import halved, per_axis
 from resample_volume.types import Volume
 from tests.commands import ended, imported, refused
 
@@ -563,7 +563,7 @@ def test_a_full_disk_leaves_no_store(capsys, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("resample_volume.files.stores.writing.halved", full)
+    monkeypatch.setattr("resample_volume.files.zarr_writing.halved", full)
     np.save("a.npy", np.zeros((4, 4, 130), np.uint8))
     error = refused(app, capsys, "convert", "a.npy", "b.ome.zarr", "--spacing", "1x1x1")
     assert error == ("resample: error: b.ome.zarr: cannot be written: No space left on device\n")
@@ -717,7 +717,7 @@ def test_a_store_that_is_being_written_does_not_look_whole(monkeypatch):
         seen.append(Path("b.ome.zarr").exists())
         raise ValueError("killed")
 
-    monkeypatch.setattr("resample_volume.files.stores.writing.halved", killed)
+    monkeypatch.setattr("resample_volume.files.zarr_writing.halved", killed)
     assert ended(app, "convert", "a.npy", "b.ome.zarr") == 2
     assert seen == [False]
     assert not list(Path().glob("*b.ome*"))
@@ -748,5 +748,5 @@ def test_what_is_kept_of_a_store_needs_tags_or_times_of_a_web_server(tag, change
     metadata = SimpleNamespace(to_dict=dict)
     portion = SimpleNamespace(array=SimpleNamespace(metadata=metadata))
     chunk = SimpleNamespace(tag=tag, changed=changed, name="0/0", size=9)
-    state = statistics_cache._state(portion, iter([chunk]), is_web=is_web)
+    state = zarr_files._state(portion, iter([chunk]), is_web=is_web)
     assert (state is not None) is is_told

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from resample.memory import available_memory, bytes_of, physical_memory
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
 from resample_volume.classification.value_statistics import survey, without_padding
-from resample_volume.data.bricks import Bricks
-from resample_volume.data.values import as_array
+from resample_volume.data.values import Bricks, as_array
 from resample_volume.files.source import generate, read_labels
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.types import Volume

@@ -12,10 +12,10 @@ from resample.profiles.orders import EverySample, Rays
 from resample.resampler import Resampler
 from resample.types import LatticeField, Samples
 from resample_comparisons.volume.painting import AxisSheets
+from resample_volume.appearance import Appearance, Classification
 from resample_volume.calls import render
 from resample_volume.classification.labels import Labels, Rule
 from resample_volume.files.generated import checker_box, vessel_tree
-from resample_volume.multivolume.appearance import Appearance, Classification
 from resample_volume.rendering import Subject
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.shading import DepthCue, Light

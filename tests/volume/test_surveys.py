@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample_volume.classification.value_statistics import ends, findings, survey, without_padding
-from resample_volume.data.thresholds import Histogram, otsu
+from resample_volume.data.scanning import Histogram, otsu
 from resample_volume.inputs import as_volume
 from resample_volume.viewing.volumes import histogram
 

@@ -7,7 +7,9 @@ import SimpleITK
 from resample_volume.classification.value_statistics import Units, survey, units_of
 from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import opened
-from resample_volume.files.readers import Dicom, Nifti, Nrrd
+from resample_volume.files.dicom import Dicom
+from resample_volume.files.nifti import Nifti
+from resample_volume.files.nrrd import Nrrd
 from resample_volume.inputs import as_volume
 
 NRRD = """NRRD0004

@@ -5,9 +5,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from resample_volume.data.bricks import Bricks
 from resample_volume.data.scanning import are_few
-from resample_volume.data.values import ArrayValues, bricks_of, streamed, values_of, with_bricks
+from resample_volume.data.values import (
+    ArrayValues,
+    Bricks,
+    bricks_of,
+    streamed,
+    values_of,
+    with_bricks,
+)
 from resample_volume.types import Volume
 
 KINDS = ("uint8", "int8", "uint16", "int16", "int32", "float32", "float64")

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
+from resample_volume.files.libraries import Vdb
 from resample_volume.files.source import open_volume
-from resample_volume.files.vdb import Vdb
 from tests.vdb_files import BALL, GRIDS, TILES
 
 VALUES = np.arange(60, dtype=np.float32).reshape(3, 4, 5).transpose(2, 1, 0)  # (Z, Y, X)

@@ -156,7 +156,7 @@ def test_large_volumes_are_looked_at_in_chunks(
 ) -> None:
     volume = unit_volume(rng.normal(50, 30, (7, 6, 5)))
     whole = classify(volume, UPPER)
-    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 70)  # 2 slices, 1 left over
+    monkeypatch.setattr("resample_volume.data.values.CHUNK", 70)  # 2 slices, 1 left over
     assert_same(classify(volume, UPPER), whole)
 
 
@@ -191,7 +191,7 @@ def test_missing_values_are_not_seen() -> None:
 
 
 def test_the_range_leaves_out_what_is_not_finite(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("resample_volume.data.parts.CHUNK", 1)
+    monkeypatch.setattr("resample_volume.data.values.CHUNK", 1)
     values = np.array([np.nan, -3, np.inf, 8, -np.inf, np.nan]).reshape(6, 1, 1)
     assert finite_range(values) == (-3, 8)
     assert finite_range(np.full((2, 2, 2), np.nan)) == (0, 1)

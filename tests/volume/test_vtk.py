@@ -6,9 +6,9 @@ import pytest
 from resample.reading.limits import SETTING
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.rectilinear import rectilinear
-from resample_volume.files.grids import Vtr
-from resample_volume.files.readers import Vti, Vtk
 from resample_volume.files.source import open_volume
+from resample_volume.files.vti import Vti, Vtr
+from resample_volume.files.vtk import Vtk
 
 NAMES = {
     "unsigned_char": "u1",

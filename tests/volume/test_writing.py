@@ -6,12 +6,12 @@ from resample.measuring.color_bars import check_bar
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
+from resample_volume.annotations import with_bar
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.files.generated import vessel_tree
 from resample_volume.files.readers import Npy
 from resample_volume.files.source import SUFFIXES, open_volume, write_volume
-from resample_volume.multivolume.appearance import Appearance
-from resample_volume.space.color_bar import with_bar
 from resample_volume.types import Volume
 
 TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

@@ -21,8 +21,8 @@ from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.command import rendering
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.series import Series
 from resample_volume.rendering import Subject
+from resample_volume.series import Series
 from resample_volume.types import Recording
 from resample_volume.viewing import picture
 from tests import commands

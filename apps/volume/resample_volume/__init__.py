@@ -15,48 +15,47 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
+    from resample_volume.annotations import Annotations, annotate
+    from resample_volume.appearance import Appearance, XRay
     from resample_volume.calls import animate, render
     from resample_volume.classification.presets import load_transfer
     from resample_volume.classification.transfer import TransferFunction
     from resample_volume.data.rectilinear import rectilinear
     from resample_volume.files.source import open_volume
     from resample_volume.files.source import open_volume as open  # noqa: A004
+    from resample_volume.image_planes import ImagePlane
     from resample_volume.inputs import as_volume
-    from resample_volume.multivolume.appearance import Appearance
-    from resample_volume.multivolume.xrays import XRay
+    from resample_volume.lines import measure
+    from resample_volume.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.scenes import Scene
-    from resample_volume.space.annotations import Annotations, annotate
-    from resample_volume.space.lines import measure
-    from resample_volume.surfaces.image_planes import ImagePlane
-    from resample_volume.surfaces.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.types import Volume
     from resample_volume.viewing import picture, view
     from resample_volume.voxels.shading import Light
 
 _HOMES = {
-    "Annotations": "space.annotations",
-    "Appearance": "multivolume.appearance",
-    "ImagePlane": "surfaces.image_planes",
-    "IsoSurface": "surfaces.meshes",
+    "Annotations": "annotations",
+    "Appearance": "appearance",
+    "ImagePlane": "image_planes",
+    "IsoSurface": "meshes",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
     "Scene": "scenes",
-    "SceneMesh": "surfaces.meshes",
+    "SceneMesh": "meshes",
     "TransferFunction": "classification.transfer",
     "Volume": "types",
-    "XRay": "multivolume.xrays",
+    "XRay": "appearance",
     "animate": "calls",
-    "annotate": "space.annotations",
+    "annotate": "annotations",
     "as_volume": "inputs",
     "load_transfer": "classification.presets",
-    "measure": "space.lines",
+    "measure": "lines",
     "open": "files.source:open_volume",
     "open_volume": "files.source",
-    "read_mesh": "surfaces.meshes",
+    "read_mesh": "meshes",
     "picture": "viewing",
     "rectilinear": "data.rectilinear",
     "render": "calls",
-    "scene_mesh": "surfaces.meshes",
+    "scene_mesh": "meshes",
     "view": "viewing",
 }
 

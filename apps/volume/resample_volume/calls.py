@@ -16,10 +16,10 @@ from resample.painting.scenes.plans import shape_of
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import Frame
+from resample_volume.appearance import Appearance, resampler_for
 from resample_volume.classification.scales import scaled
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, resampler_for
 from resample_volume.rendering import Fitted, pictured
 from resample_volume.types import Volume
 
@@ -108,8 +108,7 @@ def render(
         wanted = "a Resampler, or None for the one that suits the look"
         check_kind("resampler", paint, Resampler, wanted)
         return pictured(media, view, shape, paint, fit, progress=progress)[0]
-    from resample_volume.command.inputs import changed, opened
-    from resample_volume.command.multivolume import with_objects
+    from resample_volume.command.inputs import changed, opened, with_objects
     from resample_volume.command.rendering import annotated_picture
 
     look, resampling, beside, source, form = _chosen("render", options)

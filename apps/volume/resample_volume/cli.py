@@ -93,8 +93,7 @@ def render(
     from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
     from resample.files.writing import check_targets, write_json
-    from resample_volume.command.inputs import require_values
-    from resample_volume.command.multivolume import media, with_objects
+    from resample_volume.command.inputs import media, require_values, with_objects
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
         annotated_picture,
@@ -127,7 +126,7 @@ def render(
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
             if beside.deep is not None:
-                from resample_volume.space.slabs import boxed, write_slabs
+                from resample_volume.rendering import boxed, write_slabs
 
                 write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
             else:
@@ -185,7 +184,7 @@ def animate(
     from resample.command.session import require_picture
     from resample.command.workers import worker_pools
     from resample.files.animations import check_film
-    from resample_volume.command import animation, filming
+    from resample_volume.command import animation
     from resample_volume.command.inputs import over_time
     from resample_volume.command.rendering import BYTES_PER_PIXEL
 
@@ -198,7 +197,7 @@ def animate(
     beside.check_bar(output, shape[0])
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.FrameOptions(resampler, shape, behind, threads)
-    script = filming.Script(volume, source, look, added, beside, resampling, frames)
+    script = animation.Script(volume, source, look, added, beside, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     with worker_pools(sharing, threads) as start_workers:
         recording = None
@@ -206,9 +205,9 @@ def animate(
             recording = over_time(source, volume)
             if recording is not None and recording.looks and recording.values.shape[0] == 1:
                 recording = None  # channels are shown together
-        film = filming.film_of(script, recording, flight, paint, about, start_workers)
+        film = animation.film_of(script, recording, flight, paint, about, start_workers)
         crew = start_workers()
-        again = filming.again(script, film, crew)
+        again = animation.again(script, film, crew)
         write_shared(output, film.shots, again, crew, fps=fps, resume=resume, bar="filming")
 
 
@@ -348,7 +347,7 @@ def convert(
     """
     from resample.console import progress_bar, say
     from resample_volume.command.inputs import note_assumed, stored
-    from resample_volume.files.stores.writing import Layered, bricks_of, check_store, write_store
+    from resample_volume.files.zarr_writing import Layered, bricks_of, check_store, write_store
 
     form = Layered(chunk, shard, compression, levels)
     check_store(output)
@@ -377,7 +376,7 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     folder
         Folder to keep it in. [default: the user's cache]
     """
-    from resample_volume.files import public as store
+    from resample_volume.files import generated as store
 
     if name is None:
         entries = store.available()
@@ -418,11 +417,7 @@ def _listed(facts: dict[str, Any]) -> str:
         lines.append(f"{f'channel {n}':<12} {', '.join(map(str, filter(None, words)))}")
     for n, level in enumerate(facts.get("levels", ())):
         lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
-    return "\n".join([*lines, *facts["findings"], *_bars(facts)]) + "\n"
-
-
-def _bars(facts: dict[str, Any]) -> list[str]:
-    """Format a histogram as bars on a logarithmic scale, so that rare values show."""
+    # Format a histogram as bars on a logarithmic scale, so that rare values show
     from resample_volume.classification.scales import edges_of
 
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
@@ -439,4 +434,4 @@ def _bars(facts: dict[str, Any]) -> list[str]:
         ]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
         lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
-    return lines
+    return "\n".join([*lines, *facts["findings"], *lines]) + "\n"

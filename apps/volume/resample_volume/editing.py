@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import to_srgb
-from resample_volume.classification.materials import spread
-from resample_volume.classification.transfer import DataRange, Transfer, TransferFunction
+from resample_volume.classification.transfer import DataRange, Transfer, TransferFunction, spread
 
 MOST = 14  # points
 STEPS = 512  # samples of the range at which a transfer function is evaluated

@@ -12,15 +12,15 @@ from resample.resampler import Resampler
 from resample.scene.picking import lines_of
 from resample.types import Doubles, View
 from resample_volume.classification.scales import value_at
+from resample_volume.image_planes import settled
 from resample_volume.rendering import Subject
-from resample_volume.surfaces.image_planes import settled
 from resample_volume.types import Volume
 from resample_volume.voxels.gathered import Gathered
 from resample_volume.voxels.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
-    from resample_volume.voxels.kernels.picking import PickingRays, SplattedVoxels
+    from resample_volume.kernels.voxels import PickingRays, SplattedVoxels
 
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
@@ -58,7 +58,7 @@ def voxels_at(
     none. And the transmittance (N,) of all.
     """
     from resample.engine.rays.splines import bundled
-    from resample_volume.voxels.kernels.picking import PickedField, pick_in_field, pick_voxels
+    from resample_volume.kernels.voxels import PickedField, pick_in_field, pick_voxels
 
     voxels, projection = subject.voxels, resampler.projection
     if projection not in PICKED_BY_PROJECTION or not isinstance(voxels, Voxels | Gathered):
@@ -134,7 +134,7 @@ def picked(volume: Volume, voxel: int) -> Picked:
 
 def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> "PickingRays":
     """Return the rays of pixels, clipped to a volume's box and to planes."""
-    from resample_volume.voxels.kernels.picking import PickingRays
+    from resample_volume.kernels.voxels import PickingRays
 
     eye, direction = lines_of(view, pixels)
     to_lattice = np.linalg.inv(lattice_of(scene)).T
@@ -162,7 +162,7 @@ def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
 
 
 def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -> "SplattedVoxels":
-    from resample_volume.voxels.kernels.picking import SplattedVoxels
+    from resample_volume.kernels.voxels import SplattedVoxels
 
     lattice, size = lattice_of(scene), scene.values.shape[::-1]
     place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T

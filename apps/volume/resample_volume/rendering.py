@@ -1,9 +1,10 @@
 """Render a volume: classify, shade, resample."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -11,34 +12,38 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
+from resample.files.saving import DepthSlab, between, write_deep
 from resample.messages import warn
 from resample.painting.choices import MEASURING, Projection
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import NO_TRIANGLES, Doubles, Frame, LatticeField, Samples, Triangles, View
-from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Transfer
-from resample_volume.classification.value_statistics import survey
-from resample_volume.data.recordings import how
-from resample_volume.data.spacings import in_unit, mm_of, unit_of_space
-from resample_volume.data.values import as_array, as_arrays, is_streamed
-from resample_volume.multivolume.appearance import (
+from resample_volume.appearance import (
+    AS_IT_IS,
     BY_DEFAULT,
+    MU_WATER,
     Appearance,
     Classification,
+    Tone,
     VolumeLayer,
+    XRay,
+    attenuation,
     check_several,
     check_together,
     decided,
     named_or_own,
     of_voxels,
     resampler_for,
+    settled,
     transfer_of,
 )
-from resample_volume.multivolume.xrays import AS_IT_IS, MU_WATER, Tone, XRay, attenuation, settled
+from resample_volume.classification.automatic import LEVELS
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.transfer import Transfer
+from resample_volume.classification.value_statistics import survey
+from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
+from resample_volume.data.values import as_array, as_arrays, is_streamed
 from resample_volume.types import Placed, Volume
-from resample_volume.voxels.cropping import faced, keep, planes
 from resample_volume.voxels.framing import (
     FramedVoxels,
     Shifted,
@@ -46,7 +51,10 @@ from resample_volume.voxels.framing import (
     ball_around,
     centered,
     corners,
+    faced,
     filling,
+    keep,
+    planes,
     shown_by,
     sphere_around,
 )
@@ -55,8 +63,8 @@ from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer
 from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
-    from resample_volume.multivolume.lattices import CommonLattice
-    from resample_volume.surfaces.meshes import SceneMesh
+    from resample_volume.meshes import SceneMesh
+    from resample_volume.series import CommonLattice
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # what a renderer gets
@@ -77,7 +85,7 @@ class Placement(NamedTuple):
 
 def placement(media: Sequence[VolumeLayer]) -> Placement:
     """Place several volumes in a scene; crop and clip are those of the first look."""
-    from resample_volume.multivolume.lattices import common_lattice
+    from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
     media = [(in_unit(volume, unit), look) for volume, look in media]
@@ -168,7 +176,7 @@ def _shadowed(
         )
     if isinstance(voxels, Gathered):
         return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
-    from resample_volume.voxels.transmittance import voxel_transmittance
+    from resample_volume.voxels.shading import voxel_transmittance
 
     return voxels._replace(reached=voxel_transmittance(voxels, light))
 
@@ -179,8 +187,8 @@ def _pictures(
     """Return planes and isosurfaces of a look as meshes in the volume's scene."""
     if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
-    from resample_volume.surfaces.image_planes import settled as settled_plane
-    from resample_volume.surfaces.plane_meshes import plane_mesh, surface_mesh
+    from resample_volume.image_planes import plane_mesh, surface_mesh
+    from resample_volume.image_planes import settled as settled_plane
 
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
@@ -192,7 +200,7 @@ def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
     """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
     if not meshes:
         return NO_TRIANGLES
-    from resample_volume.surfaces.meshes import placed
+    from resample_volume.meshes import placed
 
     return placed(meshes, middle)
 
@@ -485,3 +493,68 @@ def painted_with_bar(
             progress=progress,
             clip=clip,
         )
+
+
+Painter = Callable[[AnyCamera], Frame]
+
+MOST = 1024
+BESIDE = 1e-6  # fraction of the depth range added at both ends
+
+
+@dataclass(frozen=True, eq=False)
+class DepthClippedCamera:
+    """A camera clipped to a range of depths."""
+
+    camera: AnyCamera
+    near: float
+    far: float
+
+    def view(self) -> View:
+        view = self.camera.view()
+        return view._replace(near=max(view.near, self.near), far=min(view.far, self.far))
+
+
+def check_slabs(count: int, resampler: Resampler) -> None:
+    """Reject slabs that would not composite to the picture."""
+    if not 1 <= count <= MOST:
+        raise ValueError(f"{count} slabs of a deep picture; give 1 to {MOST}")
+    if resampler.projection in MEASURING:
+        raise ValueError(
+            f"deep pictures hold what is composited; the projection {resampler.projection} shows "
+            "one value of a whole ray"
+        )
+
+
+def boxed(shown: Iterable[VolumeLayer], subject: Subject) -> Doubles:
+    """Return the corners (N, 3) of a box around everything visible, in the subject's scene."""
+    ends = [corners(subject.placed(volume)) for volume, _ in shown]
+    return np.concatenate([*ends, subject.mesh.corner])
+
+
+def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
+    """Return depths (count + 1,) of the planes between slabs, around points (N, 3)."""
+    view = camera.view()
+    depth = places @ view.rotation[2] + view.translation[2]
+    slack = BESIDE * float(np.abs(depth).max())
+    first, last = max(float(depth.min()) - slack, view.near), float(depth.max()) + slack
+    return np.linspace(first, max(last, first + slack), count + 1)
+
+
+def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
+    """Write a deep picture of `count` slabs; parameters as of `slabs` and `depths`."""
+    write_deep(path, slabs(paint, camera, depths(camera, places, count)))
+
+
+def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthSlab]:
+    """Yield slabs front to back that composite to the picture up to each one's far plane."""
+    first, shown = float(planes[0]), None
+    for near, far in zip(planes[:-1].tolist(), planes[1:].tolist(), strict=True):
+        front = paint(DepthClippedCamera(camera, first, far)).rgba
+        alone = front
+        if shown is None:
+            shown = np.zeros(front.shape)
+        else:
+            alone = paint(DepthClippedCamera(camera, near, far)).rgba
+        more = between(front, shown) * (alone[..., 3:] > 0)
+        shown += (1 - shown[..., 3:]) * more
+        yield DepthSlab(near, far, more.astype(np.float32))

@@ -16,18 +16,23 @@ from resample.resampler import Resampler
 from resample.scene.previews import PER, Shrunk, enlarged_frame
 from resample.scene.scenes import AnyScene, Quality, is_quick
 from resample.types import Frame
-from resample_volume.classification.materials import Windowed
+from resample_volume.appearance import (
+    Appearance,
+    Tone,
+    XRay,
+    resampler_for,
+    settled,
+    transfer_of,
+)
+from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.values import as_array, values_of
+from resample_volume.image_planes import settled as settled_plane
 from resample_volume.inputs import as_volume
-from resample_volume.multivolume.appearance import Appearance, resampler_for, transfer_of
-from resample_volume.multivolume.xrays import Tone, XRay, settled
 from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
-from resample_volume.surfaces.image_planes import settled as settled_plane
 from resample_volume.types import Volume
-from resample_volume.voxels.cropping import planes
-from resample_volume.voxels.framing import centered
+from resample_volume.voxels.framing import centered, planes
 from resample_volume.voxels.visible import finite_range, unit_of
 
 KEPT = 4  # looks whose samples are cached
@@ -245,28 +250,23 @@ class Scene(AnyScene):
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
         with memoizing(self._found):
-            subject = self._subject(appearance, paint, fit, is_preview=is_preview)
+            # The classified volume, which is cached
+            parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
+            key = (appearance, *parts, fit, is_preview)
+            found = self._subjects.pop(key, None)
+            if found is None:
+                shown, kept = self.volume, appearance
+                if is_preview:
+                    shown, kept = self._previewed(appearance, paint)
+                around = self.volume if fit == "volume" else None
+                found = Subject.of(shown, kept, paint, around=around)
+            while len(self._subjects) >= KEPT:
+                del self._subjects[next(iter(self._subjects))]
+            self._subjects[key] = found
+            subject = found
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
         warn_of_nothing(subject, [(self.volume, appearance)], paint.projection)
         return subject, eye, subject.painter(paint)
-
-    def _subject(
-        self, look: Appearance, paint: Resampler, fit: Fit, *, is_preview: bool
-    ) -> Subject:
-        """Return the classified volume, which is cached."""
-        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
-        key = (look, *parts, fit, is_preview)
-        found = self._subjects.pop(key, None)
-        if found is None:
-            shown, kept = self.volume, look
-            if is_preview:
-                shown, kept = self._previewed(look, paint)
-            around = self.volume if fit == "volume" else None
-            found = Subject.of(shown, kept, paint, around=around)
-        while len(self._subjects) >= KEPT:
-            del self._subjects[next(iter(self._subjects))]
-        self._subjects[key] = found
-        return found
 
     def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
         """Return the volume with fewer voxels, and the look adapted to it."""

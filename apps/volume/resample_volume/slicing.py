@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
 from resample_volume.classification.scales import value_at
-from resample_volume.data.spacings import unit_of_space
+from resample_volume.data.recordings import unit_of_space
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
 

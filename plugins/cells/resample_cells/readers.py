@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from resample.reading.limits import check_items, check_size, neighbour
 from resample.reading.texts import check_xml_file
 from resample_cells.resampling import pieces_of, resampled
-from resample_volume.data.memory import require_memory
-from resample_volume.files.parsing.headers import Check, OneOfAll, accept_any, existing_file, stem
-from resample_volume.files.parsing.sections import (
+from resample_volume.data.values import require_memory
+from resample_volume.files.headers import Check, OneOfAll, accept_any, existing_file, stem
+from resample_volume.files.sections import (
     Array,
     ArrayQuery,
     Sections,
     cells_between,
     check_part,
 )
-from resample_volume.files.parsing.texts import Numbers, steps_of
-from resample_volume.files.xml.vti import UNSTRUCTURED, grid_of
+from resample_volume.files.texts import Numbers, steps_of
+from resample_volume.files.vti import UNSTRUCTURED, grid_of
 from resample_volume.types import Recording
 
 Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners

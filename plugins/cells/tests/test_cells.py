@@ -8,10 +8,10 @@ from resample_cells import lattice
 from resample_cells.readers import Vtm, Vts, Vtu, legacy_grid
 from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.parsing.sections import Sections
-from resample_volume.files.readers import Vtk
+from resample_volume.files.sections import Sections
 from resample_volume.files.source import describe, open_volume
-from resample_volume.files.xml.validity import check_blocks
+from resample_volume.files.vti import check_blocks
+from resample_volume.files.vtk import Vtk
 
 pytest.importorskip("vtkmodules", reason="VTK, the extra vtk, is not installed")
 

@@ -13,9 +13,9 @@ from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample_figures.volumes import FigureVolume, Row, VolumeFolder, missing, write_numbers
+from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.voxels.shading import Light
 
 NAME = "figure-8"

@@ -18,8 +18,8 @@ from resample.painting.choices import Primitive
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats
 from resample_figures.volumes import Row, VolumeFolder, drawing, save, write_numbers
+from resample_volume.appearance import Appearance
 from resample_volume.files.source import generate
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import lit_samples, visible_voxels
 from resample_volume.voxels.framing import centered, sphere_around
 from resample_volume.voxels.shading import Light

@@ -16,8 +16,8 @@ from resample.profiles.orders import EverySample, layers_of, sheets_of
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats, Records, Samples, Sheets
 from resample_figures.volumes import Row, VolumeFolder, drawing, save, write_numbers
+from resample_volume.appearance import Appearance
 from resample_volume.files.source import generate
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import visible_voxels
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered

@@ -30,10 +30,10 @@ from resample_figures.volumes import (
     save,
     write_numbers,
 )
+from resample_volume.appearance import Appearance
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.files.source import generate
-from resample_volume.multivolume.appearance import Appearance
 from resample_volume.rendering import visible_voxels
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered, sphere_around

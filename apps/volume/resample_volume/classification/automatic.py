@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
-from resample_volume.classification.materials import spread
-from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
+from resample_volume.classification.transfer import (
+    Color,
+    Transfer,
+    TransferFunction,
+    from_points,
+    spread,
+)
 from resample_volume.classification.value_statistics import LUNG, Survey, tissue, with_lungs
-from resample_volume.data.scanning import are_few, step_of
-from resample_volume.data.thresholds import Peak, peak_between
+from resample_volume.data.scanning import Peak, are_few, peak_between, step_of
 from resample_volume.data.values import values_of
 from resample_volume.types import Volume
 
@@ -106,9 +110,25 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     limit = low + (high - low) * threshold / 255
     soft = _soft(known, _each(volume), around, limit)
     if soft is not None:
-        return _with_soft(soft, known, threshold)
+        low, high = known.span
+        before, peak, after = ((value - low) / (high - low) for value in soft)
+        dense = ramp((threshold + 1) / 256)
+        points = [(before, SOFT, 0.0), (peak, SOFT, VEIL), (after, SOFT, VEIL)]
+        start = max(float(dense.value[0]), after)
+        points += [(start, CLAY, VEIL), *((max(start, v), c, o) for v, c, o in _points(dense)[1:])]
+        return from_points(points, normalized=True)
     if (body := _body(volume, known, limit)) is not None:
-        return _with_body(body, known, threshold, volume.values.size)
+        # Hot spots in a body that is a veil as deep as it is large
+        low, high = known.span
+        before, peak, _ = ((value - low) / (high - low) for value in body)
+        across = np.cbrt(
+            body.share(known.levels) / known.levels.share(low, high) * volume.values.size
+        )
+        veil = 1 - (1 - BODY_DEPTH) ** (1 / max(1.0, float(across)))
+        hot = ramp((threshold + 1) / 256)
+        points = [(before, BODY, 0.0), (peak, BODY, veil)]
+        points += [(max(peak, v), c, max(o, VEIL)) for v, c, o in _points(hot)]
+        return from_points(points, normalized=True)
     faint = _faint(values_of(volume.values).sample(), known, limit)
     return ramp((threshold + 1) / 256) if faint is None else _with_faint(faint, known, threshold)
 
@@ -189,7 +209,12 @@ def _faint(some: NDArray[Any], known: Survey, threshold: float) -> tuple[float, 
         return None
     faint = (values > start) & ~_joined(dense, APART, np.logical_or)
     is_faint = faint & (_joined(faint.astype(np.uint8), 1, np.add) > FRIENDS)
-    is_thin = is_faint & (_ends_soon(values <= start) >= 2)
+    outside = values <= start
+    count = np.zeros(outside.shape, np.uint8)
+    for axis in range(3):
+        along, total = np.moveaxis(outside, axis, 0), np.moveaxis(count, axis, 0)
+        total[WIDTH:-WIDTH] += along[: -2 * WIDTH] & along[2 * WIDTH :]
+    is_thin = is_faint & (count >= 2)
     thin = np.count_nonzero(is_thin)
     if thin < max(LEAST_FAINT * values.size, MOSTLY * np.count_nonzero(is_faint)):
         return None
@@ -209,41 +234,9 @@ def _joined(values: NDArray[Any], reach: int, join: np.ufunc) -> NDArray[Any]:
     return values
 
 
-def _ends_soon(outside: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Count the axes along which the surroundings are `WIDTH` voxels off on both sides."""
-    count = np.zeros(outside.shape, np.uint8)
-    for axis in range(3):
-        along, total = np.moveaxis(outside, axis, 0), np.moveaxis(count, axis, 0)
-        total[WIDTH:-WIDTH] += along[: -2 * WIDTH] & along[2 * WIDTH :]
-    return count
-
-
 def _each(volume: Volume) -> int:
     """Return the voxels per voxel of the sample with known values."""
     return 1 if are_few(volume.values.dtype) else step_of(volume.values.size) ** 3
-
-
-def _with_soft(soft: Peak, known: Survey, threshold: float) -> TransferFunction:
-    """Return dense material as in `ramp`, with the soft one as a veil."""
-    low, high = known.span
-    before, peak, after = ((value - low) / (high - low) for value in soft)
-    dense = ramp((threshold + 1) / 256)
-    points = [(before, SOFT, 0.0), (peak, SOFT, VEIL), (after, SOFT, VEIL)]
-    start = max(float(dense.value[0]), after)
-    points += [(start, CLAY, VEIL), *((max(start, v), c, o) for v, c, o in _points(dense)[1:])]
-    return from_points(points, normalized=True)
-
-
-def _with_body(body: Peak, known: Survey, threshold: float, size: int) -> TransferFunction:
-    """Return hot spots in a body that is a veil as deep as it is large."""
-    low, high = known.span
-    before, peak, _ = ((value - low) / (high - low) for value in body)
-    across = np.cbrt(body.share(known.levels) / known.levels.share(low, high) * size)
-    veil = 1 - (1 - BODY_DEPTH) ** (1 / max(1.0, float(across)))
-    hot = ramp((threshold + 1) / 256)
-    points = [(before, BODY, 0.0), (peak, BODY, veil)]
-    points += [(max(peak, v), c, max(o, VEIL)) for v, c, o in _points(hot)]
-    return from_points(points, normalized=True)
 
 
 def _with_faint(faint: tuple[float, float], known: Survey, threshold: float) -> TransferFunction:

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -110,7 +110,9 @@ class _Regions(_Head):
 def read_transfer(path: Path) -> Transfer:
     """Read a transfer function of `points` over values or `regions` over values and gradients."""
     try:
-        content = _parsed(path)
+        check_size(str(path), path.stat().st_size, "tree")
+        text = path.read_text(encoding="utf-8-sig")
+        content = toml_of(text) if path.suffix.lower() == ".toml" else json_of(text)
         form = _Regions if isinstance(content, dict) and "regions" in content else _Points
         return form.model_validate(content).transfer()
     except ValidationError as error:
@@ -123,12 +125,6 @@ def read_transfer(path: Path) -> Transfer:
         raise ValueError(f"{path}: is not UTF-8 text (at byte {error.start})") from None
     except ValueError as error:  # TOML's message ends in line and column
         raise ValueError(f"{path}: {error}") from None
-
-
-def _parsed(path: Path) -> Any:
-    check_size(str(path), path.stat().st_size, "tree")
-    text = path.read_text(encoding="utf-8-sig")
-    return toml_of(text) if path.suffix.lower() == ".toml" else json_of(text)
 
 
 def _complaint(detail: "ErrorDetails") -> str:

@@ -12,14 +12,15 @@ import numpy as np
 from resample.messages import choices_in, parts_of
 from resample_volume.classification import TISSUES
 from resample_volume.classification.automatic import automatic, ramp, tomographic
-from resample_volume.classification.materials import Materials, spread
 from resample_volume.classification.regions import Faded, Region, RegionTransfer
 from resample_volume.classification.scales import on_scale
 from resample_volume.classification.transfer import (
     SUFFIXES,
+    Materials,
     Transfer,
     TransferFunction,
     from_points,
+    spread,
 )
 from resample_volume.classification.value_statistics import Survey, survey, tissue
 from resample_volume.types import Volume
@@ -136,7 +137,19 @@ class Names:
 
             return self._placed(read_transfer(Path(name)), name)
         base, _, text = name.partition(":")
-        found = _adjusted(self._base(base), name, text)
+        transfer = self._base(base)
+        changes: dict[str, str] = {}
+        try:
+            for key, given in choices_in(text):
+                if key not in ADJUSTMENTS:
+                    raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
+                changes[key] = given
+            for key, change in ADJUSTMENTS.items():
+                if key in changes:
+                    transfer = change(transfer, changes[key])
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from None
+        found = transfer
         return found if base == "auto" and not found.normalized else self._placed(found, name)
 
     def _placed(self, transfer: Transfer, name: str) -> Transfer:
@@ -183,7 +196,16 @@ class Names:
                 f"{self.known.low:g} to {self.known.high:g} and does not look like it; give its "
                 "units, hu or hu+1024, or take auto or a range of values such as 300..900"
             )
-        found = _colormap(name)
+        import matplotlib
+
+        if name not in matplotlib.colormaps:
+            raise ValueError(
+                f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; in Hounsfield "
+                f"units {', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values "
+                "such as 300..900, points such as '40,red,0 90,white,0.5', or a .json or .toml "
+                "file will do"
+            )
+        found = colormap(name)
         if not DIVERGING.fullmatch(name):
             return found
         found = replace(found, opacity=(2 * found.value - 1) ** 2)  # noise stays faint
@@ -291,18 +313,6 @@ def _of_points(name: str) -> TransferFunction:
     return from_points(points)
 
 
-def _colormap(name: str) -> TransferFunction:
-    import matplotlib
-
-    if name not in matplotlib.colormaps:
-        raise ValueError(
-            f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; in Hounsfield units "
-            f"{', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values such as "
-            "300..900, points such as '40,red,0 90,white,0.5', or a .json or .toml file will do"
-        )
-    return colormap(name)
-
-
 def colormap(name: str) -> TransferFunction:
     """Return a colormap of matplotlib by name, over the range of the data."""
     import matplotlib
@@ -315,22 +325,6 @@ def colormap(name: str) -> TransferFunction:
     position = np.linspace(0, 1, 256)
     color = np.asarray(matplotlib.colormaps[name](position))[:, :3]
     return TransferFunction(position, color, position, normalized=True)
-
-
-def _adjusted(transfer: Transfer, name: str, text: str) -> Transfer:
-    """Apply parameters such as `opacity=0.2,low=0.3`."""
-    changes: dict[str, str] = {}
-    try:
-        for key, given in choices_in(text):
-            if key not in ADJUSTMENTS:
-                raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
-            changes[key] = given
-        for key, change in ADJUSTMENTS.items():
-            if key in changes:
-                transfer = change(transfer, changes[key])
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
-    return transfer
 
 
 def _number(key: str, given: str) -> float:

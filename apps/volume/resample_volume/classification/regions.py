@@ -66,7 +66,22 @@ class RegionTransfer:
         if self.opacity_unit is not None and not 0 < self.opacity_unit < np.inf:
             raise ValueError(f"opacity_unit: must be greater than 0 (got {self.opacity_unit})")
         for n, region in enumerate(self.regions):
-            _check(f"regions.{n}", region, self.normalized)
+            where = f"regions.{n}"
+            normalized = self.normalized
+            top = 1.0 if normalized else math.inf
+            low, high = region.gradient
+            gradient = (low, min(high, top) if math.isinf(high) else high)
+            _check_range(f"{where}.value", region.value, (0.0 if normalized else -math.inf, top))
+            _check_range(f"{where}.gradient", gradient, (0.0, top))
+            _check_share(f"{where}.opacity", region.opacity)
+            for share in region.color:
+                _check_share(f"{where}.color", share)
+            for soft, span in zip(region.softness, (region.value, gradient), strict=True):
+                if not 0 <= soft <= (span[1] - span[0]) / 2:
+                    raise ValueError(
+                        f"{where}.softness: must be from 0 to half the range's width (got {soft:g} "
+                        f"for {span[0]:g} to {span[1]:g})"
+                    )
 
     @property
     def needs_gradient(self) -> bool:
@@ -126,7 +141,10 @@ class RegionTransfer:
         transparency, weight = np.ones(place.shape), np.zeros(place.shape)
         color = np.zeros((*place.shape, 3))
         for region in self.regions:
-            inside = self._share_by_value(region, place) * self._share_by_slope(region, slope)
+            limits = (0.0, 1.0 if self.normalized else math.inf)
+            inside = self._share_by_value(region, place) * _share(
+                slope, region.gradient, region.softness[1], limits
+            )
             opacity = region.opacity * inside
             transparency *= 1 - opacity
             weight += opacity
@@ -137,10 +155,6 @@ class RegionTransfer:
     def _share_by_value(self, region: Region, place: Doubles) -> Doubles:
         limits = (0.0, 1.0) if self.normalized else (-math.inf, math.inf)
         return _share(place, region.value, region.softness[0], limits)
-
-    def _share_by_slope(self, region: Region, slope: Doubles) -> Doubles:
-        limits = (0.0, 1.0 if self.normalized else math.inf)
-        return _share(slope, region.gradient, region.softness[1], limits)
 
 
 @dataclass(frozen=True)
@@ -221,23 +235,6 @@ def _above(region: Region, low: float) -> Region:
     high = region.value[1]
     softness = (min(region.softness[0], (high - low) / 2), region.softness[1])
     return replace(region, value=(low, high), softness=softness)
-
-
-def _check(where: str, region: Region, normalized: bool) -> None:
-    top = 1.0 if normalized else math.inf
-    low, high = region.gradient
-    gradient = (low, min(high, top) if math.isinf(high) else high)
-    _check_range(f"{where}.value", region.value, (0.0 if normalized else -math.inf, top))
-    _check_range(f"{where}.gradient", gradient, (0.0, top))
-    _check_share(f"{where}.opacity", region.opacity)
-    for share in region.color:
-        _check_share(f"{where}.color", share)
-    for soft, span in zip(region.softness, (region.value, gradient), strict=True):
-        if not 0 <= soft <= (span[1] - span[0]) / 2:
-            raise ValueError(
-                f"{where}.softness: must be from 0 to half the range's width (got {soft:g} for "
-                f"{span[0]:g} to {span[1]:g})"
-            )
 
 
 def _check_share(where: str, share: float) -> None:

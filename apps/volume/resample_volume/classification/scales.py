@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
-from resample_volume.classification.materials import Materials
 from resample_volume.classification.regions import Faded, RegionTransfer
-from resample_volume.classification.transfer import Transfer, TransferFunction
+from resample_volume.classification.transfer import Materials, Transfer, TransferFunction
 from resample_volume.classification.value_statistics import findings, survey, without_padding
-from resample_volume.data.parts import slabs
-from resample_volume.data.values import as_array
+from resample_volume.data.values import as_array, slabs
 from resample_volume.types import Volume
 
 LINEAR, LOG, SYMLOG = "linear", "log", "symlog"
@@ -77,7 +75,14 @@ class LogScale:
         low, high = self.value(np.array(span)).tolist()
         found: dict[float, float] = {}
         for mantissas in MANTISSAS:
-            found = self._decades(low, high, mantissas)
+            # Positions of round values in a range, and the values
+            least = low if self.linear is None else self.linear
+            largest = max(abs(low), abs(high))
+            powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)
+            above = [float(f"{m:g}e{power}") for power in powers for m in mantissas]
+            every = above if self.linear is None else [*(-one for one in above), 0.0, *above]
+            inside = [one for one in every if low <= one <= high]
+            found = {float(self.scaled(np.array(one))): one for one in inside}
             if len(found) <= max(2.0, most):
                 break
         step = math.ceil(len(found) / max(2.0, most))
@@ -88,16 +93,6 @@ class LogScale:
             even = ticks_of((low, high), most)
             return {float(self.scaled(np.array(at))): text for at, text in even.items()}
         return {place: f"{found[place]:g}".replace("-", "−") for place in kept}
-
-    def _decades(self, low: float, high: float, mantissas: tuple[float, ...]) -> dict[float, float]:
-        """Return positions of round values in a range, and the values."""
-        least = low if self.linear is None else self.linear
-        largest = max(abs(low), abs(high))
-        powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)
-        above = [float(f"{m:g}e{power}") for power in powers for m in mantissas]
-        every = above if self.linear is None else [*(-one for one in above), 0.0, *above]
-        inside = [one for one in every if low <= one <= high]
-        return {float(self.scaled(np.array(one))): one for one in inside}
 
 
 def scale_named(text: str) -> LogScale | None:

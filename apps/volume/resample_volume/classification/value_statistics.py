@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from resample.outofcore.caching import memoized
 from resample.types import Doubles
 from resample_volume.classification.transfer import Point, TransferFunction, from_points
-from resample_volume.data.scanning import are_few, step_of
-from resample_volume.data.thresholds import Counts, Histogram
+from resample_volume.data.scanning import Counts, Histogram, are_few, step_of
 from resample_volume.data.values import Stored, values_of
 from resample_volume.types import Volume
 

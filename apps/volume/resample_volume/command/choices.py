@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
+    from resample_volume.annotations import Annotations
+    from resample_volume.appearance import Appearance, SceneObjects
     from resample_volume.classification.labels import Labels
-    from resample_volume.multivolume.appearance import Appearance, SceneObjects
     from resample_volume.rendering import Fitted
-    from resample_volume.space.annotations import Annotations
     from resample_volume.types import Volume
 
 Lit = under(LIGHT)
@@ -317,8 +317,8 @@ class AppearanceChoices(Choices):
         ValueError, LookupError
             A choice is unknown or not allowed, or two exclude each other.
         """
+        from resample_volume.appearance import Classification, check_together
         from resample_volume.classification.scales import scale_named
-        from resample_volume.multivolume.appearance import Classification, check_together
 
         if self.label and self.labels is None:
             raise ValueError("label sets the look of a label; give the volume of labels, too")
@@ -337,7 +337,7 @@ class AppearanceChoices(Choices):
             "invert": self.invert or None,
         }
         if self.slab is not None:
-            from resample_volume.surfaces.plane_meshes import Section
+            from resample_volume.image_planes import Section
 
             Section.of(self.slab)
         extras = [name for name, choice in chosen.items() if choice is not None]
@@ -353,13 +353,14 @@ class AppearanceChoices(Choices):
             A choice is unknown or not allowed.
         """
         from resample.painting.choices import MEASURING, Projection
-        from resample_volume.data.spacings import mm_of
-        from resample_volume.multivolume.appearance import (
+        from resample_volume.appearance import (
+            MU_WATER,
             Appearance,
             Classification,
+            XRay,
             named_transfer,
         )
-        from resample_volume.multivolume.xrays import MU_WATER, XRay
+        from resample_volume.data.recordings import mm_of
         from resample_volume.voxels.shading import DepthCue, Light
 
         projection = Projection.COMPOSITE if resampler is None else resampler.projection
@@ -505,7 +506,7 @@ class Beside(Choices):
     def annotations(self, background: Color | None = None) -> "Annotations":
         """Return the annotations, over a background of this linear color."""
         from resample.measuring.color_bars import DARK, ink_on
-        from resample_volume.space.annotations import Annotations
+        from resample_volume.annotations import Annotations
 
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
@@ -518,7 +519,7 @@ class Beside(Choices):
         ValueError, OSError
             The renderer shows none, or a file cannot be read.
         """
-        from resample_volume.multivolume.appearance import (
+        from resample_volume.appearance import (
             Classification,
             SceneObjects,
             check_together,
@@ -528,8 +529,8 @@ class Beside(Choices):
         names = [name for name, texts in given.items() if texts]
         if not names:
             return SceneObjects((), (), ())
-        from resample_volume.surfaces.image_planes import ImagePlane
-        from resample_volume.surfaces.meshes import IsoSurface, read_mesh
+        from resample_volume.image_planes import ImagePlane
+        from resample_volume.meshes import IsoSurface, read_mesh
 
         check_together(resampler, Classification(look.classify), names)
         planes = tuple(ImagePlane.of(text) for text in self.plane)
@@ -588,7 +589,7 @@ class BesidePicture(BesideFilm):
         if self.deep is None:
             return
         from resample.files.saving import check_deep
-        from resample_volume.space.slabs import check_slabs
+        from resample_volume.rendering import check_slabs
 
         check_deep(output)
         check_slabs(self.deep, resampler)

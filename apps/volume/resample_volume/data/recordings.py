@@ -1,4 +1,4 @@
-"""Choose one volume of a recording: a time, a channel, or colors."""
+"""Units of lengths of volumes."""
 
 from typing import Any
 
@@ -6,9 +6,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.colors import from_srgb
+from resample.lengths import SCALES, ratio, times
 from resample.types import Floats
-from resample_volume.data.parts import slabs
-from resample_volume.types import Part, Recording, Volume
+from resample_volume.data.values import slabs
+from resample_volume.types import ASSUMED, UNKNOWN, Part, Recording, Volume
+
+
+def unit_of_space(volume: Volume | Recording) -> str:
+    """Return the symbol of a volume's scene unit; empty if unknown."""
+    return volume.length if volume.length in SCALES else "mm" if volume.space == "lps" else ""
+
+
+def in_unit(volume: Volume, unit: str) -> Volume:
+    """Return a volume in another scene unit, if both are known."""
+    own = unit_of_space(volume)
+    if not (own and unit) or own == unit:
+        return volume
+    lengths = [
+        times(length, ratio(own, unit))
+        for length in (volume.spacing, volume.origin, volume.thickness)
+    ]
+    return volume._replace(spacing=lengths[0], origin=lengths[1], thickness=lengths[2], length=unit)
+
+
+def assumed(volume: Volume | Recording) -> str:
+    """Return what was assumed of a volume's lengths, for messages; empty if they are stated."""
+    if volume.length == UNKNOWN and volume.space == "lps":
+        return "no unit of length is stated; mm are assumed"
+    return ASSUMED.get(volume.length, "")
+
+
+def mm_of(volume: Volume) -> float:
+    """Return the millimeters of a scene unit; 1 if it is unknown."""
+    unit = unit_of_space(volume)
+    return ratio(unit, "mm") if unit else 1.0
+
 
 COLORED = ("uint8", "uint16", "float32", "float64")  # types of colors
 UNTOLD = (("#ffffff", None), ("", None))  # colors and windows of a single channel
@@ -61,7 +93,11 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
         colors = np.moveaxis(chosen.values[at], 0, -1)
         return in_color(colors, volume_of(chosen, colors[..., 0], chosen.name))
     values = chosen.values[at, _number(chosen, 1, channel)]
-    return volume_of(chosen, values, chosen.name + _named(recording, time, channel))
+    # The suffix of a volume's name
+    times, parts = recording.values.shape[:2]
+    words = [] if time is None or times * parts == 1 else [f"time {time}"]
+    words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]
+    return volume_of(chosen, values, chosen.name + (f" ({', '.join(words)})" if words else ""))
 
 
 def with_times_first(recording: Recording) -> Recording:
@@ -131,11 +167,3 @@ def _number(recording: Recording, axis: int, given: int | None) -> int:
     if given is not None and not -count <= given < count:
         raise ValueError(f"{listed}, 0 to {count - 1}; there is no {what} {given}")
     return (given or 0) % count
-
-
-def _named(recording: Recording, time: int | None, channel: int | None) -> str:
-    """Return the suffix of a volume's name."""
-    times, parts = recording.values.shape[:2]
-    words = [] if time is None or times * parts == 1 else [f"time {time}"]
-    words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]
-    return f" ({', '.join(words)})" if words else ""

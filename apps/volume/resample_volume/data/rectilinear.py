@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
-from resample_volume.data.memory import require_memory
+from resample_volume.data.values import require_memory
 from resample_volume.types import Volume
 
 EVEN = 1e-3  # of a step: smaller differences are rounding

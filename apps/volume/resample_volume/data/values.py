@@ -1,27 +1,252 @@
-"""Values of a volume, whether an array in memory or bricks in a file.
-
-An array is one brick. Code that only reads values asks `values_of` for them; code that works brick
-by brick asks for `bricks_of`.
-"""
+"""Check that a volume fits in memory, before anything large is allocated."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import prod
-from typing import Any, cast
+from typing import Any, NamedTuple, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from resample import memory
 from resample.memory import amount
-from resample.memory.mapped import array_in_file, array_like, folder
-from resample.outofcore.bricks import Box
+from resample.memory.mapped import array_in_file, array_like, folder, most_of
+from resample.outofcore.bricks import Box, BrickArray, Step, is_known_by_its_ends
+from resample.outofcore.passes import PassContext, in_order, threads_at_work
 from resample.painting.splines import bytes_of_field
-from resample_volume.data.bricks import Bricks
-from resample_volume.data.memory import require_memory
-from resample_volume.data.parts import slabs
-from resample_volume.data.scanning import count_codes, finite_outside, step_of
+from resample.types import Doubles
+from resample_volume.data.scanning import (
+    BrickStats,
+    are_few,
+    count_codes,
+    finite_outside,
+    scanned,
+    step_of,
+)
 from resample_volume.types import Volume
+
+REMEDY = "take a smaller or downsampled volume"
+
+
+def require_memory(count: int, what: str) -> None:
+    """Reject a volume of `count` bytes that cannot fit, see `resample.memory.require_memory`."""
+    memory.require_memory(count, what, REMEDY)
+
+
+def require_beside(values: NDArray[Any], count: int, what: str) -> None:
+    """Reject what needs `count` bytes beside values, of which those in a file have a limit."""
+    most = most_of(values)
+    if most is not None and count > most:
+        raise ValueError(
+            f"{what} need {memory.amount(count)} of memory, {memory.amount(most)} are left: give "
+            "more memory, take a coarser level, or a look that rays show without them"
+        )
+    require_memory(count, what)
+
+
+AS_THEY_ARE = (np.dtype(np.float32), np.dtype(np.float64))
+SHORT = tuple(np.dtype(name) for name in ("uint8", "int8", "uint16", "int16"))  # exact in float32
+CHUNK = 1 << 22  # voxels processed together
+SHARE = 1 << 18  # voxels per task of a thread: temporaries stay in the CPU's cache
+
+
+def slabs(values: NDArray[Any], voxels: int = CHUNK) -> Iterator[NDArray[Any]]:
+    """Yield slices (z, Y, X) in order, about so many voxels at a time; views, not copies."""
+    step = max(1, voxels // max(1, values[0].size))
+    for z in range(0, len(values), step):
+        yield values[z : z + step]
+
+
+class PlaneRange(NamedTuple):
+    """Planes of a volume that contain given voxels, with adjacent planes."""
+
+    voxels: slice  # the voxels in them
+    values: NDArray[Any]  # (z, Y, X) float32 or float64, read only
+    first: int  # flat index of their first value into the volume
+
+
+def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[PlaneRange]:
+    """Yield the parts of a volume (Z, Y, X) that contain voxels, in the types of kernels.
+
+    Indices (N,) into the flat volume come in the order of an array or of the painter's bricks. The
+    two types hold all others exactly. A contiguous volume of these types is passed as it is; others
+    are converted some planes at a time, where there are voxels.
+    """
+    from resample_volume.kernels.gradients import BRICK
+
+    if values.dtype in AS_THEY_ARE and values.flags.c_contiguous:
+        yield PlaneRange(slice(0, index.size), _read_only(values), 0)
+        return
+    kind = np.float32 if values.dtype.newbyteorder("=") in (*SHORT, AS_THEY_ARE[0]) else np.float64
+    plane, begin = values[0].size, 0
+    thick = BRICK * max(1, CHUNK // max(1, BRICK * plane))
+    many = thick * plane
+    while begin < index.size:
+        # Within this many planes voxels come in any order, but before those of the next planes.
+        number = int(index[begin]) // many
+        end = bisect_left(index, number + 1, begin, key=lambda n: n // many)
+        above = max(0, number * thick - 1)
+        near = values[above : (number + 1) * thick + 1].astype(kind, order="C")
+        yield PlaneRange(slice(begin, end), _read_only(near), above * plane)
+        begin = end
+
+
+def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+    """Return a read-only view, so that arrays and mapped files share one compiled kernel."""
+    given = values.view()
+    given.setflags(write=False)
+    return given
+
+
+def side_by_side(job: Callable[[slice], None], count: int) -> None:
+    """Run a job on ranges of `count` voxels, on several threads if they are many.
+
+    NumPy and kernels release the GIL. The job's result for a voxel must not depend on others.
+    """
+    shares = [slice(n, min(n + SHARE, count)) for n in range(0, count, SHARE)]
+    threads = min(threads_at_work(), len(shares))
+    if threads < 2:
+        for share in shares:
+            job(share)
+        return
+    for _ in in_order(job, shares):
+        pass
+
+
+class StatisticsCache(Protocol):
+    """Stores statistics of values for later commands."""
+
+    def load(self, bricks: "Bricks") -> BrickStats | None:
+        """Return the stored statistics; None if there are none that are valid."""
+
+    def state(self) -> str | None:
+        """Return the state of the file, which shows changes; None if changes may go unnoticed."""
+
+    def keep(self, bricks: "Bricks", found: BrickStats, state: str | None) -> None:
+        """Store the statistics of a file in a state."""
+
+
+@dataclass(eq=False)
+class Bricks(BrickArray):
+    """Values (Z, Y, X) of a volume in a file, instead of a NumPy array.
+
+    Statistics of all values are found in one pass and cached.
+    """
+
+    shape: tuple[int, int, int]
+    replaced: tuple[NDArray[Any], Any] | None = None  # of values that stand for missing ones
+    statistics_cache: "StatisticsCache | None" = None  # for later commands
+    helpers: Callable[[], PassContext | None] | None = None  # workers of the first pass
+
+    def one_of(self, values: "Bricks", number: int) -> "Bricks":
+        """Return the values of one period alone, with their known statistics."""
+        layers = values.count[0]
+        own = slice(number * layers, (number + 1) * layers)
+        values.__dict__["ends"] = tuple(end[own] for end in self.ends)
+        return values
+
+    def brick(self, index: Step) -> NDArray[Any]:
+        """Return the values of a brick; one known to be constant is not read."""
+        if is_known_by_its_ends(self.dtype) and "ends" in self.__dict__:
+            least, greatest = (end[index] for end in self.ends)
+            if least == greatest:
+                shape = [part.stop - part.start for part in self.box(index)]
+                return np.full(shape, least, self.dtype)
+        return super().brick(index)
+
+    def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
+        """Return values with replacements of missing ones."""
+        if self.replaced is None:
+            return stored
+        padding, by = self.replaced
+        is_none = np.isin(stored, padding)
+        if self.dtype.kind == "f":
+            is_none |= np.isinf(stored)
+        return np.where(is_none, np.asarray(by, self.dtype), stored)
+
+    def anew(self) -> Self:
+        """Return a copy that counts its own reads, with the known statistics."""
+        known = {"ends", "statistics"} & self.__dict__.keys()
+        copy = super().anew()
+        copy.__dict__.update({name: self.__dict__[name] for name in known})
+        return copy
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs; of the statistics only the ends of bricks."""
+        known = {"ends": self.ends} if {"ends", "statistics"} & self.__dict__.keys() else {}
+        state = super().__getstate__() | known | {"helpers": None}
+        return {name: part for name, part in state.items() if name != "statistics"}
+
+    def without(self, padding: Sequence[float], by: Any, _: str = "", /) -> "Bricks":
+        """Return a copy in which values for missing ones, and infinite ones, are replaced."""
+        return replace(self.anew(), replaced=(np.array(padding), by), found={})
+
+    @cached_property
+    def ends(self) -> tuple[Doubles, Doubles]:
+        """Return the least and greatest finite value of each brick, as in `BrickStats`."""
+        return self.statistics.least, self.statistics.greatest
+
+    @cached_property
+    def statistics(self) -> BrickStats:
+        """Return statistics of all values; the first call reads each brick."""
+        cache = self.statistics_cache
+        kept = None if cache is None else cache.load(self)
+        if cache is None or kept is not None:
+            return kept or scanned(self, self._helped())
+        state = cache.state()
+        found = scanned(self, self._helped())
+        cache.keep(self, found, state)
+        return found
+
+    def is_kept(self) -> bool:
+        """Whether the statistics are cached, so that no scan is needed."""
+        kept = None if self.statistics_cache is None else self.statistics_cache.load(self)
+        if kept is not None:
+            self.__dict__["statistics"] = kept
+        return kept is not None
+
+    def range(self) -> tuple[float, float]:
+        """Return the least and greatest finite value; infinite where there is none."""
+        least, greatest = self.ends
+        return float(least.min()), float(greatest.max())
+
+    def sample(self) -> NDArray[Any]:
+        """Return a regular sample, see `step_of`."""
+        return self.statistics.some
+
+    def border(self) -> NDArray[Any]:
+        """Return all values (N,) on the six sides."""
+        return self.statistics.border
+
+    def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
+        """Return finite values (N,) outside the range of a sample, and the number of infinite."""
+        found, infinite = finite_outside([self.statistics.beyond], low, high)
+        return found, infinite + self.statistics.infinite
+
+    def codes(self) -> NDArray[np.int64]:
+        """Return counts of each value, by its bits, for types of few values."""
+        found = self.statistics.codes
+        if found is None:
+            raise TypeError(f"{self.dtype} has too many values to count each")
+        return found
+
+    def unique(self) -> set[int]:
+        """Return all whole numbers that occur."""
+        if are_few(self.dtype):
+            code = np.flatnonzero(self.codes()).astype(f"u{self.dtype.itemsize}")
+            return set(code.view(self.dtype).tolist())
+        _ = self.ends  # constant bricks need not be read after that
+        found: set[int] = set()
+        for part in in_order(lambda index: np.unique(self.brick(index)), self.all()):
+            found.update(part.tolist())
+        return found
+
+    def _helped(self) -> PassContext | None:
+        return None if self.helpers is None else self.helpers()
+
 
 LOG = logging.getLogger("resample")
 

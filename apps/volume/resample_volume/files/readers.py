@@ -15,24 +15,25 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.arrays import DamageError, read_npy
+from resample.reading.arrays import DamageError, read_npy, read_npz
 from resample_volume.data.recordings import is_color
-from resample_volume.files.parsing.headers import (
+from resample_volume.data.rectilinear import rectilinear
+from resample_volume.files.headers import (
     Check,
     OneOfAll,
     VolumeHeader,
+    VoxelData,
     accept_any,
     check_type,
-    existing_file,
     header,
     recording,
-    stem,
+    voxels,
+    wrong_size,
 )
-from resample_volume.files.parsing.sections import ArrayQuery, check_part
-from resample_volume.files.parsing.texts import Numbers, sizes_of, spacing_of, steps_of
-from resample_volume.files.parsing.voxels import VoxelData, voxels, wrong_size
-from resample_volume.types import Recording, Volume
+from resample_volume.files.texts import Numbers, sizes_of, spacing_of
+from resample_volume.types import UNKNOWN, Recording, Volume
 
+AXES = ("x", "y", "z")
 BYTE_ORDERS = {"<": "little", ">": "big", "=": sys.byteorder}  # by NumPy's sign
 
 
@@ -66,179 +67,6 @@ class Streamer(Protocol):
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
         """Return the file's levels, the finest first: `path`, `shape` and `spacing` of each."""
-
-
-@dataclass(frozen=True)
-class Nrrd(OneOfAll):
-    """NRRD, with the data in the same file or beside it; raw voxels are memory mapped."""
-
-    suffixes: ClassVar[tuple[str, ...]] = (".nrrd", ".nhdr")
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.formats.nrrd import read_nrrd
-
-        return read_nrrd(path, name, check)
-
-
-@dataclass(frozen=True)
-class MetaImage(OneOfAll):
-    """MetaImage, with the data in the same file or beside it; raw voxels are memory mapped."""
-
-    suffixes: ClassVar[tuple[str, ...]] = (".mha", ".mhd")
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.formats.metaimage import read_metaimage
-
-        return read_metaimage(path, name, check)
-
-
-@dataclass(frozen=True)
-class Nifti(OneOfAll):
-    """NIfTI-1 or -2 in a single file; slope and intercept are applied, which gives floats.
-
-    Its coordinates are RAS; they are converted to LPS, like those of other formats.
-    """
-
-    space: ClassVar[str] = "lps"
-    suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.formats.nifti import read_nifti
-
-        return read_nifti(path, name, check)
-
-
-@dataclass(frozen=True)
-class Vti(OneOfAll):
-    """VTK image data, at points or cells. Components are channels, or a color."""
-
-    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
-    part: str = ""  # magnitude: lengths of the array's vectors
-
-    suffixes: ClassVar[tuple[str, ...]] = (".vti",)
-
-    def __post_init__(self) -> None:
-        check_part(self.part)
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.xml.vti import read_vti
-
-        wanted = ArrayQuery(self.array, self.part, "vti")
-        return read_vti(path, wanted, name, check)
-
-
-@dataclass(frozen=True)
-class Vtk(OneOfAll):
-    """VTK's legacy files, as text or binary: image data, rectilinear grids, grids of cells.
-
-    Values are at points or cells; components are channels, or a color. Unstructured grids are
-    resampled onto a lattice, with the extra vtk.
-    """
-
-    array: str = ""  # name of the array; empty: the first of SCALARS, or the only one of scalars
-    part: str = ""  # magnitude: lengths of the array's vectors
-
-    spacing: Numbers = ""  # of that lattice, as 0.5 or 1x1x2; empty: the mean size of cells
-
-    suffixes: ClassVar[tuple[str, ...]] = (".vtk",)
-
-    def __post_init__(self) -> None:
-        check_part(self.part)
-        steps_of(self.spacing)
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.formats.vtk import read_vtk
-
-        wanted = ArrayQuery(self.array, self.part, "vtk")
-        return read_vtk(path, wanted, steps_of(self.spacing), name, check)
-
-
-@dataclass(frozen=True)
-class Mrc(OneOfAll):
-    """MRC and CCP4 maps, in Å; volumes of a stack are times. Raw voxels are memory mapped."""
-
-    suffixes: ClassVar[tuple[str, ...]] = (
-        *(".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
-    )
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.formats.mrc import read_mrc
-
-        return read_mrc(path, name, check)
-
-
-@dataclass(frozen=True)
-class Cube(OneOfAll):
-    """Gaussian's cubes, in Å; several orbitals are channels."""
-
-    suffixes: ClassVar[tuple[str, ...]] = (".cube", ".cub")
-
-    def read(self, path: Path, name: str, check: Check) -> Recording:
-        from resample_volume.files.formats.cube import read_cube
-
-        return read_cube(path, name, check)
-
-
-@dataclass(frozen=True)
-class TiffStack(OneOfAll):
-    """A folder of gray pictures, sorted by number, or one multi-page file.
-
-    Sizes, times and channels are those of OME-TIFF or ImageJ; other pictures have none.
-    """
-
-    spacing: Numbers = ""  # instead of the file's
-
-    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp")
-
-    def __post_init__(self) -> None:
-        spacing_of(self.spacing)
-
-    def recorded(self, path: Path, check: Check = accept_any) -> Recording:
-        from resample_volume.files.stacks import slices
-        from resample_volume.files.stacks.descriptions import stack_facts
-
-        if path.is_dir():
-            paths, name = slices.files_with(path, self.suffixes), path.resolve().name
-        else:
-            paths, name = [existing_file(path)], stem(path, self.suffixes)
-        if not paths:
-            raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
-        pages = slices.stack_pages(paths)
-        first, count = pages[0], len(pages)
-        facts = stack_facts(first.told, count, first.channels, name, is_alone=len(paths) == 1)
-        own = (facts.spacing, facts.length)
-        spacing, length = spacing_of(self.spacing) if self.spacing else own
-        shape = (first.width, first.height, facts.slices or count)
-        known = header(shape, first.dtype, name, spacing=spacing, origin=facts.origin)
-        color, parts = is_color((first.channels,), known.dtype), first.channels * facts.channels
-        known = known._replace(length=length, note=facts.note, is_color=color)
-        known = known._replace(parts=parts, times=facts.times)
-        check(known)
-        every = facts.sorted(slices.stack_values(paths, known, pages))
-        if facts.line != (0, 1):
-            every = np.asarray(facts.line[0] + facts.line[1] * every, np.float32)
-            known = known._replace(dtype=every.dtype, is_color=False)
-        found = recording(every, known, channels_first=first.channels == 1)
-        return found._replace(looks=facts.looks)
-
-
-@dataclass(frozen=True)
-class Dicom:
-    """A folder with a DICOM series, sorted by position, or one multi-frame file."""
-
-    series: str = ""  # instance UID; needed where the folder holds several
-
-    space: ClassVar[str] = "lps"
-    suffixes: ClassVar[tuple[str, ...]] = (".dcm",)
-
-    def __call__(self, path: Path) -> Volume:
-        from resample_volume.files.stacks import dicom
-
-        if path.is_dir():
-            files = dicom.dicom_slices(path, self.series)
-            return dicom.dicom_volume(files, path.resolve().name)
-        name = stem(existing_file(path), self.suffixes)
-        return dicom.dicom_volume([path], name)
 
 
 @dataclass(frozen=True)
@@ -317,6 +145,37 @@ class Npy(OneOfAll):
                 f"{path.name} is no array of numbers, or cut off: {error.reason}"
             ) from None
         return recording_of(values, name, self.spacing, check)
+
+
+@dataclass(frozen=True)
+class Npz(OneOfAll):
+    """NumPy arrays: one as in `.npy`, or coordinates of planes `x`, `y`, `z` and one of values."""
+
+    array: str = ""  # name of the values; empty: the only one besides x, y, z
+
+    suffixes: ClassVar[tuple[str, ...]] = (".npz",)
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        try:
+            held = read_npz(path)
+        except DamageError as error:
+            raise ValueError(
+                f"{path.name} holds no arrays, or is damaged: {error.reason}"
+            ) from None
+        others = [key for key in held if key not in AXES]
+        chosen = self.array or (others[0] if len(others) == 1 else "")
+        if chosen not in others:
+            raise ValueError(
+                f"{path.name} holds {', '.join(held) or 'nothing'}; a volume is one array "
+                "of values (Z, Y, X), which is chosen by its name: --reader npz:array=density"
+            )
+        values = held[chosen]
+        if not set(AXES) <= held.keys():
+            return recording_of(values, name, check=check)
+        check(header(values.shape[::-1], values.dtype, name))
+        made = rectilinear(values, held["x"], held["y"], held["z"], name)
+        found = Recording(made.values[None, None], *made[1:5], note=made.note)
+        return found._replace(length=UNKNOWN)
 
 
 def recording_of(

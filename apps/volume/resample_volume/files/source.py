@@ -13,33 +13,40 @@ from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.value_statistics import findings, label_count, survey
-from resample_volume.data.recordings import volume_at
-from resample_volume.data.spacings import assumed, unit_of_space
-from resample_volume.data.thresholds import otsu
+from resample_volume.data.recordings import assumed, unit_of_space, volume_at
+from resample_volume.data.scanning import otsu
 from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of
-from resample_volume.files.formats.metaimage import write_metaimage
-from resample_volume.files.formats.nifti import write_nifti
-from resample_volume.files.formats.nrrd import write_nrrd
 from resample_volume.files.generated import GENERATED
-from resample_volume.files.parsing.headers import KEPT
+from resample_volume.files.headers import KEPT
+from resample_volume.files.metaimage import write_metaimage
+from resample_volume.files.nifti import write_nifti
+from resample_volume.files.nrrd import write_nrrd
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.types import Recording, Volume
 
 if TYPE_CHECKING:
-    from resample_volume.files.stores.reader import Zarr
+    from resample_volume.files.zarr import Zarr
 
 LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
 OF_LABELS = 4  # memory limit of a volume over that of its labels
 OWN = {  # suffixes of readers that are imported only for such files
     "bioio": (".czi", ".lif", ".nd2", ".lsm", ".oib", ".oif", ".dv"),
+    "cube": (".cube", ".cub"),
+    "dicom": (".dcm",),
     "fits": (".fits", ".fit", ".fts", ".fits.gz", ".fits.fz"),
     "hdf5": (".h5", ".hdf5", ".hdf"),
     "imaris": (".ims",),
+    "metaimage": (".mha", ".mhd"),
+    "mrc": (".mrc", ".map", ".ccp4", ".mrcs", ".mrc.gz", ".map.gz", ".ccp4.gz", ".mrcs.gz"),
     "netcdf": (".nc", ".nc4", ".cdf"),
     "neuro": (".mgh", ".mgz", ".mnc", ".hdr", ".img"),
-    "npz": (".npz",),
+    "nifti": (".nii", ".nii.gz"),
+    "nrrd": (".nrrd", ".nhdr"),
+    "tiff-stack": (".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp"),
     "vdb": (".vdb",),
+    "vti": (".vti",),
+    "vtk": (".vtk",),
     "vtm": (".vtm", ".vthb"),
     "vtr": (".vtr",),
     "vts": (".vts",),
@@ -150,7 +157,7 @@ def _located(name: str | Path, reader: Reader | None) -> tuple[Any, Any]:
 
 def _distant(reader: Reader | None) -> "Zarr":
     """Return the reader of an address."""
-    from resample_volume.files.stores.reader import Zarr
+    from resample_volume.files.zarr import Zarr
 
     if reader is None:
         return Zarr()
@@ -281,7 +288,7 @@ def _suffix(name: str, known: Iterable[str]) -> str:
 def _folder_suffix(folder: Path, readers: dict[str, list[str]]) -> str:
     """Return the suffix of a folder's files; DICOM is recognised without one."""
     files = [file for file in folder.iterdir() if file.is_file() and file.name[0] != "."]
-    from resample_volume.files.stacks.dicom import is_dicom
+    from resample_volume.files.dicom import is_dicom
 
     found = {".dcm" if is_dicom(file) else _suffix(file.name, readers) for file in files} - {""}
     if len({tuple(readers[suffix]) for suffix in found}) > 1:

@@ -29,6 +29,8 @@ from resample.view.views import (
     keyframes_as_toml,
     projection_of,
 )
+from resample_volume.annotations import annotated, bar_of
+from resample_volume.appearance import Appearance, named_transfer, transfer_of
 from resample_volume.classification.scales import value_at
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.animation import (
@@ -40,14 +42,11 @@ from resample_volume.command.animation import (
 )
 from resample_volume.command.choices import AppearanceChoices, BesideFilm
 from resample_volume.editing import points_of, spelled
-from resample_volume.multivolume.appearance import Appearance, named_transfer, transfer_of
+from resample_volume.lines import measure
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.slicing import profile, slice_levels, slice_planes
-from resample_volume.space.annotations import annotated
-from resample_volume.space.color_bar import bar_of
-from resample_volume.space.lines import measure
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import unit_of

@@ -19,7 +19,7 @@ from resample_volume.classification.scales import scale_named
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.choices import ReadOptions
 from resample_volume.command.inputs import of_first_channel, prepared
-from resample_volume.data.spacings import unit_of_space
+from resample_volume.data.recordings import unit_of_space
 from resample_volume.slicing import slice_planes
 from resample_volume.types import Volume
 from resample_volume.viewing.painter import VTK, VolumePainter

@@ -39,12 +39,10 @@ from resample_volume.classification.transfer import (
     visible_places,
 )
 from resample_volume.classification.value_statistics import counted, survey
-from resample_volume.data.memory import require_memory
-from resample_volume.data.parts import slabs
 from resample_volume.data.scanning import are_few
+from resample_volume.data.values import require_memory, slabs
 from resample_volume.types import Volume
 from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
-from resample_volume.voxels.thickness import with_true_thickness
 from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
@@ -54,6 +52,7 @@ from resample_volume.voxels.thin import (
     repeated,
     thin_that_fits,
     thinned,
+    with_true_thickness,
 )
 from resample_volume.voxels.visible import (
     finite_range,
@@ -279,7 +278,7 @@ def with_shadows(
     `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
     occludes no light.
     """
-    from resample_volume.voxels.transmittance import field_transmittance
+    from resample_volume.voxels.shading import field_transmittance
 
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
@@ -390,18 +389,9 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         nothing = array_like(values, values.shape, np.float32, FIELD)
         nothing[...] = 0
         return nothing, known.reshape(-1)
-    return _filled(values, known[PAD:-PAD, PAD:-PAD, PAD:-PAD], deep), known.reshape(-1)
-
-
-def _filled(
-    values: NDArray[np.generic], known: Flags, deep: NDArray[np.int32]
-) -> NDArray[np.generic]:
-    """Fill gaps with the nearest known value, plane by plane.
-
-    `values`: (Z, Y, X) with gaps. `known`: (Z, Y, X) where there are none. `deep`: (Z, Y, X) index
-    along z of the last voxel in front that is known, or NOTHING.
-    """
-    from resample_volume.voxels.kernels.shading import nearest_in_columns, nearest_in_rows
+    known = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
+    # Fill gaps with the nearest known value, plane by plane
+    from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))
@@ -419,7 +409,7 @@ def _filled(
         from_x = across[y, x]
         from_y = down[y, from_x]
         filled[z, y, x] = values[near[from_y, from_x], from_y, from_x]
-    return filled
+    return filled, known.reshape(-1)
 
 
 def _visible_count(

@@ -15,10 +15,17 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
-from resample_volume.data.memory import require_beside, require_memory
-from resample_volume.data.parts import kernel_layers, side_by_side, slabs
 from resample_volume.data.recordings import linear_colors
-from resample_volume.data.values import Stored, as_array, values_of
+from resample_volume.data.values import (
+    Stored,
+    as_array,
+    kernel_layers,
+    require_beside,
+    require_memory,
+    side_by_side,
+    slabs,
+    values_of,
+)
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:
@@ -161,7 +168,7 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     `voxel`: (N,) indices into the flat volume, z slowest, in the order of it or of the painter's
     bricks.
     """
-    from resample_volume.data.kernels.gradients import find_gradients
+    from resample_volume.kernels.gradients import find_gradients
 
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)  # from slopes per voxel
     slope, is_smooth = np.empty((voxel.size, 3), np.float32), gradient == "sobel"
@@ -177,7 +184,7 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
     """Return scene positions (N, 3) of voxels by flat index (N,), z slowest."""
-    from resample_volume.data.kernels.gradients import place
+    from resample_volume.kernels.gradients import place
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)
@@ -199,7 +206,7 @@ def visible_with_slopes(
     scene unit, or (0, 3) without a gradient. Parameters and errors as of `classify`. They are in
     the order of the painter's bricks, which speeds painters up.
     """
-    from resample_volume.data.kernels.gradients import brick_order
+    from resample_volume.kernels.gradients import brick_order
 
     volume = as_array(volume)
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL

@@ -20,8 +20,8 @@ from resample.resampler import Resampler
 from resample.types import Floats, LatticeField
 from resample_comparisons.volume.peers import Peer, VtkRenderer
 from resample_comparisons.volume.raycasting import Casting, cast_rays
+from resample_volume.appearance import Appearance, transfer_of
 from resample_volume.classification.transfer import Transfer
-from resample_volume.multivolume.appearance import Appearance, transfer_of
 from resample_volume.rendering import Subject, painted_with_bar
 from resample_volume.types import Volume
 

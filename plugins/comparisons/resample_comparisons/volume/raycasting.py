@@ -21,7 +21,7 @@ from resample.painting.scenes.scene import check_samples
 from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.progress import Progress
 from resample.types import Doubles, Floats, Samples, View
-from resample_volume.data.memory import require_memory
+from resample_volume.data.values import require_memory
 
 if TYPE_CHECKING:
     from resample_comparisons.volume.kernels.raycasting import CastingOptions, Grid

@@ -1,0 +1,456 @@
+"""Draw axes, box, orientation cube, scale bar and text into a picture of a volume."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resample.cameras.models import AnyCamera
+from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
+from resample.colors import Background, to_srgb
+from resample.console import Color
+from resample.lengths import length_text
+from resample.measuring.color_bars import (
+    BLACK,
+    BarLayout,
+    Form,
+    blank,
+    check_height,
+    draw_scale,
+    frame,
+    ink_on,
+    name,
+    painted,
+    show,
+    thin,
+    with_color_bar,
+)
+from resample.painting.choices import MEASURING, Projection
+from resample.resampler import Resampler
+from resample.types import Doubles, Floats, Frame, View
+from resample_volume.appearance import (
+    AS_IT_IS,
+    Appearance,
+    Tone,
+    VolumeLayer,
+    negative,
+    transfer_of,
+)
+from resample_volume.classification.scales import scale_named
+from resample_volume.classification.transfer import (
+    DataRange,
+    Transfer,
+    TransferFunction,
+    from_points,
+)
+from resample_volume.classification.value_statistics import survey, without_padding
+from resample_volume.data.recordings import unit_of_space
+from resample_volume.lines import Stroke, with_lines
+from resample_volume.rendering import Subject
+from resample_volume.types import Volume
+from resample_volume.voxels.framing import Shifted, centered, corners
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
+GRAY = (0.4, 0.4, 0.4)  # of the box, on black as on white
+BAR = 0.22  # of the picture's width, at most
+HIDDEN = 0.5  # opacity in front of a label from which it is left out
+CUBE = 0.2  # of the picture's shorter side
+MARGIN = 0.03  # likewise
+FONT = "DejaVu Sans"  # part of matplotlib
+LIGHT, DARK = 0.9, 0.02  # linear gray of letters and bars, and of their outline
+AROUND = 1  # px
+AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+PATIENT = ("L", "R", "P", "A", "S", "I")  # directions of the LPS axes
+FINE = 4  # sub-pixels per side of a pixel
+TYPE = 96  # px, of letters before they are mapped to a face
+RIM = 0.07  # dark border, of half a side
+REACH = 1.75  # half sides, from the cube's center to its corners
+
+
+@dataclass(frozen=True)
+class Annotations:
+    """Annotations of a volume.
+
+    Examples
+    --------
+    >>> from resample_volume import Annotations
+    >>> Annotations(cube=False, scale_bar=False)
+    Annotations(axes=True, box=True, cube=False, scale_bar=False, is_dark=False)
+    """
+
+    axes: bool = True  # lines along the scene's x, y and z, from the least corner of the box
+    box: bool = True  # edges of the box around the volume
+    cube: bool = True  # orientation of the axes: with a patient's directions if the file has them
+    scale_bar: bool = True  # a length, in perspective at the depth of the volume's center
+    is_dark: bool = False  # dark letters and bars, for bright backgrounds
+
+    @property
+    def is_any(self) -> bool:
+        """Whether there is anything to draw."""
+        return self.axes or self.box or self.cube or self.scale_bar
+
+
+ALL = Annotations()
+
+
+def annotate(
+    frame: Frame,
+    camera: Spelled,
+    volume: Volume,
+    shown: Annotations = ALL,
+    *,
+    appearance: Appearance | str = "auto",
+) -> Frame:
+    """Draw axes, box, an orientation cube and a scale bar into a picture of a volume.
+
+    Parameters
+    ----------
+    frame
+        From `render`; not changed.
+    camera
+        As passed to `render`.
+    volume
+        The rendered volume.
+    shown
+        Which annotations to draw; hidden lines are removed.
+    appearance
+        As passed to `render`; an orbiting camera depends on it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        See `render`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_volume import Annotations, annotate, as_volume, render
+    >>> volume = as_volume(np.full((8, 8, 8), 200, np.uint8))
+    >>> frame = render(volume, "100..300", (30, 20), size=(64, 48))
+    >>> seen = annotate(frame, (30, 20), volume, Annotations(cube=False, scale_bar=False))
+    >>> bool((seen.rgba[..., 3] > frame.rgba[..., 3]).any())  # axes around it
+    True
+    """
+    height, width = frame.depth.shape
+    scene, middle = centered(without_padding(volume, survey(volume)))
+    camera = viewpoint_of(camera)
+    if isinstance(camera, Orbit):
+        look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
+        eye = Subject.of(scene, look).camera(camera, height, width)
+        return annotated(frame, eye, scene, shown)
+    eye = Shifted(camera_from(camera, Sphere(middle, 1.0), height, width), middle)
+    return annotated(frame, eye, scene, shown)
+
+
+def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotations) -> Frame:
+    """Return the picture with annotations; camera and volume share a scene."""
+    view, corner = camera.view(), corners(volume)
+    size = type_size(*frame.depth.shape)
+    lines = []
+    if given.box:  # its edges: corners whose numbers differ in one bit
+        pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
+        lines = [Stroke(corner[pair], GRAY, size / 12) for pair in pairs]
+    arms = []
+    if given.axes:  # the scene's axes, as long as the box
+        start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
+        ends = [np.stack([start, start + extent * axis]) for axis in np.eye(3)]
+        arms = [Stroke(*arm, size / 6) for arm in zip(ends, COLORS, strict=True)]
+    drawn = with_lines(frame, view, [*lines, *arms])
+    rgba = np.array(drawn.rgba)
+    for arm, letter in zip(arms, "XYZ", strict=False):
+        _name_arm(rgba, frame, view, arm, letter, given)
+    if given.cube:  # in the lower left corner
+        shorter = min(rgba.shape[:2])
+        side, left = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
+        cube = cube_picture(view.rotation, side, PATIENT if volume.space == "lps" else AXES)
+        top = rgba.shape[0] - side - left
+        part = rgba[max(0, top) : max(0, top) + side, left : left + side]
+        shown = cube[max(0, -top) :][: part.shape[0], : part.shape[1]]
+        part *= 1 - shown[..., 3:]
+        part += shown
+    if given.scale_bar:
+        per_unit = float(view.focal[0])  # px, in perspective at the volume's center
+        if view.perspective:
+            depth = float(view.rotation[2] @ corner.mean(axis=0) + view.translation[2])
+            if depth <= view.near:  # what is visible may be in front
+                seen = frame.depth[np.isfinite(frame.depth)]
+                depth = float(np.median(seen)) if seen.size else math.inf
+            per_unit /= depth
+        _put_bar(rgba, per_unit, volume, given)
+    return drawn._replace(rgba=rgba)
+
+
+def _name_arm(
+    rgba: Floats, frame: Frame, view: View, arm: Stroke, name: str, given: Annotations
+) -> None:
+    """Draw an axis' name beyond its end, unless that is occluded."""
+    end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
+    place = view.rotation @ end + view.translation
+    if view.perspective and place[2] <= view.near:
+        return
+    spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
+    if not (np.abs(spot) < 1e6).all():
+        return
+    column, row = np.floor(spot).astype(int)
+    height, width = frame.depth.shape
+    is_inside = 0 <= row < height and 0 <= column < width
+    if is_inside and frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < place[2]:
+        return
+    mask = letters(name, type_size(*rgba.shape[:2]))
+    left, top = spot - np.array(mask.shape[::-1]) / 2
+    put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
+
+
+def round_length(most: float) -> float:
+    """Return the greatest of 1, 2, 5, 10, ... that is at most this long."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
+
+
+def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) -> None:
+    """Draw a scale bar in the lower right corner, with its length above."""
+    height, width = rgba.shape[:2]
+    size = type_size(height, width)
+    if not per_unit > 0:
+        return
+    length = round_length(BAR * width / per_unit)
+    across, margin, thick = length * per_unit, round(MARGIN * min(height, width)), max(2, size // 5)
+    tall = 2 * thick + 1
+    mask = np.zeros((tall, math.ceil(across)), np.float32)
+    mask[tall // 2 - thick // 2 :][:thick] = 1.0
+    mask[:, : max(1, thick // 2)] = 1.0
+    mask[:, -max(1, thick // 2) :] = 1.0
+    mask[:, -1] *= across - math.floor(across) or 1.0
+    left, top = width - margin - mask.shape[1], height - margin - tall
+    put_mask(rgba, mask, left, top, is_dark=given.is_dark)
+    words = letters(length_text(length, unit_of_space(volume)), size)
+    middle = left + mask.shape[1] / 2
+    left, top = round(middle - words.shape[1] / 2), top - words.shape[0] - thick - 2
+    put_mask(rgba, words, left, top, is_dark=given.is_dark)
+
+
+def letters(text: str, size: int) -> Floats:
+    """Return the pixel coverage (h, w) of a line of text; `size` is its font size in px."""
+    from matplotlib.font_manager import findfont
+    from matplotlib.ft2font import FT2Font
+
+    font = FT2Font(findfont(FONT))
+    font.set_size(size, 72)
+    font.set_text(text, 0.0)
+    font.draw_glyphs_to_bitmap(antialiased=True)
+    return np.asarray(font.get_image(), np.float32) / np.float32(255)
+
+
+def type_size(height: int, width: int) -> int:
+    """Return the font size for a picture, px."""
+    return max(9, round(0.035 * min(height, width)))
+
+
+def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool = False) -> None:
+    """Draw light letters or bars with a dark outline on a premultiplied picture, or vice versa.
+
+    They are clipped at its edges.
+    """
+    from scipy.ndimage import grey_dilation
+
+    wide = np.pad(mask, 2 * AROUND)
+    rim = grey_dilation(wide, size=(2 * AROUND + 1, 2 * AROUND + 1))
+    ink, around = (DARK, LIGHT) if is_dark else (LIGHT, DARK)
+    for share, gray in ((0.8 * rim, around), (wide, ink)):
+        cover(rgba, share, (gray, gray, gray), left - 2 * AROUND, top - 2 * AROUND)
+
+
+def cover(
+    rgba: Floats, share: Floats, color: tuple[float, float, float], left: int, top: int
+) -> None:
+    """Composite a color over a part of a premultiplied picture by pixel coverage (h, w)."""
+    height, width = share.shape
+    part = rgba[max(0, top) : max(0, top + height), max(0, left) : max(0, left + width)]
+    shown = share[max(0, -top) :, max(0, -left) :][: part.shape[0], : part.shape[1]]
+    ink = np.array([*color, 1.0], np.float32)
+    part *= (1 - shown)[..., None]
+    part += shown[..., None] * ink
+
+
+def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
+    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
+
+    `rotation`: (3, 3) from scene to camera. `side`: s, px.
+    """
+    place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
+    screen = np.stack(np.meshgrid(place, place), axis=-1)
+    fine = np.zeros((side * FINE, side * FINE, 4))
+    for face, letter in enumerate(names):
+        normal = (1 - 2 * (face % 2)) * np.eye(3)[face // 2]
+        toward = -float(rotation[2] @ normal)
+        if toward > 1e-3:
+            # Draw a face, upright as seen from outside
+            up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
+            across = np.cross(up, normal)
+            to_screen = np.stack([rotation @ across, rotation @ up], axis=1)[:2]
+            middle = (rotation @ normal)[:2]
+            local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
+            inside = (np.abs(local) <= 1).all(axis=-1)
+            bright = 0.15 + 0.55 * -float(rotation[2] @ normal)
+            is_rim = np.abs(local).max(axis=-1) > 1 - RIM
+            gray = np.where(is_rim, 0.02, bright * (1 - _ink(letter, local)) + 0.01)
+            fine[inside, :3] = gray[inside, None]
+            fine[inside, 3] = 1.0
+    coarse = fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3))
+    return np.asarray(coarse, np.float32)
+
+
+def _ink(name: str, local: Doubles) -> Doubles:
+    """Return the coverage by ink at points on a face."""
+    mask = letters(name, TYPE)
+    height, width = mask.shape
+    scale = max(width / 1.5, height / 1.1)  # px of letters per half side
+    column = np.floor(local[..., 0] * scale + width / 2).astype(np.int64)
+    row = np.floor(-local[..., 1] * scale + height / 2).astype(np.int64)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    return np.asarray(
+        np.where(inside, mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
+    )
+
+
+SUBROWS = 8  # sub-rows per px over which colors are averaged, so that no step is missed
+FAIR = 2  # the same where colors also vary across
+PURE = 0.3  # share of a bar that shows opaque colors
+FORMS: tuple[Form, Form] = ("curve", "plane")  # of functions of values, and of gradients too
+GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
+SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
+
+
+def color_bar(
+    transfer: Transfer,
+    data_range: DataRange,
+    height: int,
+    *,
+    title: str = "",
+    steep: float = 1.0,
+    background: Background = BLACK,
+    scale: str = "",
+) -> Floats:
+    """Draw a transfer function with a scale of data values.
+
+    Colors lie over a checkerboard that shows through transparent ones. On the left they are opaque,
+    since faint ones could not be told apart; on the right opacity is drawn as a curve. Functions of
+    value and gradient are drawn over both axes instead.
+
+    `height`: of the picture, px, at least 64. `steep`: slope of a full surface, see
+    `resample_volume.voxels.visible.steepness`. 1 shows the gradients of a normalized function as
+    fractions. Result: (H, B, 4) linear, opaque. The width B follows from the height and the text.
+    """
+    check_height(height)
+    by, form = scale_named(scale), FORMS[transfer.needs_gradient]
+    page = BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
+    ink = ink_on(background)
+    axes = blank(page, background)
+    if transfer.needs_gradient:
+        _draw_plane(axes, page, transfer, (data_range, steep), ink)
+    else:
+        # Draw colors by value, and the curve of opacities
+        value = page.values(SUBROWS)
+        color, opacity = transfer.classify(value, None, data_range, 0.0)
+        across = round(page.bar[1] - page.bar[0])
+        colors = np.repeat(color.reshape(-1, SUBROWS, 1, 3), across, axis=2)
+        shares = np.repeat(opacity.reshape(-1, SUBROWS, 1), across, axis=2)
+        pure = shares[..., : round(PURE * across)]
+        pure[pure > 0] = 1.0
+        _show_over_squares(axes, page, colors, shares, ink)
+        left, right = page.curve
+        row = page.row(value)
+        for place in page.ticks:
+            axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=thin(page), alpha=0.25)
+        axes.fill_betweenx(row, left, left + opacity * (right - left), color=ink, alpha=0.3, lw=0)
+        axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * thin(page))
+        frame(axes, page, page.curve, ink)
+        name(axes, page, page.curve, ("0", "opacity", "1"), ink)
+    draw_scale(axes, page, ink)
+    return painted(axes, page, ink)
+
+
+def _draw_plane(
+    axes: "Axes",
+    page: BarLayout,
+    transfer: Transfer,
+    extent: tuple[DataRange, float],
+    ink: str,
+) -> None:
+    """Draw colors by value and gradient."""
+    data_range, steep = extent
+    end = (transfer.steepest(steep) or steep) * (1.0 if transfer.normalized else 1.25)
+    value, across = page.values(FAIR), round(page.bar[1] - page.bar[0])
+    slope = (np.arange(across) + 0.5) / across * end
+    values, slopes = np.repeat(value, across), np.tile(slope.astype(np.float32), value.size)
+    color, opacity = transfer.classify(values, slopes, data_range, steep)
+    shape = (value.size // FAIR, FAIR, across)
+    _show_over_squares(axes, page, color.reshape(*shape, 3), opacity.reshape(shape), ink)
+    name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
+
+
+def _show_over_squares(
+    axes: "Axes", page: BarLayout, color: Floats, opacity: Floats, ink: str
+) -> None:
+    """Composite colors (rows, parts, columns, 3) over the checkerboard."""
+    rows, _, columns = opacity.shape
+    side = max(3, round(0.5 * page.type))
+    row, column = np.indices((rows, columns)) // side
+    squares = np.where((row + column) % 2, *SQUARES)[:, np.newaxis, :, np.newaxis]
+    share = opacity[..., np.newaxis]
+    linear = (share * color + (1 - share) * squares).mean(axis=1)
+    show(axes, page, linear, ink)
+
+
+def bar_of(
+    medium: VolumeLayer, resampler: Resampler, height: int, background: Color | None, tone: Tone,
+    frame: Frame | None = None,
+) -> Floats:  # fmt: skip
+    """Draw the bar of colors, opacities and values, or of the sums of a frame, of a volume.
+
+    Result: (height, B, 4) linear, opaque.
+    """
+    volume, appearance = medium
+    transfer: Transfer = GRAYS
+    scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
+    if tone.window is not None:
+        extent = tone.window
+    elif resampler.projection is Projection.ADDITIVE:
+        if frame is None:
+            raise ValueError("each frame of sums has a range of its own; leave --color-bar out")
+        # Light grows with the sum; the largest is white.
+        share = np.linspace(0.0, 1.0, 256)
+        gray = np.repeat(to_srgb(share)[:, np.newaxis], 3, axis=1)
+        transfer = TransferFunction(share, gray, np.ones(share.size), normalized=True)
+        value = np.zeros(1) if frame.value is None else frame.value
+        extent = 0.0, float(value[np.isfinite(value)].max(initial=0.0))
+    else:
+        transfer = transfer_of(volume, appearance, resampler.projection)
+        extent = survey(volume).span
+        if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
+            extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
+    if tone.is_negative:
+        # Displayed colors with black and white swapped, over black.
+        value = np.linspace(*extent, 256)
+        color, opacity = transfer.classify(value, None, extent, 0.0)
+        swapped = to_srgb(negative(color * opacity[:, np.newaxis]))
+        transfer = TransferFunction(value, swapped, np.ones(value.size))
+    behind = background or (0.0, 0.0, 0.0)
+    return color_bar(transfer, extent, height, title=volume.name, background=behind, scale=scale)
+
+
+def with_bar(
+    frame: Frame,
+    volume: Volume,
+    appearance: Appearance,
+    resampler: Resampler,
+    background: Color | None,
+    tone: Tone = AS_IT_IS,
+) -> Frame:
+    """Add the bar of a volume to the right of its picture."""
+    bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)
+    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))

@@ -1,1 +1,0 @@
-"""Numba kernels for voxel addresses and gradients: bare arrays and numbers."""

@@ -1,1 +1,0 @@
-"""File formats of volumes: read all, write some."""

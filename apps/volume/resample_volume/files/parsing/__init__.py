@@ -1,1 +1,0 @@
-"""Parts that readers of volumes share: headers, texts, numbers, sections, voxel layouts."""

@@ -1,1 +1,0 @@
-"""Volumes stored as stacks of pictures: TIFF, PNG, DICOM."""

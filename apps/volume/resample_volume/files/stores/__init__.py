@@ -1,1 +1,0 @@
-"""Read and write chunked volumes: OME-Zarr and zarr arrays."""

@@ -1,1 +1,0 @@
-"""VTK's XML files: elements, data blocks and images."""

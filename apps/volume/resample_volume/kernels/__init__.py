@@ -1,0 +1,1 @@
+"""Numba kernels of the application: bare arrays and numbers."""

@@ -1,1 +1,0 @@
-"""Scenes of several volumes, colors, channels and times."""

@@ -1,0 +1,186 @@
+"""Several volumes: the times of a recording, and a lattice that covers several."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resample.painting.choices import Projection
+from resample.types import Doubles
+from resample_volume.appearance import (
+    Appearance,
+    XRay,
+    named_or_own,
+    settled,
+    transfer_of,
+)
+from resample_volume.classification.regions import Faded
+from resample_volume.classification.transfer import Windowed
+from resample_volume.classification.value_statistics import Survey, survey, without_padding
+from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
+from resample_volume.data.values import bricks_of, is_streamed, with_bricks
+from resample_volume.types import Recording, Volume
+from resample_volume.voxels.visible import finite_range, lattice_of, steepness, visible_with_slopes
+
+if TYPE_CHECKING:
+    from resample_volume.files.zarr import Chunked
+
+SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the lattice
+
+
+class CommonLattice(NamedTuple):
+    """A lattice that covers several volumes."""
+
+    steps: Doubles  # (3, 3) columns are the steps to the next place along x, y, z; scene units
+    origin: Doubles  # (3,) scene position of the first place
+    size: NDArray[np.int64]  # (3,) places along x, y, z
+
+    @property
+    def middle(self) -> Doubles:
+        """Scene position (3,) of its center."""
+        return self.origin + self.steps @ (self.size - 1.0) / 2
+
+    def volume(self) -> Volume:
+        """A volume of zeros on it, which takes no memory."""
+        spacing = np.linalg.norm(self.steps, axis=0)
+        nothing = np.broadcast_to(np.uint8(0), tuple(self.size[::-1]))
+        return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
+
+
+def common_lattice(volumes: Sequence[Volume]) -> CommonLattice:
+    """Return the lattice of the finest volume, extended to cover all.
+
+    The finest has the smallest voxels. The result does not depend on the order of the volumes.
+    """
+    finest = min(volumes, key=_fineness)
+    steps = lattice_of(finest)
+    boxes = [_box(volume, steps, finest.origin) for volume in volumes]
+    first = np.min([box[0] for box in boxes], axis=0)
+    last = np.max([box[1] for box in boxes], axis=0)
+    return CommonLattice(steps, finest.origin + steps @ first, last - first + 1)
+
+
+def _fineness(volume: Volume) -> tuple[float, ...]:
+    """Sort key that puts the finest volume first."""
+    steps = lattice_of(volume)
+    size = round(float(abs(np.linalg.det(steps))), 9)
+    return (size, *steps.ravel(), *volume.origin, *volume.values.shape)
+
+
+def _box(
+    volume: Volume, steps: Doubles, origin: Doubles
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return first and last index (3,) of a lattice that a volume covers, with half voxels."""
+    ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
+    corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
+    away = lattice_of(volume) @ corners + (volume.origin - origin)[:, np.newaxis]
+    place = np.linalg.solve(steps, away)
+    first = np.ceil(place.min(axis=1) - SAME).astype(np.int64)
+    return first, np.maximum(first, np.floor(place.max(axis=1) + SAME).astype(np.int64))
+
+
+Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
+
+
+def _as_it_is(volume: Volume) -> Volume:
+    return volume
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """The volumes of a recording, one per time, with statistics over all times."""
+
+    recording: Recording  # with times first; of a store `Chunked`, which is read time by time
+    known: Survey  # of all values
+    together: Volume | None = None  # all times without padding, in bricks with statistics
+    ready: Ready = _as_it_is
+
+    @classmethod
+    def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
+        """Make a series of a recording's times, or of its channels if it has only these."""
+        ordered = with_times_first(recording)
+        every = ready(whole(ordered))
+        known = survey(every)
+        together = without_padding(every, known) if is_streamed(every) else None
+        return cls(ordered, known, together, ready)
+
+    @classmethod
+    def again(cls, recording: Recording, known: Survey, ready: Ready = _as_it_is) -> "Series":
+        """Rebuild the series in another process, from given statistics."""
+        ordered = with_times_first(recording)
+        every = whole(ordered) if is_chunked(ordered) else None
+        if every is not None:
+            every = without_padding(every, known)
+            every = every if bricks_of(every).is_kept() else None
+        return cls(ordered, known, every, ready)
+
+    def __len__(self) -> int:
+        return int(self.recording.values.shape[0])
+
+    def __getitem__(self, time: int) -> Volume:
+        """Return the volume of a time, without padding that all times share."""
+        own = self.ready(volume_at(self.recording, time, None))
+        volume = without_padding(own._replace(name=self.recording.name), self.known)
+        if self.together is None:
+            return volume
+        return with_bricks(volume, bricks_of(self.together).one_of(bricks_of(volume), time))
+
+    def all(self) -> Volume:
+        """All times stacked in one volume, for looks that depend on values."""
+        if self.together is not None:
+            return self.together
+        return without_padding(whole(self.recording), self.known)
+
+    def appearance(
+        self, look: Appearance, projection: Projection = Projection.COMPOSITE
+    ) -> Appearance:
+        """Return a look for all times, with ranges and slopes over all of them."""
+        together = self.all()
+        if projection is Projection.XRAY:
+            xray = look.xray or XRay()
+            every = [settled(xray, volume, self.known) for volume in self]
+            look = replace(look, xray=max(every, key=lambda one: one.window or (0.0, 0.0)))
+        transfer = transfer_of(together, look, projection)
+        if look.gradient_opacity is not None:
+            transfer = Faded(transfer, look.gradient_opacity)
+        span = finite_range(together.values)
+        steep = None
+        if transfer.needs_gradient:
+            slopes = (
+                visible_with_slopes(volume, transfer, span, look.gradient)[2] for volume in self
+            )
+            steep = max((steepness(np.linalg.norm(slope, axis=1)) for slope in slopes), default=0.0)
+        if steep is not None or transfer.normalized:
+            transfer = Windowed(transfer, span, steep=steep)
+        framing = look.framing
+        if framing is not None:
+            framing = Windowed(named_or_own(framing, together), span)
+        return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
+
+    def __iter__(self) -> Iterator[Volume]:
+        return (self[time] for time in range(len(self)))
+
+
+def whole(recording: Recording) -> Volume:
+    """Stack all times of a recording in one volume."""
+    times, parts, *size = recording.values.shape
+    if not recording.is_color and parts != 1:
+        return volume_at(recording, 0, None)  # the message says that there are channels
+    if (values := chunked(recording)) is not None:
+        return volume_of(recording, values.stacked_along_z(), recording.name)
+    across = np.moveaxis(recording.values[:], 0, 1).reshape(1, parts, times * size[0], *size[1:])
+    return alone(recording._replace(values=across))
+
+
+def is_chunked(recording: Recording) -> bool:
+    """Return whether a recording's values stay in their file."""
+    return chunked(recording) is not None
+
+
+def chunked(recording: Recording) -> "Chunked | None":
+    """Return values that stay in their file; None if these do not."""
+    from resample_volume.files.zarr import Chunked
+
+    return recording.values if isinstance(recording.values, Chunked) else None

@@ -1,1 +1,0 @@
-"""Axes, boxes, orientation cubes, scale bars and depth slabs around a volume."""

@@ -1,1 +1,0 @@
-"""Surfaces in a volume: meshes, image planes, isosurfaces and sections."""

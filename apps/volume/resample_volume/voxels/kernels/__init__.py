@@ -1,1 +1,0 @@
-"""Numba kernels of voxels; they take only arrays and numbers."""
