@@ -113,7 +113,7 @@ def test_a_stray_point_far_away_changes_no_disc():
         order = canonical_order(position)
         ordered, count = position[order], len(position)
         normal, axes = np.zeros((count, 3), np.float32), np.zeros((count, 2, 3), np.float32)
-        spacing._measured(ordered, normal, axes, np.inf)
+        spacing._measured(ordered, normal, axes, np.inf, np.zeros(3))
         return axes[np.argsort(order)][: len(place)]
 
     order = canonical_order(far)
@@ -140,7 +140,7 @@ def test_discs_are_widened_where_points_lie_along_the_curve_through_all(
     """Not where a few far away squeeze the others into one cell of it."""
     asked = []
 
-    def measured(position, _normal, axes, _largest, is_along=True):
+    def measured(position, _normal, axes, _largest, _zero, is_along=True):
         asked.append((len(position), is_along))
         axes[:] = position[:, None]
 
@@ -149,6 +149,6 @@ def test_discs_are_widened_where_points_lie_along_the_curve_through_all(
     place = sphere(50).astype(np.float32)
     place = np.repeat(place[canonical_order(place)], repeated, axis=0)
     axes = np.zeros((len(place), 2, 3), np.float32)
-    spacing._measured(place, np.zeros_like(place), axes, 1.0)
+    spacing._measured(place, np.zeros_like(place), axes, 1.0, np.zeros(3))
     assert asked == [(50, not is_crowded)]
     np.testing.assert_array_equal(axes, np.repeat(place[:, None], 2, axis=1))

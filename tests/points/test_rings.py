@@ -62,10 +62,32 @@ def test_discs_of_the_ground_lie_flat(record):
     surfels = measured(0.02)
     place = surfels.position + surfels.origin
     reach = np.hypot(place[:, 0], place[:, 1])
-    is_ground = (np.abs(place[:, 2] + spinning.HEIGHT) < 0.05) & (reach > 8) & (reach < 12)
+    is_ground = spinning.street(0.02).is_ground[surfels.source] & (reach > 8) & (reach < 12)
     normal = np.cross(surfels.axes[:, 0], surfels.axes[:, 1])[is_ground]
     upright = np.abs(normal[:, 2]) < 0.7 * np.linalg.norm(normal, axis=1)
     record.error("discs that stand", upright)
+
+
+@pytest.mark.parametrize("azimuth", [-45, 65, 140])  # degrees, toward each of the boxes
+def test_edges_are_where_the_scanner_sees_them(azimuth):
+    found = spinning.street(0.015)
+    color = np.where(found.is_ground[:, None], np.float32([0, 1, 0]), np.float32([1, 0, 0]))
+    camera, ray = camera_at(np.radians(azimuth))
+    frame = render_cloud(Cloud(found.place, NONE, color, np.empty(0)), camera, size=(WIDTH, HEIGHT))
+    truth = spinning.hits(ray)
+    elevation = np.degrees(np.arctan2(ray[:, 2], np.hypot(ray[:, 0], ray[:, 1])))
+    is_box = np.isfinite(truth.away) & ~truth.is_ground
+    is_box &= (elevation > spinning.LOWEST) & (elevation < spinning.HIGHEST)
+    assert is_box.sum() > 300
+    red, green, _, alpha = frame.rgba.reshape(-1, 4)[is_box].T
+    assert ((alpha > 0.9) & (red > 0.8) & (green < 0.2)).mean() > 0.95  # 0.97 to 0.98
+
+
+def test_scans_of_other_coordinates_have_discs_too():
+    place = spinning.street(0.01, rings=16, steps=256).place + np.array([500.0, 0, 0])
+    surfels = prepare_cloud(cloud_of(place))
+    assert np.isfinite(surfels.axes).all()
+    assert (np.linalg.norm(surfels.axes, axis=2) > 0).all()
 
 
 @pytest.mark.sweep

@@ -52,6 +52,13 @@ class Lying(NamedTuple):
     is_cloud: Flags  # (N,) in all directions, as of strays
 
 
+def has_lines(whole: MeasuredDiscs) -> bool:
+    """Whether some points lie along lines."""
+    count = len(whole.position)
+    sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
+    return count >= FEWEST and bool(shape_of(whole, sample).is_line.mean() >= LINED)
+
+
 def widened(
     whole: MeasuredDiscs, measure: Callable[[Floats], MeasuredDiscs], is_known: bool
 ) -> None:
@@ -66,10 +73,6 @@ def widened(
     is_known
         Normals are given.
     """
-    count = len(whole.position)
-    sample = np.linspace(0, count - 1, min(SAMPLED, count)).astype(np.int64)
-    if count < FEWEST or shape_of(whole, sample).is_line.mean() < LINED:
-        return
     curve = curve_through(whole.position)
     along: Floats = zeros_beside(whole.position, whole.position.shape, np.float32)
     is_open: Flags = zeros_beside(whole.position, (len(along),), np.bool_)

@@ -25,10 +25,12 @@ from resample.progress import portion, told
 from resample.types import Doubles, Floats, Indices
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
-from resample_points.geometry.rings import MeasuredDiscs, shape_of, widened
+from resample_points.geometry.rings import MeasuredDiscs, has_lines, shape_of, widened
+from resample_points.geometry.scanner import scanned
 from resample_points.geometry.sorting import Ordered, curve_through, in_order
 
 NEIGHBOURS = 13  # with the point itself
+NEIGHBOURS_OF_SCANS = 21  # the same, by direction: two rings to each side
 MORE_NEIGHBOURS = 41  # for points whose 13 neighbours leave a gap
 LARGEST = 1.75  # largest disc, relative to the upper quartile of its neighbours' sizes
 MUCH = 4.0  # times the usual size of discs, from which strays are looked for
@@ -45,6 +47,7 @@ WIDTH = 9  # numbers per point: a normal and two half axes
 CODE = (
     "resample_points.geometry.spacing",
     "resample_points.geometry.rings",
+    "resample_points.geometry.scanner",
     "resample_points.geometry.kernels",
 )
 UNKNOWN = np.zeros(0, np.int32)
@@ -143,10 +146,11 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
             is_oriented = is_oriented and bool(normal[rows].any(axis=1).all())
     if count and not (is_oriented and len(cloud.radius)):
         if len(cloud.radius) or not cache or is_in_file(position):
-            _measured(position, normal, axes, None if len(cloud.radius) else largest)
+            limit = None if len(cloud.radius) else largest
+            _measured(position, normal, axes, limit, -ordered.origin)
         else:
-            measure = partial(_measured, position, normal, axes, largest)
-            measured_once(position, normal, axes, largest, measure)
+            measure = partial(_measured, position, normal, axes, largest, -ordered.origin)
+            measured_once(position, normal, axes, largest, -ordered.origin, measure)
     if count and len(cloud.radius):
         from resample_points.geometry.kernels.cells import lay
 
@@ -154,22 +158,27 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
     return Surfels(ordered.origin, position, axes, cloud.color, is_oriented, ordered.source)
 
 
-def _measured(position: Floats, normal: Floats, axes: Floats, largest: float | None) -> None:
-    """Fill in normals and discs from each point's neighbours; None: normals only."""
+def _measured(
+    position: Floats, normal: Floats, axes: Floats, largest: float | None, zero: Doubles
+) -> None:
+    """Fill in normals and discs from each point's neighbours; None: normals only.
+
+    `zero`: (3,) where the file's coordinates are 0.
+    """
     is_first, count = _first_of_each_place(position)
     if count == 1 and largest is not None:
         raise ValueError("all points coincide, so their size is unknown; give a radius")
     place = position if count == len(position) else _taken(position, is_first, count)
     is_crowded = _is_crowded(place)
     if place is position and not is_crowded:
-        _measured_places(place, normal, axes, largest)
+        _measured_places(place, normal, axes, largest, zero)
         return
     upward = _taken(normal, is_first, count)
     if is_crowded:
         along = _along_ranks(place)
         place, upward = _permuted(place, along), _permuted(upward, along)
     found = zeros_beside(place, (count, 2, 3), F4)
-    _measured_places(place, upward, found, largest, is_along=not is_crowded)
+    _measured_places(place, upward, found, largest, zero, is_along=not is_crowded)
     if is_crowded:
         back = np.argsort(along)
         upward, found = _permuted(upward, back), _permuted(found, back)
@@ -214,7 +223,12 @@ def _permuted(values: Floats, order: Indices) -> Floats:
 
 
 def _measured_places(
-    position: Floats, normal: Floats, axes: Floats, largest: float | None, is_along: bool = True
+    position: Floats,
+    normal: Floats,
+    axes: Floats,
+    largest: float | None,
+    zero: Doubles,
+    is_along: bool = True,
 ) -> None:
     """Fill in normals and discs of distinct points sorted along a curve.
 
@@ -224,10 +238,20 @@ def _measured_places(
 
     count = len(position)
     is_known = bool(len(normal)) and bool(normal[:1].any())
+
+    def cells(toward: Floats, upward: Floats) -> MeasuredDiscs:
+        found = _measured_beside(toward, upward, NEIGHBOURS_OF_SCANS)
+        if largest is not None and np.isfinite(largest):
+            limit(found.nearest, found.spacing, _sizes(found.axes), float(largest), found.axes)
+        return found
+
     with portion(0.0, MEASURING):
         found = _measured_alone(position, normal, axes)
-        if is_along:
-            widened(found, _measured_thinned, is_known)
+        if has_lines(found):
+            if scanned(found, zero, cells, is_known):
+                return
+            if is_along:
+                widened(found, _measured_beside, is_known)
     if count > 1 and largest is not None and np.isfinite(largest):
         with portion(MEASURING, 1.0):
             limit(found.nearest, found.spacing, _sizes(axes), float(largest), axes)
@@ -247,7 +271,9 @@ def _shrink_strays(found: MeasuredDiscs) -> None:
         axes[stray] *= (0.5 * usual / size[stray])[:, None, None]
 
 
-def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> MeasuredDiscs:
+def _measured_alone(
+    position: Floats, normal: Floats, axes: Floats, neighbours: int = NEIGHBOURS
+) -> MeasuredDiscs:
     """Fill in normals and discs by the nearest neighbours alone."""
     from resample_points.geometry.kernels.cells import Spaced
     from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
@@ -255,21 +281,21 @@ def _measured_alone(position: Floats, normal: Floats, axes: Floats) -> MeasuredD
 
     count = len(position)
     discs = Spaced(axes, zeros_beside(position, (count,), F4))
-    wanted = NeighbourCounts(min(NEIGHBOURS, count), min(MORE_NEIGHBOURS, count))
+    wanted = NeighbourCounts(min(neighbours, count), min(MORE_NEIGHBOURS, count))
     nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
     measure_all(blocks_of(position), wanted, normal, discs, nearest)
     return MeasuredDiscs(position, normal, axes, discs.spacing, nearest)
 
 
-def _measured_thinned(position: Floats) -> MeasuredDiscs:
-    """Measure the points that are left of a thinned cloud."""
-    count = len(position)
-    with told(None):  # part of larger work
-        return _measured_alone(
-            position,
-            zeros_beside(position, (count, 3), F4),
-            zeros_beside(position, (count, 2, 3), F4),
-        )
+def _measured_beside(
+    position: Floats, normal: Floats | None = None, neighbours: int = NEIGHBOURS
+) -> MeasuredDiscs:
+    """Measure other points, as part of larger work."""
+    if normal is None:
+        normal = zeros_beside(position, (len(position), 3), F4)
+    axes = zeros_beside(position, (len(position), 2, 3), F4)
+    with told(None):
+        return _measured_alone(position, normal, axes, neighbours)
 
 
 def _sizes(axes: Floats) -> Floats:
@@ -316,7 +342,12 @@ def folder() -> Path:
 
 
 def measured_once(
-    position: Floats, normal: Floats, axes: Floats, largest: float, measure: Callable[[], None]
+    position: Floats,
+    normal: Floats,
+    axes: Floats,
+    largest: float,
+    zero: Doubles,
+    measure: Callable[[], None],
 ) -> None:
     """Fill in normals and discs from the cache, or measure and cache them.
 
@@ -326,7 +357,7 @@ def measured_once(
     if len(position) < LEAST_POINTS:
         measure()
         return
-    path = folder() / f"{_name(position, normal, largest)}.npz"
+    path = folder() / f"{_name(position, normal, largest, zero)}.npz"
     found = _read(path, len(position))
     if found is not None:
         normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
@@ -336,9 +367,10 @@ def measured_once(
     store_arrays(path, {"measured": numbers}, MOST_BYTES)
 
 
-def _name(position: Floats, normal: Floats, largest: float) -> str:
+def _name(position: Floats, normal: Floats, largest: float, zero: Doubles) -> str:
     """Return the cache key of a cloud: a hash of its points and of the code."""
-    digest = hashlib.sha256(f"{source_fingerprint(*CODE)} {largest!r} {position.shape}".encode())
+    given = f"{source_fingerprint(*CODE)} {largest!r} {zero.tolist()} {position.shape}"
+    digest = hashlib.sha256(given.encode())
     for array in (position, normal):
         digest.update(np.ascontiguousarray(array, np.float32).data)
     return digest.hexdigest()[:40]
