@@ -126,6 +126,7 @@ CHOICES: list[tuple[Callable[..., Any], str, Callable[[Any], Any]]] = [
     (resample_warp3d.Joining, "colors", lambda given: resample_warp3d.Joining(colors=given)),
     (resample_warp3d.Joining, "depths", lambda given: resample_warp3d.Joining(depths=given)),
     (resample_warp3d.Joining, "votes", lambda given: resample_warp3d.Joining(votes=given)),
+    (resample_warp3d.Joining, "poses", lambda given: resample_warp3d.Joining(poses=given)),
     (resample_points.GaussianStyle, "appearance", resample_points.GaussianStyle),
     (resample_points.GaussianStyle, "order",
      lambda given: resample_points.GaussianStyle(order=given)),

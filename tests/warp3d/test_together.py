@@ -3,6 +3,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from resample.engine import jit
 from resample_warp3d.depth.equation import between
@@ -135,6 +136,56 @@ def test_views_that_share_nothing_are_left_alone():
         view.coverage[half] = view.image[half] = view.confidence[half] = 0
         view.depth[half] = np.inf
     np.testing.assert_array_equal(match_colors([left, right]).gain, 1)
+
+
+@pytest.mark.parametrize("colors", ["gain", "gain-bias"])
+def test_a_view_that_shares_nothing_with_two_others_does_not_darken_them(colors):
+    one, other, alone = views_of(standing((0.97, 1.03, 1.0)))
+    for view, half in ((one, np.s_[:, :32]), (other, np.s_[:, :32]), (alone, np.s_[:, 32:])):
+        view.coverage[half] = view.image[half] = view.confidence[half] = 0
+        view.depth[half] = np.inf
+    match = match_colors([one, other, alone], colors)
+    np.testing.assert_allclose(match.gain[2], 1, atol=1e-3)
+    np.testing.assert_allclose(match.gain[0] * match.gain[1], 1, atol=0.02)
+
+
+def hand_held(views, degrees, units):
+    """Views whose cameras are turned and moved by about so much."""
+    rng, made = np.random.default_rng(3), []
+    for source, camera in views:
+        moved = np.eye(4)
+        moved[:3, :3] = Rotation.from_rotvec(np.radians(rng.normal(0, degrees, 3))).as_matrix()
+        moved[:3, 3] = rng.normal(0, units, 3)
+        made.append(PosedSource(source, camera.moved(moved @ camera.world_to_camera)))
+    return made
+
+
+def apart(views):
+    """Mean distance, px, of where two views put a point from where a third one does."""
+    point = np.array([0.3, 0.2, 3.0, 1.0])
+    eye, *others = (
+        np.linalg.inv(each.camera.world_to_camera) @ true.camera.world_to_camera @ point
+        for each, true in zip(views, standing(), strict=True)
+    )
+    focal = views[0].camera.matrix[0, 0] / point[2]
+    return focal * np.mean([np.linalg.norm(each - eye) for each in others])
+
+
+def test_poses_of_hand_held_views_are_refined_by_colors_and_depths():
+    given = hand_held(standing((0.9, 1.0, 1.1)), 0.6, 0.01)
+    ready = agreed(given, Joining())
+    found = [ready.standing[ready.order.index(n)] for n in range(3)]
+    assert apart(given) > 1.0  # px
+    assert apart(found) < 0.25 * apart(given)  # measured 0.20, of 3 px
+    kept = agreed(given, Joining(poses="none"))
+    for each, n in zip(kept.standing, kept.order, strict=True):
+        assert each.camera is given[n].camera
+
+
+def test_right_poses_stay_as_they_are():
+    given = standing()
+    for each, n in zip(*agreed(given, Joining())[:2], strict=True):
+        np.testing.assert_array_equal(each.camera.world_to_camera, given[n].camera.world_to_camera)
 
 
 def test_colors_of_any_range_and_dark_channels_are_matched():
@@ -277,6 +328,7 @@ def test_a_film_keeps_the_gains_of_a_frame():
         ({"colors": "hue"}, "unknown way to match colors 'hue'; known: gain, gain-bias, none"),
         ({"depths": "bias"}, "unknown way to match depths 'bias'; known: scale, none"),
         ({"votes": "all"}, "unknown votes 'all'; known: majority, none"),
+        ({"poses": "given"}, "unknown poses 'given'; known: refined, none"),
     ],
 )
 def test_unknown_names_are_refused(words, message):

@@ -305,6 +305,13 @@ class Joint(Choices):
             description="Correction that aligns the depths of several views, keeping their mean."
         ),
     ] = "scale"
+    match_poses: Annotated[
+        Literal["refined", "none"],
+        Field(
+            description="Movement of several views, in which their colors and depths agree, "
+            "keeping the mean of their poses."
+        ),
+    ] = "refined"
     votes: Annotated[
         Literal["majority", "none"],
         Field(description="Drop samples that as many views contradict as confirm."),
@@ -322,7 +329,9 @@ class Joint(Choices):
         chosen = (
             PLAIN
             if self.plain
-            else Joining(self.blend, self.match_colors, self.match_depths, self.votes)
+            else Joining(
+                self.blend, self.match_colors, self.match_depths, self.votes, self.match_poses
+            )
         )
         return replace(chosen, blend="best", colors="none") if unmixed else chosen
 

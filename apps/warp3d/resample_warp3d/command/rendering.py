@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
+from operator import is_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,7 +28,7 @@ from resample_warp3d.sheet.sheets import background, behind
 from resample_warp3d.types import Equation, Hole, Method, Source, Warped
 
 if TYPE_CHECKING:
-    from resample_warp3d.views.multi_source import Joining
+    from resample_warp3d.views.multi_source import Agreed, Joining
 
 REFINEMENTS = {
     "snap": "edges moved to those of the picture, gaps filled",
@@ -42,6 +43,9 @@ HOLES = {
     Hole.OUTSIDE: "outside the source",
     Hole.NO_DEPTH: "without depth",
 }
+
+
+_last: "list[tuple[list[object], Joining, Agreed]]" = []  # matched sources, how, and the match
 
 
 class Prepared(NamedTuple):
@@ -118,19 +122,14 @@ def joined(
     """Render sources together for a camera in a frame (height, width); None: there is but one."""
     if joining is None:
         return JoinedPicture(warped(session, sources[0], target, shape, choice), None)
-    from resample_warp3d.views.multi_source import PosedSource, agreed, layers_of, render_together
+    from resample_warp3d.views.multi_source import layers_of, render_together
 
     look = partial(
         render_together, target=target, shape=shape, method=choice.built(), joining=joining,
         filter=choice.filter, threads=choice.threads,
     )  # fmt: skip
     with session.stage("match"):
-        standing = [
-            PosedSource(each.source, each.camera)
-            for each in sources
-            if isinstance(each.camera, Camera)
-        ]
-        ready = agreed(standing, joining)
+        ready = _agreed(sources, joining)
     with session.stage("warp"):
         viewed = look(ready)
         layers = layers_of(ready, [each.layer for each in sources])
@@ -138,13 +137,28 @@ def joined(
         layer = look(layers, joining=alone, match=viewed.match).warped if layers.order else None
     found = [
         {
+            "moved": round(float(moved), 6),
             "depth_factor": round(1.0 / float(scale), 6),
             "gain": [round(float(each), 6) for each in gain],
             "bias": [round(float(each), 6) for each in bias],
         }
-        for scale, gain, bias in zip(ready.scale, *viewed.match, strict=True)
+        for moved, scale, gain, bias in zip(ready.moved, ready.scale, *viewed.match, strict=True)
     ]
     return JoinedPicture(filled(session, viewed.warped, layer, choice), found)
+
+
+def _agreed(sources: Sequence[Prepared], joining: "Joining") -> "Agreed":
+    """Match sources; the last match is kept, for the frames of a film and a viewer's pictures."""
+    from resample_warp3d.views.multi_source import PosedSource, agreed
+
+    parts: list[object] = [part for each in sources for part in (each.source, each.camera)]
+    for kept, way, ready in _last:
+        if way == joining and len(kept) == len(parts) and all(map(is_, kept, parts)):
+            return ready
+    views = [PosedSource(s.source, s.camera) for s in sources if isinstance(s.camera, Camera)]
+    ready = agreed(views, joining)
+    _last[:] = [(parts, joining, ready)]
+    return ready
 
 
 def shifted(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from resample.types import Doubles
 from resample_warp3d.depth.equation import places, warp_places
@@ -145,27 +146,31 @@ def _blocks(values: NDArray[np.generic]) -> Doubles:
 def _of_channel(
     pairs: Sequence[SharedPoints], count: int, channel: int, *, has_bias: bool
 ) -> tuple[Doubles, Doubles]:
-    """Gain (V,) and bias (V,) of a channel."""
-    rows = []
-    for pair in pairs:
-        use = pair.usable[:, channel]
-        if use.sum() < FEWEST_BLOCKS:
-            continue
-        row = np.zeros((int(use.sum()), 2 * count))
-        first, second = (color[use, channel] for color in pair.color)
-        row[:, pair.first], row[:, pair.second] = first, -second
-        if has_bias:
-            row[:, count + pair.first], row[:, count + pair.second] = 1.0, -1.0
-        rows.append(row)
-    gain, bias = np.ones(count), np.zeros(count)
-    if not rows:
-        return gain, bias
-    sums = np.zeros((2, 2 * count))
-    sums[0, :count] = sums[1, count:] = 1.0
-    start = np.concatenate([gain, bias])
-    found = solved(np.concatenate(rows), np.zeros(sum(map(len, rows))), sums, start)
-    gain = np.clip(found[:count], 1.0 / MOST, MOST)
-    level = np.exp(np.log(gain).mean())
+    """Gain (V,) and bias (V,) of a channel.
+
+    Gains alone are found by their logarithms. With biases, views without common surfaces, also by
+    way of others, each keep a mean of their own: the errors of one half get less as it gets darker.
+    """
+    linked = [(pair, pair.usable[:, channel]) for pair in pairs]
+    linked = [(pair, use) for pair, use in linked if use.sum() >= FEWEST_BLOCKS]
+    if not linked:
+        return np.ones(count), np.zeros(count)
+    rows, right, views = [], [], np.eye(count)
+    for pair, use in linked:
+        first, second = (color[use, channel, None] for color in pair.color)
+        one, other = views[pair.first], views[pair.second]
+        right.append(np.zeros(len(first)) if has_bias else np.log(second / first)[:, 0])
+        gains = first * one - second * other if has_bias else one - other + 0.0 * first
+        rows.append(np.c_[gains, (one - other) * has_bias + 0.0 * first])
+    between = np.zeros((count, count))
+    between[tuple(np.transpose([(pair.first, pair.second) for pair, _ in linked]))] = 1.0
+    parts, part = connected_components(between, directed=False)
+    sums = np.kron(np.eye(2), part == np.arange(parts)[:, None])
+    start = np.repeat([float(has_bias), 0.0], count)
+    found = solved(np.concatenate(rows), np.concatenate(right), sums, start)
+    gain = found[:count] if has_bias else np.exp(found[:count])
+    gain = np.clip(gain, 1.0 / MOST, MOST)
+    level = np.exp(sums[:parts, :count] @ np.log(gain) / sums[:parts, :count].sum(axis=1))[part]
     return gain / level, found[count:] / level
 
 

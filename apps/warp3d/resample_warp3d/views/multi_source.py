@@ -26,6 +26,7 @@ from resample_warp3d.views.matching import (
 from resample_warp3d.views.merging import Blend, angle_share, check_blend, merge, order_of_bits
 
 VOTES = ("majority", "none")
+POSES = ("refined", "none")
 SAME = 0.02  # relative nearness within which surfaces are the same
 REACH = 1  # samples compared around a place
 
@@ -117,6 +118,9 @@ class Joining:
         How depths are matched: `scale` or `none`.
     votes
         `majority` drops samples that as many sources contradict as confirm; `none` keeps all.
+    poses
+        `refined` moves views of pinholes until their colors and depths agree, keeping the mean of
+        their poses, if that makes them agree better; `none` keeps poses.
 
     Raises
     ------
@@ -137,15 +141,18 @@ class Joining:
     colors: Literal["gain", "gain-bias", "none"] = "gain"
     depths: Literal["scale", "none"] = "scale"
     votes: Literal["majority", "none"] = "majority"
+    poses: Literal["refined", "none"] = "refined"
 
     def __post_init__(self) -> None:
         check_blend(self.blend)
         check_colors(self.colors)
         check_depths(self.depths)
         check_votes(self.votes)
+        if self.poses not in POSES:
+            raise ValueError(f"unknown poses {self.poses!r}; known: {', '.join(POSES)}")
 
 
-PLAIN = Joining("confident", "none", "none", "none")  # without corrections or votes
+PLAIN = Joining("confident", "none", "none", "none", "none")  # without corrections or votes
 
 
 class PosedSource(NamedTuple):
@@ -173,6 +180,7 @@ class Agreed(NamedTuple):
     standing: list[PosedSource]
     order: list[int]  # indices into the sources as given
     scale: Doubles  # (V,) factors of the nearness, in the given order
+    moved: Doubles  # (V,) scene units by which their cameras were moved, in the given order
 
 
 class Joined(NamedTuple):
@@ -183,7 +191,7 @@ class Joined(NamedTuple):
 
 
 def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
-    """Match the depths of several sources; the result serves every target.
+    """Match the poses and depths of several sources; the result serves every target.
 
     Examples
     --------
@@ -199,6 +207,8 @@ def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
     """
     order = order_of_bits([(s.color, s.nearness, c.matrix, c.world_to_camera) for s, c in given])
     standing = [given[n] for n in order]
+    if joining.poses == "refined" and not any(each.source.place.size for each in given):
+        standing = _registered(standing)
     equations = [[between(one.camera, other.camera) for other in standing] for one in standing]
     found = match_depths([each.source for each in standing], equations, joining.depths)
     scale = np.ones(len(given))
@@ -207,7 +217,27 @@ def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
         each._replace(source=scaled(each.source, float(factor)))
         for each, factor in zip(standing, found, strict=True)
     ]
-    return Agreed(ready, order, scale)
+    centers = [
+        np.linalg.inv(each.camera.world_to_camera)[:3, 3]
+        - np.linalg.inv(given[n].camera.world_to_camera)[:3, 3]
+        for each, n in zip(ready, order, strict=True)
+    ]
+    moved = np.empty(len(given))
+    moved[order] = np.linalg.norm(centers, axis=1)
+    return Agreed(ready, order, scale, moved)
+
+
+def _registered(views: list[PosedSource]) -> list[PosedSource]:
+    """Return views with refined poses."""
+    from resample_warp3d.views.registration import refined_poses
+
+    sources, cameras = [each.source for each in views], [each.camera for each in views]
+    given = [camera.world_to_camera for camera in cameras]
+    poses = refined_poses(sources, [camera.matrix for camera in cameras], given)
+    return [
+        each._replace(camera=each.camera.moved(pose))
+        for each, pose in zip(views, poses, strict=True)
+    ]
 
 
 def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
@@ -218,7 +248,7 @@ def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:
         if layer is not None:
             standing.append(each._replace(source=scaled(layer, float(sources.scale[n]))))
             order.append(n)
-    return Agreed(standing, order, sources.scale)
+    return sources._replace(standing=standing, order=order)
 
 
 def render_together(

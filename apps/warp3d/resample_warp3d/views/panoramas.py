@@ -26,7 +26,7 @@ from resample_warp3d.warping import as_light
 SIDES = 4
 SHARED = 4  # px that adjacent blocks overlap, on each side of their seam
 SMALLEST = 16  # px of height
-SEAMLESS = Joining("feathered", "none", "none", "none")  # feather faces at their borders
+SEAMLESS = Joining("feathered", "none", "none", "none", "none")  # feather faces at their borders
 
 
 def panorama(
