@@ -21,10 +21,9 @@ from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs
 from resample_warp3d.command.layouts import shade, tiled, together
 from resample_warp3d.command.parallax import Parallax
-from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared, shifted
+from resample_warp3d.command.rendering import Prepared, joined, joining_of, shifted
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
-from resample_warp3d.depth.refining.conditioning import RefinementChoice
 from resample_warp3d.projection_models import CameraModel, StereoPanorama
 from resample_warp3d.types import Hole, Warped
 
@@ -137,7 +136,6 @@ class StereoPair(NamedTuple):
     picture: Picture
     both: list[Picture]  # pictures of the left and of the right eye, or of a quilt
     warped: Warped | None  # None: nothing is new
-    sources: list[Prepared]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,16 +180,13 @@ class StereoRendering:
         session: Session,
         taken: Inputs,
         eyes: Eyes,
-        chosen: Sequence[RefinementChoice] | None = None,
+        sources: list[Prepared],
     ) -> StereoPair:
         """Render a picture for both eyes, in the layout.
 
-        `chosen`: refinement of each view; None: that of the options.
+        `taken`: with its depth staged, as the sources are.
         """
         layout = self.parallax.layout or "one"
-        if not self.is_around:
-            taken = self._staged(taken, eyes)
-        sources = prepared(session, taken.views, self.warping, chosen)
         if self.is_around:
             seen, warped = self._around(session, taken, sources, eyes)
         else:
@@ -206,7 +201,7 @@ class StereoRendering:
             whole = seen[0 if self.parallax.eyes == "left" else -1]
         else:
             whole = together(seen[0], seen[1], layout)
-        return StereoPair(whole, seen, warped, sources)
+        return StereoPair(whole, seen, warped)
 
     @property
     def _places(self) -> list[float]:
@@ -221,9 +216,11 @@ class StereoRendering:
         columns, rows = map(int, self.parallax.quilt.split("x"))
         return list(self.fraction * np.linspace(-0.5, 0.5, columns * rows))
 
-    def _staged(self, taken: Inputs, eyes: Eyes) -> Inputs:
+    def staged(self, taken: Inputs, eyes: Eyes) -> Inputs:
         """Return a flat picture with its depth as the options scale it, and fade it at borders."""
         choice, view = self.parallax, taken.views[0]
+        if self.is_around:
+            return taken
         near = view.image.nearness
         if choice.foreground_scale == 0.0 and not choice.preserve_borders and self.bars is None:
             return taken

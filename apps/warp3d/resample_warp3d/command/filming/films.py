@@ -129,15 +129,14 @@ def stereo_film(
     footage.inside(bars)[...] = False
     stereo = replace(stereo, bars=bars if bars.any() else None)
     eyes = stereo.eyes(surveyed, is_pair=reader is None)
+    film.staged = partial(stereo.staged, eyes=eyes)
 
     def pictures(progress: Progress | None, start: int) -> Iterator[Picture]:
         for n in range(start, len(footage)):
-            chosen = film.refinements(n)
-            taken = film.inputs(n)
+            taken, sources = film.prepared(n)
             if n == start:
                 check_memory(taken.views, stereo.shape(taken), target.path)
-            pair = stereo.render(session, taken, eyes, chosen)
-            film.note(n, pair.sources)
+            pair = stereo.render(session, taken, eyes, sources)
             if progress is not None:
                 progress((n + 1) / len(footage))
             yield pair.picture

@@ -57,9 +57,10 @@ class FilmSources:
     read: ReadInputs
     ranges: DepthRanges
     warping: DepthWarping
+    staged: Callable[[Inputs], Inputs] = lambda taken: taken  # changes of its depth
     _chosen: dict[int, list[RefinementChoice]] = field(
         default_factory=dict, init=False
-    )  # by first picture
+    )  # by first picture, of the last shot
     _shape: Shape | None = field(default=None, init=False)
     _last: tuple[int, Inputs] | None = field(default=None, init=False)  # picture kept steady
     _steady: list[SteadyDepth] = field(default_factory=list, init=False)  # of each view
@@ -110,24 +111,14 @@ class FilmSources:
             )
         return taken
 
-    def refinements(self, n: int) -> list[RefinementChoice] | None:
-        """Return the refinement of each view of a picture; None: to be chosen for it."""
-        first = self.first_of(n)
-        if first == n:
-            return None
-        if first not in self._chosen:
-            self.note(first, self.prepared(first)[1])
-        return self._chosen[first]
-
-    def note(self, n: int, sources: list[Prepared]) -> None:
-        """Record which refinement was chosen for a picture, if it is a shot's first one."""
-        if n in self.ranges.starts:
-            self._chosen[n] = [source.refined.choice for source in sources]
-
     def prepared(self, n: int) -> tuple[Inputs, list[Prepared]]:
         """Read a picture; also return its prepared sources."""
-        chosen = self.refinements(n)
-        taken = self.inputs(n)
+        first = self.first_of(n)
+        if n != first and first not in self._chosen:
+            self.prepared(first)
+        taken = self.staged(self.inputs(n))
+        chosen = None if n == first else self._chosen[first]
         sources = prepared(self.session, taken.views, self.warping, chosen)
-        self.note(n, sources)
+        if n == first:
+            self._chosen = {n: [source.refined.choice for source in sources]}
         return taken, sources

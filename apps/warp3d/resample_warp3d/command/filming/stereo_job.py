@@ -39,7 +39,7 @@ from resample_warp3d.command.inputs import (
 from resample_warp3d.command.layouts import marks_of
 from resample_warp3d.command.numbered import names_folder
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
-from resample_warp3d.command.rendering import check_memory, mention_holes
+from resample_warp3d.command.rendering import check_memory, mention_holes, prepared
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.stereo import StereoRendering
 from resample_warp3d.command.stereo_stills import PAIRS, write_pair
@@ -163,7 +163,9 @@ class StereoJob:
         if suffix in PAIRS:
             chosen = stereo.parallax.model_copy(update={"layout": "side-by-side"})
             stereo = replace(stereo, parallax=chosen)
-        made = stereo.render(session, taken, eyes)
+        taken = stereo.staged(taken, eyes)
+        sources = prepared(session, taken.views, self.warping)
+        made = stereo.render(session, taken, eyes, sources)
         if made.warped is not None and not self.warping.fill:
             mention_holes(made.warped)
         if suffix in PAIRS:
