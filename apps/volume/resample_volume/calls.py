@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resample.calling import takes, understood
+from resample.calling import REMEDIES, choice_meant, takes, understood
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
-from resample.messages import check_kind
+from resample.messages import check_kind, shortly
+from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.progress import Progress
 from resample.resampler import Resampler
@@ -95,6 +96,9 @@ def render(
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
     shape = shape_of(size)
+    shown = choice_meant(appearance, list(Projection)) if isinstance(appearance, str) else ""
+    if shown in list(Projection):  # a projection where a look is expected
+        appearance, options = "auto", {"projection": shown, **options}
     if isinstance(camera, str) and orbit_of(camera) is None and Path(camera).suffix:
         from resample.cameras.files import viewpoint
 
@@ -218,11 +222,17 @@ def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:
 
 def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with a window of others' words, and the projection of an iso value."""
-    given = {name: value for name, value in options.items() if name not in RANGES}
+    given = dict(options)
     for name in RANGES:
-        if name in options:
-            low, high = options[name]
+        if name in given:
+            low, high = given.pop(name)
             given["window"] = f"{low}..{high}"
+    if {"vmin", "vmax"} <= given.keys():
+        given["window"] = f"{given.pop('vmin')}..{given.pop('vmax')}"
+    if given.get("parallel_projection") is True:
+        given["fov"] = 0 * given.pop("parallel_projection")
+    if not isinstance(given.get("opacity", ""), str):
+        raise TypeError(f"opacity {shortly(given['opacity'])}: {REMEDIES['opacity']}")
     if "iso" in given:
         given.setdefault("projection", "first-hit")
     return given
