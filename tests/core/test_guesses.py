@@ -222,3 +222,23 @@ def test_options_of_calls_make_the_picture_of_the_command(tmp_path: Path) -> Non
     )
     with Image.open(tmp_path / "a.png") as written:
         np.testing.assert_array_equal(frame.to_uint8(background="black"), np.asarray(written))
+
+
+def test_editors_know_all_options_of_a_picture() -> None:
+    from resample.command.settings import FrameFormat, PictureFormat, Resampling, option_of
+    from resample_points.calls import RenderOptions as OfPoints
+    from resample_points.command.choices import CloudOptions, CloudStart
+    from resample_points.command.gaussians import GaussianOptions
+    from resample_volume.calls import RenderOptions as OfVolumes
+    from resample_volume.command.choices import AppearanceChoices, BesidePicture, ReadOptions
+
+    def options(*models: Any) -> set[str]:
+        named = {option_of(model, field) for model in models for field in model.model_fields}
+        return {name.replace("-", "_") for name in named}
+
+    of_volumes = options(AppearanceChoices, Resampling, BesidePicture, ReadOptions, PictureFormat)
+    assert set(OfVolumes.__annotations__) ^ of_volumes == {"camera", "size", "bits", "deep", "clim"}
+    of_points = options(CloudOptions, GaussianOptions, CloudStart, FrameFormat)
+    apart = "clim camera steady size bits also level no_cache eyes deep color_by color_bar range "
+    apart += "threads filter colormap"
+    assert set(OfPoints.__annotations__) ^ of_points == set(apart.split())

@@ -1,18 +1,19 @@
 """Render and film whatever holds points in one call: arrays, clouds, 3D Gaussians, files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.calling import takes, understood
 from resample.cameras.panoramic import Equirectangular
+from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.colors import from_srgb
 from resample.console import linear_color
@@ -40,6 +41,14 @@ if TYPE_CHECKING:
 
 SCENES = "a path, positions (N, 3), a Cloud or Gaussians"
 
+RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one line each
+    "background": str, "fov": float, "up": UpAxis, "clim": tuple[float, float],
+    "point_size": float, "light": str, "edl": float, "one_sided": bool, "crop": str,
+    "only": str | Sequence[str], "disc_limit": float, "look": str, "order": str,
+    "trained_focal": str, "subpixels": int, "nearest": float, "least_opacity": float,
+    "largest": float,
+}, total=False)  # fmt: skip
+
 
 @takes()
 def render(
@@ -52,7 +61,7 @@ def render(
     style: CloudStyle | GaussianStyle | None = None,
     filter: str | PixelFilter | None = None,  # noqa: A002
     threads: int | None = None,
-    **options: Any,
+    **given: Unpack[RenderOptions],
 ) -> Frame:
     """Render points or 3D Gaussians.
 
@@ -80,7 +89,7 @@ def render(
         Pixel filter of clouds; see `render_cloud`.
     threads
         Most threads to use; the picture does not depend on it.
-    options
+    given
         `clim`, numbers at the ends of the colormap; and options of `resample-points render`:
         `background`, `fov`, `up`, and of clouds `point_size`, `light`, `edl`, `one_sided`, `crop`,
         `only` and `disc_limit`, in place of a style; of Gaussians `look`, `order`,
@@ -102,6 +111,7 @@ def render(
     >>> render(place, (30, 20), colors=place[:, 2], size=(64, 48))
     Frame(64 × 48 px, 56.5 % covered, depth from 2.079)
     """
+    options: dict[str, Any] = {**given}
     found, behind, largest, span = opened(scene), None, LARGEST, None
     height, width = shape_of(size)
     size = width, height
@@ -130,8 +140,7 @@ def render(
         )
         behind = form.behind()
         if isinstance(view, Orbit) and start.model_fields_set:
-            given = {name: getattr(start, name) for name in start.model_fields_set}
-            view = replace(view, **given)
+            view = replace(view, **{name: getattr(start, name) for name in start.model_fields_set})
         if look.model_fields_set and style is not None:
             raise ValueError("give a style or its options, not both")
         style = style or look.style()
