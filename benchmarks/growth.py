@@ -202,7 +202,7 @@ def _subject() -> Subject:
 def _depth_image() -> tuple[Any, Camera]:
     """Prepared source and its camera."""
     color, depth = waves(DEPTHS)
-    image = DepthImage(color, (1 / depth).astype(np.float32), np.empty((0, 0, 2)))
+    image = DepthImage(color, (1 / depth).astype(np.float32))
     return prepare(image), Camera.from_fov(60, DEPTHS, DEPTHS)
 
 

@@ -186,7 +186,7 @@ def warp3d() -> Work:
 
     size = 256
     color, depth = waves(size)
-    image = DepthImage(color, (1 / depth).astype(np.float32), np.empty((0, 0, 2)))
+    image = DepthImage(color, (1 / depth).astype(np.float32))
     pose = np.eye(4)
     pose[:3, 3] = (-0.2, 0.0, 0.1)
     camera = Camera.from_fov(60, size, size)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
-    from resample.jobs import render, resize, stereo, warp
+    from resample.jobs import open, render, resize, stereo, warp  # noqa: A004
     from resample.library.particles import particles
     from resample.library.scattering import Scatter, Scattering
     from resample.painting.choices import Footprint, Opacity, Primitive
@@ -37,6 +37,7 @@ _HOMES = {
     "Scattering": "library.scattering",
     "cancellable": "progress",
     "look_at": "cameras.poses",
+    "open": "jobs",
     "orbit": "cameras.poses",
     "particles": "library.particles",
     "render": "jobs",
@@ -63,6 +64,7 @@ __all__ = [
     "Scattering",
     "cancellable",
     "look_at",
+    "open",
     "orbit",
     "particles",
     "render",
@@ -82,5 +84,5 @@ def _exporter() -> Any:
 
 warn_of_namesake(__path__[0])
 register_exporter(_exporter)
-__getattr__ = attributes(__name__, _HOMES)
+__getattr__ = attributes(__name__, _HOMES | {"view": "view:"})
 __dir__ = listing(_HOMES)

@@ -4,50 +4,114 @@ The words are those of OpenCV, scikit-image, SciPy, Pillow, Matplotlib, napari, 
 """
 
 from collections.abc import Callable, Collection, Mapping
-from functools import wraps
+from functools import partial, wraps
+from importlib import import_module
 from typing import Any, ParamSpec, TypeVar
 
 VARKEYWORDS = 8  # `inspect.CO_VARKEYWORDS`, whose import takes 10 ms
 P = ParamSpec("P")
 R = TypeVar("R")
+C = TypeVar("C")
 
-# What others call an argument -> what it is here, with the same values.
-ARGUMENTS = {
-    "cmap colormap lut": ("transfer", "colormap"),
-    "voxel_size voxelsize sampling pixdim": ("spacing",),
-    "bg bgcolor background_color": ("background",),
-    "blending rendering": ("projection",),
-    "isovalue level": ("iso",),
-    "shade": ("shading",),
-    "angle": ("degrees",),
-    "output_shape out_shape": ("shape",),
-    "resolution imsize window_size": ("size",),
-    "c color rgb": ("colors",),
-    "num_threads n_threads": ("threads",),
-    "n_frames nframes": ("frames",),
-    "points position positions": ("xyz",),
-    "mode bordermode border_mode padding_mode boundary": ("edge",),  # by names, not by numbers
-    "dsize size": ("shape",),  # width and height there
+# What others call an argument or option -> what it is here with the same values: the first that a
+# call has; and what is like it, for messages only.
+NAMES = {
+    "angle": ("degrees", "turn camera"),
+    "antialias aa ssaa spp samples supersample": ("", "subpixels quality filter"),
+    "azimuth elevation zoom eye view viewpoint": ("", "camera move"),
+    "cpos camera_position": ("camera", ""),
+    "bg bgcolor background_color bg_color": ("background", ""),
+    "clim vmin vmax min max levels_range": ("", "window range"),
+    "cmap colormap palette lut color_map": ("colormap transfer", ""),
+    "c color rgb colors scalars": ("colors", "colormap transfer"),
+    "crop_box region bbox rect": ("", "roi crop"),
+    "depth_factor depth_unit depth_units": ("", "depth_scale"),
+    "field_of_view hfov vfov fovy": ("fov", "target_fov"),
+    "fov": ("", "target_fov"),
+    "framerate frame_rate rate r": ("fps", ""),
+    "n_frames nframes frame_count num_frames": ("frames", ""),
+    "length duration": ("", "frames"),
+    "interp interpolate sampling_method": ("interpolation", "kernel method"),
+    "sampling": ("spacing", "interpolation kernel method"),
+    "order flags resample interpolation": ("interpolation", "kernel method"),
+    "intrinsic k camera_matrix cameramatrix mtx intrinsics": ("matrix source intrinsics", ""),
+    "focal_length": ("", "intrinsics"),
+    "dist distcoeffs dist_coeffs": ("distortion", ""),
+    "newcameramatrix new_camera_matrix": ("new_matrix", ""),
+    "pose": ("target", ""),
+    "extrinsic extrinsics viewmat w2c": ("world_to_camera target", ""),
+    "isovalue iso_value isosurface level": ("iso", ""),
+    "mode blending rendering": ("projection layout", "method"),
+    "algorithm renderer": ("method", "projection"),
+    "mode bordermode border_mode padding_mode boundary": ("edge", ""),  # by names, not numbers
+    "bordervalue border_value cval fill_value": ("fill", ""),
+    "out output_file outfile outpath out_file dest destination save write o": ("output", ""),
+    "output_shape out_shape dsize": ("shape", ""),  # of dsize width and height
+    "size": ("shape", "factor"),  # width and height
+    "fraction percent ratio rescale_factor": ("", "factor size"),
+    "scale": ("", "factor size"),
+    "resolution imsize window_size figsize": ("size", "factor"),
+    "res dim dimension dimensions dims geometry pixels px": ("", "size factor"),
+    "s pointsize splat_size point_radius": ("point_size", ""),
+    "radius": ("", "point_size"),
+    "points position positions means xyz": ("xyz position scene", "camera move"),
+    "quats quaternions": ("rotation", ""),
+    "scales": ("scale", ""),
+    "opacities": ("opacity", ""),
+    "normals": ("normal", ""),
+    "projection_from source_projection input_projection": ("", "from source_projection"),
+    "projection_to target_projection output_projection": ("", "to target_projection"),
+    "quality": ("", "file_quality subpixels"),
+    "rotation rotate rot": ("", "degrees turn camera"),
+    "shade": ("shading", "light"),
+    "lighting lights": ("", "shading light"),
+    "num_threads n_threads nthreads": ("threads", "workers"),
+    "jobs n_jobs cpus cores j": ("", "threads workers"),
+    "tf transfer_function preset": ("transfer", "colormap"),
+    "voxel_size voxelsize pixdim": ("spacing", ""),
+    "width height w h": ("", "width size factor"),
 }
 TURNED = "dsize size"  # arguments whose two numbers are the other way round here
-PAIRS = {"size": ("width", "height"), "camera": ("azimuth", "elevation")}  # ours, of two of theirs
-USUAL = "anti_aliasing antialias expand"  # arguments that here are always true
-# What others call an argument -> what to do instead.
+PAIRS = {  # ours, of two of theirs
+    "size": ("width", "height"),
+    "camera": ("azimuth", "elevation"),
+}
+USUAL = "anti_aliasing antialias expand reshape resize"  # arguments that here are always true
+# Numbers of OpenCV (`flags`, `interpolation`) and of SciPy and scikit-image (`order`).
+NUMBERED = {
+    "flags interpolation": ("nearest", "bilinear", "cubic", "area-spline", "lanczos"),
+    "order": ("nearest", "bilinear", "", "spline"),
+}
+# What others call an argument -> what to do instead; before a colon, what such a call has.
 REMEDIES = {
-    "flags order resample interpolation resampling": "it averages where a picture shrinks and "
-    "interpolates where it grows; where there are interpolation= and filter=, they take others",
-    "mode bordermode border_mode padding_mode boundary": "edge= says what lies beyond a picture",
-    "bordervalue border_value cval": "fill= is the value where nothing is known",
+    "flags order resample resampling": "interpolation='nearest', 'bilinear' or 'cubic' is how a "
+    "picture grows; where it shrinks, it is averaged",
+    "mode bordermode border_mode padding_mode boundary": "edge='clamp', 'wrap', 'mirror' or "
+    "'transparent' is what lies beyond a picture",
     "dsize size": "shape=(height, width) is the size, in px",
-    "scale fx fy": "resample_texture.scale(image, factor) scales; a share is resize(image, 0.5)",
+    "shape: scale fx fy": "resample_texture.scale(image, factor) scales; a share is "
+    "resize(image, 0.5)",
     "anti_aliasing antialias": "results are always antialiased; leave it out",
-    "expand": "without a shape the result holds all of the picture; leave it out",
+    "expand reshape resize": "without a shape the result holds all of the picture; "
+    "shape=image.shape[:2] keeps its size",
+    "degrees: center": "a rotation about another point is a matrix for warp(image, matrix)",
+    "map_x map_y map1 map2": "give both maps as one: warp(image, (map_x, map_y))",
+    "matrix: depth": "resample_warp3d.warp(color, depth, source, target) takes depth and cameras",
+    "colors: clim vmin vmax": "clip the numbers: colors=np.clip(numbers, low, high)",
     "vmin vmax": "window='low..high' is the range of values",
+    "layout: baseline ipd eye_distance": "divergence= is the shift between the eyes, in % of the "
+    "width",
     "opacity": "transfer='gray:opacity=0.2' says how opaque voxels are, opacity_unit= per length",
+    "transfer: color colors": "transfer='40,red,0 90,white,0.5' has the colors of values",
+    "columns: c colors rgb": "color= is linear light; render(xyz, colors=...) takes levels",
+    "harmonics: colors rgb sh": "color= is (colors - 0.5) / 0.28209479, harmonics= the rest",
+    "world_to_camera: fx fy cx cy width height": "Camera.from_intrinsics(fx, fy, cx, cy) or "
+    "Camera.from_fov(degrees, height, width) makes a camera",
+    "world_to_camera: fov fovy hfov vfov": "Camera.from_fov(degrees, height, width) makes a camera",
+    "nearness: depth z": "nearness= is 1 / depth",
     "width height": "size=(width, height) is in px",
     "azimuth elevation zoom": "camera=(azimuth, elevation, zoom), angles in degrees",
     "projection orthographic parallel_projection": "fov=0 is a parallel projection",
-    "fov": "Camera.from_fov(degrees, height, width) makes a camera",
 }
 # What other programs call a choice -> what it is here: the first that an option has.
 CHOICES = {
@@ -74,22 +138,51 @@ CHOICES = {
     "meters metric distance": "z",
     "fill crop": "cover",
     "fit letterbox": "contain pad",
+    "linear bilinear": "bilinear linear",
+    "bicubic": "cubic",
+    "lanczos4 lanczos3": "lanczos",
+    "area": "area-spline",
+    "iso isometric": "corner",
+    "xy": "top",
+    "xz": "front",
+    "yz": "right",
 }
 # What others call a part of a result -> what to take instead.
 RESULTS = {
     "image array data pixels numpy": "np.asarray(result) has the levels that people see, rgba of a "
     "frame its light",
     "to_pil pil to_pillow": "to_image() makes a Pillow image",
-    "show imshow plot display": "to_image().show() opens it; notebooks show what is returned",
+    "imshow plot display": "show() opens it; notebooks show what is returned",
     "write imwrite export": "save(path) writes it",
     "alpha mask": "coverage says how much of each pixel is covered",
 }
-# What others call a function -> what to do instead.
+# What others call a function or method -> what it is here: the first that there is.
+ALIASES = {
+    "load read imread load_volume": "open",
+    "show plot": "view",
+    "rescale": "scale",
+    "warp_affine": "warpAffine",
+    "warp_perspective": "warpPerspective",
+    "read_point_cloud load_point_cloud": "read_cloud",
+}
+METHODS = "render animate view"  # functions of a package that are methods of its data, too
+# What others call a function or method -> what to do instead.
 FUNCTIONS = {
-    "load read imread": "open(path) opens a file; calls take paths, too",
-    "open": "calls take paths and arrays as they are",
+    "open load read imread": "resample_volume.open and resample_points.open read files; calls take "
+    "paths, too",
     "mip": 'render(volume, projection="maximum") shows the greatest values',
-    "plot show imshow": "render(...).save(path) writes a picture; notebooks show what is returned",
+    "plot show imshow display": "view(...) shows it, render(...).save(path) writes a picture",
+    "shape dtype ndim": "its parts have those: values.shape of a volume, position.shape of a cloud",
+    "points xyz": "position has them",
+    "colors": "color has them, in linear light",
+    "data": "values has them",
+    "render": "the application's render(...) draws it: resample.render(scene)",
+    "rotate": "resample_texture.rotate(image, degrees) rotates",
+    "flip fliplr flipud": "image[:, ::-1] flips left and right, image[::-1] up and down",
+    "crop": "image[top:bottom, left:right] crops; warp and resize take roi= and box=",
+    "slice slices": "volume.values[k] is a slice; the command resample-volume slice cuts obliquely",
+    "rasterization rasterize splat": "render_gaussians(gaussians, camera) draws 3D Gaussians",
+    "point_cloud pointcloud": "Cloud(position)",
     "warp_perspective warp_affine affine remap affine_transform": "warp(image, matrix or maps, "
     "shape) does that; resample_texture.like.opencv has OpenCV's names",
     "thumbnail": "resize(image, 64) makes the longer side 64 px",
@@ -101,10 +194,10 @@ FUNCTIONS = {
 
 def answer(word: str, known: Collection[str], remedies: Mapping[str, str]) -> str:
     """Return what to write instead of a name that is not known, as the end of a sentence."""
-    low = word.lower()
-    remedy = next((text for words, text in remedies.items() if low in words.split()), "")
-    if remedy:
-        return f": {remedy}"
+    for key, text in remedies.items():
+        has, _, words = key.rpartition(": ")
+        if word.lower() in words.split() and (not has or has in known):
+            return f": {text}"
     from difflib import get_close_matches
 
     known = [name for name in known if not name.startswith("_")]
@@ -120,12 +213,44 @@ def choice_meant(given: str, choices: Collection[Any]) -> str:
     return next((one for every in meant for one in every if one in choices), given)
 
 
-def ours_of(name: str, known: Collection[str]) -> str:
-    """Return the option that a name means, of those known; empty if it means none."""
-    if (own := name.replace("-", "_")) in known:
-        return own
-    alike = [every for words, every in ARGUMENTS.items() if name.lower() in words.split()]
-    return next((one for every in alike for one in every if one in known), "")
+def ours_of(name: str, known: Collection[str], *, alike: bool = False) -> str:
+    """Return the option that a name means, of those known; empty if it means none.
+
+    `alike`: options that are only like it count, too.
+
+    Examples
+    --------
+    >>> from resample.calling import ours_of
+    >>> ours_of("bg", ["box", "background"]), ours_of("azimuth", ["camera"], alike=True)
+    ('background', 'camera')
+    """
+    word = name.lower().replace("-", "_")
+    if word in known:
+        return word
+    rows = [ours for theirs, ours in NAMES.items() if word in theirs.split()]
+    means = [same for same, _ in rows] + [near for _, near in rows if alike]
+    return next((one for row in means for one in row.split() if one in known), "")
+
+
+def _value_of(name: str, value: Any, known: Collection[str]) -> Any:
+    """Return a value as it is written here: sizes are turned, numbers of modes are named."""
+    word = name.lower()
+    if name not in known and word in TURNED.split() and hasattr(value, "__len__"):
+        return tuple(value)[::-1]
+    if isinstance(value, int) and not isinstance(value, bool):
+        modes = next((row for words, row in NUMBERED.items() if word in words.split()), ())
+        return (modes[value] or value) if 0 <= value < len(modes) else value
+    return value
+
+
+def _pair(given: dict[str, Any], known: set[str]) -> None:
+    """Replace two arguments of others by the one that they are here."""
+    for ours, both in PAIRS.items():
+        if ours in known and not known & set(both) and given.keys() >= set(both):
+            given[ours] = tuple(given.pop(one) for one in both)
+    if "fit" in known and given.get("fx", "") == given.get("fy"):  # of `resize`
+        given["scale"] = given.pop("fx")
+        del given["fy"]
 
 
 def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict[str, Any]:
@@ -147,13 +272,14 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     TypeError: warp has no option 'fil', did you mean 'fill'? known: fill, threads
     """
     found: dict[str, Any] = {}
-    for name, value in given.items():
-        if value is True and name.lower() in USUAL.split() and name not in known:
+    for name, given_value in given.items():
+        if given_value is True and name.lower() in USUAL.split() and name not in known:
             continue
-        ours = ours_of(name, known)
-        if name not in known and name.lower() in TURNED.split() and hasattr(value, "__len__"):
-            value = tuple(value)[::-1]  # noqa: PLW2901
-        if not ours or (ours == "edge" != name and not isinstance(value, str)):
+        value, ours = _value_of(name, given_value, known), ours_of(name, known)
+        if name == "scale" and "fit" in known:  # of `resize`, whose shape may be a share
+            value, ours = float(value), "shape"
+        is_number = ours in ("edge", "interpolation") and ours != name and isinstance(value, int)
+        if not ours or is_number:
             raise TypeError(f"{call} has no option {name!r}{answer(name, known, REMEDIES)}")
         if ours in found or (ours != name and ours in given):
             raise TypeError(f"{call} got {ours!r} twice, also as {name!r}")
@@ -161,32 +287,87 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     return found
 
 
-def takes(options: type | None = None) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def takes(
+    options: type | None = None, *, instead: str = ""
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Decorate a function so that keywords are understood, or refused with an answer.
 
-    `options`: the `TypedDict` of further keywords.
+    `options`: the `TypedDict` of further keywords. `instead`: what to call if arguments are missing
+    or too many.
     """
 
     def decorated(function: Callable[P, R]) -> Callable[P, R]:
         code: Any = function.__code__
-        named = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        count = code.co_argcount + code.co_kwonlyargcount
+        named = [one for one in code.co_varnames[:count] if one not in ("self", "cls", "_cls")]
         known = {*named, *(() if options is None else options.__annotations__)}
         is_open = bool(code.co_flags & VARKEYWORDS) and options is None
+        name = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+        usual: Any = function.__defaults__ or ()
+        needed = named[: len(named) - code.co_kwonlyargcount - len(usual)]
+
+        def called(*args: P.args, **given: P.kwargs) -> R:
+            try:
+                return function(*args, **given)
+            except TypeError as error:
+                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                    raise  # from within the function
+                text = str(error).removeprefix(f"{function.__qualname__}() ")
+                hint = instead or f"it is called as {name}({', '.join(needed)})"
+                raise TypeError(f"{name} {text}; {hint}") from None
 
         @wraps(function)
         def call(*args: P.args, **given: P.kwargs) -> R:
-            for ours, both in PAIRS.items():
-                if ours in known and not known & set(both) and given.keys() >= set(both):
-                    given[ours] = tuple(given.pop(one) for one in both)
             if given.keys() <= known:
-                return function(*args, **given)
+                return called(*args, **given)
+            _pair(given, known)
+            for word in set(USUAL.split()[2:]) & given.keys() - known:  # of rotations
+                if given[word] is False and hasattr(args[0], "shape"):
+                    del given[word]
+                    given["shape"] = args[0].shape[:2]
+            if given.keys() <= known:
+                return called(*args, **given)
             strange = {} if not is_open else {
                 name: value for name, value in given.items() if ours_of(name, known) not in known
             }  # fmt: skip
             rest = {name: value for name, value in given.items() if name not in strange}
-            made: Any = understood(function.__name__, rest, sorted(known))
-            return function(*args, **made, **strange)  # type: ignore[arg-type]
+            made: Any = understood(name, rest, sorted(known))
+            return called(*args, **(made | strange))
 
         return call
+
+    return decorated
+
+
+def alias_of(name: str, known: Collection[str]) -> str:
+    """Return the function that a name means, of those known; empty if it means none."""
+    means = (ours for words, ours in ALIASES.items() if name.lower() in words.split())
+    return name if name in known else next((one for one in means if one in known), "")
+
+
+def no_attribute(given: Any, name: str, remedies: Mapping[str, str]) -> AttributeError:
+    """Answer other libraries' names of what an object has; for its `__getattr__`."""
+    hint = "" if name.startswith("_") else answer(name, dir(given), remedies)
+    return AttributeError(f"{type(given).__name__!r} object has no attribute {name!r}{hint}")
+
+
+def constructed(instead: str = "") -> Callable[[type[C]], type[C]]:
+    """Decorate a dataclass or `NamedTuple` so that its constructor answers like `takes`.
+
+    What its package does with it, `METHODS`, can be called as methods.
+    """
+
+    def attribute(data: Any, name: str) -> Any:
+        call = alias_of(name, METHODS.split())
+        package = import_module(type(data).__module__.partition(".")[0])
+        if call and hasattr(package, call):
+            return partial(getattr(package, call), data)
+        raise no_attribute(data, name, FUNCTIONS)
+
+    def decorated(kind: type[C]) -> type[C]:
+        setattr(kind, "__getattr__", attribute)  # noqa: B010 - mypy knows no such method
+        own = "__new__" if issubclass(kind, tuple) else "__init__"
+        setattr(kind, own, takes(instead=instead)(getattr(kind, own)))
+        return kind
 
     return decorated

@@ -54,6 +54,23 @@ def render(scene: Any, *choices: Any, **options: Any) -> Any:
     return import_module(f"resample_{kind}").render(scene, *choices, **options)
 
 
+def open(file: str | PathLike[str]) -> Any:  # noqa: A001
+    """Open a file: as a volume, a cloud or 3D Gaussians, or as the array of a picture.
+
+    Examples
+    --------
+    >>> import resample
+    >>> resample.open(resample.sample_path("sample:knot-points"))
+    Cloud(60000 points, normal, color)
+    """
+    kind = _kind(file)
+    if kind == "texture":
+        from resample.files.conversion import as_picture
+
+        return as_picture(file)
+    return import_module(f"resample_{kind}").open(file)
+
+
 def warp(image: Any, *choices: Any, **options: Any) -> Any:
     """Warp a picture: `resample_texture.warp`; with depth and cameras `resample_warp3d.warp`.
 
@@ -100,6 +117,21 @@ def stereo(picture: Any, *choices: Any, **options: Any) -> Any:
     (24, 64, 3)
     """
     return import_module("resample_warp3d").stereo(picture, *choices, **options)
+
+
+def view(scene: Any, /, **settings: Any) -> Any:
+    """Show a volume, points, or a picture in a notebook's cell: the `view` of its application.
+
+    Examples
+    --------
+    >>> import resample
+    >>> resample.view("checker-box:size=16", camera="top").settings["camera"]
+    'top'
+    """
+    kind = _kind(scene)
+    if not kind:
+        raise TypeError(f"{shortly(scene)} cannot be shown; give a file, a picture or a volume")
+    return import_module(f"resample_{kind}").view(scene, **settings)
 
 
 def _kind(scene: Any) -> str:

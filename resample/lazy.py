@@ -33,19 +33,25 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """`__getattr__` of a package; `homes` maps each public name to its module.
 
     A module is named within the package, or in full if in the core; after a colon, the object's own
-    name in it. `__version__` is included.
+    name in it, nothing for the module itself. `__version__` is included.
     """
 
     def get(name: str) -> Any:
         if name == "__version__":
             return installed_version()
+        if name not in homes and not name.startswith("_"):
+            from resample.calling import alias_of
+
+            if alias := alias_of(name, homes):
+                return get(alias)
         if name not in homes:
             raise AttributeError(
                 f"module {package!r} has no attribute {name!r}{_hint(name, homes)}"
             )
-        home, _, other = homes[name].partition(":")
+        home, colon, other = homes[name].partition(":")
         whole = home if home.startswith("resample.") else f"{package}.{home}"
-        return getattr(import_module(whole), other or name)
+        module = import_module(whole)
+        return module if colon and not other else getattr(module, other or name)
 
     return get
 

@@ -18,6 +18,8 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from resample.calling import choice_meant
+
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
 
@@ -244,7 +246,9 @@ def _entry(group: str, name: str) -> "EntryPoint":
     known = _entries(group)
     if name in known:
         return known[name]
-    kind = _singular(group)
+    kind, meant = _singular(group), choice_meant(name, known)
+    if meant in known:
+        return known[meant]
     rivals = sorted(other for other in known if other.rpartition("/")[2] == name)
     if len(rivals) > 1:
         owners = " and ".join(rival.rpartition("/")[0] for rival in rivals)

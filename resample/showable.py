@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal
 
-from resample.calling import RESULTS, answer
+from resample.calling import RESULTS, no_attribute
 
 if TYPE_CHECKING:  # `import resample` reads this file: NumPy would take most of the time
     import numpy as np
@@ -53,9 +53,7 @@ class Showable:
 
     def __getattr__(self, name: str) -> Any:
         """Answer other libraries' names of what a result has."""
-        kind = type(self).__name__
-        hint = "" if name.startswith("_") else answer(name, dir(self), RESULTS)
-        raise AttributeError(f"{kind!r} object has no attribute {name!r}{hint}")
+        raise no_attribute(self, name, RESULTS)
 
     def save(self, path: str | PathLike[str], *, bits: int = 8, background: Behind = None) -> None:
         """Write the picture in the format of the suffix; no partial file is left on failure.
@@ -115,6 +113,10 @@ class Showable:
                 "copy=False away"
             )
         return array_of(self.to_uint8(), dtype, None)
+
+    def show(self, of: str = "color", *, background: Behind = None) -> None:
+        """Open the picture in the system's viewer; parameters and errors as in `to_uint8`."""
+        self.to_image(of, background=background).show()
 
     def to_image(self, of: str = "color", *, background: Behind = None) -> "Image":
         """Convert to a Pillow image; parameters and errors as in `to_uint8`."""

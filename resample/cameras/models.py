@@ -13,7 +13,7 @@ from typing import Literal, Protocol, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resample.calling import takes
+from resample.calling import constructed, takes
 from resample.cameras.lens import COUNT, COUNTS
 from resample.cameras.poses import pose_of, rigid
 from resample.messages import doubles_of, number
@@ -53,6 +53,7 @@ class AnyCamera(Protocol):
         """Pose and projection as arrays and numbers for kernels."""
 
 
+@constructed()
 @dataclass(frozen=True, eq=False)
 class Camera:
     """Perspective camera with any intrinsics, a pose and a lens.

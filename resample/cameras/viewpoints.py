@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeAlias, cast
 
 import numpy as np
 
+from resample.calling import choice_meant
 from resample.cameras.models import AnyCamera, Camera, Orthographic
 from resample.cameras.poses import UpAxis, look_at, orbit
 from resample.messages import check_numbers, parts_of, shortly
@@ -149,7 +150,7 @@ class Calibrated(NamedTuple):
 
 
 Viewpoint: TypeAlias = Orbit | Spot | Calibrated | AnyCamera
-Spelled: TypeAlias = Viewpoint | Sequence[float] | str | None
+Spelled: TypeAlias = Viewpoint | Sequence[float] | Sequence[Sequence[float]] | str | None
 
 
 def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -> AnyCamera:
@@ -174,8 +175,8 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     ----------
     given
         A camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally with a
-        zoom and a pan to the right and up, also as a text `30,20,1.5`; a name of `NAMED`; None:
-        `Orbit()`.
+        zoom and a pan to the right and up, also as a text `30,20,1.5`; a name of `NAMED`; an eye, a
+        target and an up vector, scene units; None: `Orbit()`.
 
     Examples
     --------
@@ -191,9 +192,12 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
     if hasattr(given, "view") and not hasattr(given, "dtype"):
         return given
     if isinstance(given, str):
-        if given in NAMED:
-            return Orbit(*NAMED[given])
+        if (name := choice_meant(given, NAMED)) in NAMED:
+            return Orbit(*NAMED[name])
         return _orbit(parts_of(given), given)
+    if np.shape(given) == (3, 3):  # type: ignore[arg-type]
+        eye, target, up = cast("Sequence[Sequence[float]]", given)
+        return Spot(eye, target, up)
     if isinstance(given, Sequence) or hasattr(given, "__array__"):
         return _orbit(cast("Sequence[float]", given), given)
     raise TypeError(f"a camera of {type(given).__name__}; give {FORM}")

@@ -140,6 +140,8 @@ def run(application: str, command: str, *names: str | Path, **options: Any) -> N
     known = [*single, *(field for model in models for field in model.model_fields)]
     given = {name: value for name, value in options.items() if value is not None}
     given = understood(command, given, known)
+    if isinstance(given.get("size"), list | tuple):
+        given["size"] = "{}x{}".format(*given["size"])
     plain = {name: given.pop(name) for name in single if name in given}
     plain = {
         name: value if isinstance(value, Path) else as_on_a_command_line(value)

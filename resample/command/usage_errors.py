@@ -9,7 +9,6 @@ from errno import ENOENT
 from itertools import takewhile
 from pathlib import Path
 from shutil import which
-from typing import TYPE_CHECKING
 
 from cyclopts import (
     CycloptsError,
@@ -19,46 +18,13 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
+from resample.calling import ours_of
 from resample.command.flags import described
 from resample.messages import one_line, visible
-
-if TYPE_CHECKING:
-    pass
 
 NEAR = 0.7  # likeness of two names, from which one is taken for the other
 MOST = 3  # names of files that a complaint lists
 GONE = ": there is no such file"
-# What other programs call an option -> what does it here: the first that a command has.
-SYNONYMS = {
-    "angle": "degrees turn camera",
-    "antialias aa ssaa spp samples supersample": "subpixels quality filter",
-    "azimuth elevation zoom eye view viewpoint position": "camera move",
-    "bg background-color bgcolor bg-color": "background",
-    "clim vmin vmax min max levels-range": "window range",
-    "cmap colormap palette lut colors color-map": "colormap transfer",
-    "crop-box region bbox rect": "roi crop",
-    "depth-factor depth-unit depth-units": "depth-scale",
-    "field-of-view hfov vfov fovy fov": "fov target-fov",
-    "fps framerate frame-rate rate r": "fps",
-    "frame-count n-frames num-frames length duration frames": "frames",
-    "interp interpolate sampling resample": "interpolation kernel method",
-    "intrinsic k camera-matrix focal-length": "intrinsics",
-    "isovalue iso-value isosurface": "iso",
-    "mode algorithm renderer": "method projection",
-    "out output-file outfile outpath out-file dest destination save write o": "output",
-    "factor percent ratio scale": "factor size",
-    "point-radius radius pointsize splat-size": "point-size",
-    "projection-from source-projection input-projection": "from source-projection",
-    "projection-to target-projection output-projection": "to target-projection",
-    "quality": "quality file-quality subpixels",
-    "res resolution dim dimensions dims geometry pixels px size": "size factor",
-    "rotation rotate rot": "degrees turn camera",
-    "shade lighting lights": "shading light",
-    "threads jobs n-jobs num-threads n-threads nthreads cpus cores j": "threads workers",
-    "tf transfer-function transfer preset": "transfer colormap",
-    "voxel-size voxelsize pixdim": "spacing",
-    "width height w h": "width size factor",
-}
 
 
 def explained(error: BaseException, words: Sequence[str] = ()) -> str:
@@ -123,14 +89,9 @@ def meant(given: str, known: Collection[str]) -> str | None:
     >>> meant("bg", ["box", "background"]), meant("point_size", ["size", "point-size"])
     ('background', 'point-size')
     """
-    name = given.lower().replace("_", "-")
-    if name in known:
-        return name
-    for names, wanted in SYNONYMS.items():
-        if name in names.split():
-            return next((one for one in wanted.split() if one in known), None)
-    near = get_close_matches(name, known, n=1, cutoff=NEAR)
-    return near[0] if near else None
+    own = {name.replace("-", "_"): name for name in known}
+    near = get_close_matches(given.lower().replace("_", "-"), known, n=1, cutoff=NEAR)
+    return own.get(ours_of(given, own, alike=True)) or (near[0] if near else None)
 
 
 def _remedy(error: FileNotFoundError) -> str:

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from resample import registry
+from resample.calling import NAMES
 from resample.cli import app as core
 from resample.command import usage_errors
-from resample.command.usage_errors import SYNONYMS, meant, with_own_pip
+from resample.command.usage_errors import meant, with_own_pip
 from tests.commands import ended, refused
 
 APPS = {"resample": core} | {name: registry.load("apps", name) for name in registry.names("apps")}
@@ -72,10 +73,13 @@ def test_every_synonym_leads_to_an_option_of_some_command():
         for argument in app[command].assemble_argument_collection()
         for name in argument.names
     }
-    wanted = {one for names in SYNONYMS.values() for one in names.split()}
-    assert wanted <= options
-    given = [one for names in SYNONYMS for one in names.split()]
-    assert len(given) == len(set(given))
+    known = {name.replace("-", "_") for name in options}
+    alike = {one for _, names in NAMES.values() for one in names.split()}
+    assert alike <= known
+    arguments = {"matrix", "source", "target", "world_to_camera", "xyz", "scene", "position"}
+    arguments |= {"new_matrix", "rotation", "scale", "opacity", "normal", "shape", "colors"}
+    same = {one for names, _ in NAMES.values() for one in names.split()}
+    assert same <= known | arguments
 
 
 def test_settings_files_have_the_same_synonyms(tmp_path, capsys):

@@ -99,6 +99,31 @@ warp3d.stereo(IMAGE, DEPTH)
 warp3d.stereo(IMAGE, DEPTH, layout="anaglyph")
 warp3d.stereo("a.png", "depth.npy", layout="sbs")
 warp3d.animate(IMAGE, DEPTH, "c.webp", frames=2, fov=60)
+texture.resize(IMAGE, fx=0.5, fy=0.5)
+texture.resize(IMAGE, (24, 32), order=1)
+texture.resize(IMAGE, scale=0.5, interpolation="bicubic")
+texture.rescale(IMAGE, 0.5)
+texture.rotate(IMAGE, 30, reshape=False)
+texture.warp(IMAGE, PLANE, flags=1, borderMode="reflect", borderValue=0)
+texture.remap(IMAGE, *MAPS, interpolation=1)
+texture.undistort(IMAGE, cameraMatrix=LENS, distCoeffs=np.zeros(5))
+volume.render(CUBE, "mip")
+volume.render(CUBE, mode="mip", vmin=10, vmax=200)
+volume.render(CUBE, cpos="xy", parallel_projection=True)
+volume.render(CUBE, camera=[(60, 0, 0), (0, 0, 0), (0, 0, 1)])
+volume.load("a.npy")
+volume.Volume(CUBE).render(size=64)
+points.render(XYZ, RGB, s=2)
+points.render(points=XYZ, color="red")
+points.render(XYZ, scalars=XYZ[:, 2], cmap="plasma", clim=(0, 1))
+points.Cloud(points=XYZ).render(size=64)
+points.read("a.ply")
+points.animate(XYZ, "d.webp", frames=2, size=(32, 24))
+warp3d.warp(IMAGE, DEPTH, intrinsics=LENS, pose=POSE)
+warp3d.DepthImage(IMAGE, 1 / DEPTH)
+warp3d.stereo(IMAGE, DEPTH, mode="sbs")
+resample.open("a.ply")
+resample.open("a.png")
 resample.stereo(IMAGE, DEPTH)
 resample.render("a.npy")
 resample.render("a.ply")
@@ -109,14 +134,31 @@ resample.warp(IMAGE, DEPTH, resample.Camera(LENS), resample.Camera(LENS, POSE))
 resample.resize(IMAGE, (32, 24))
 """.strip().splitlines()
 ANSWERED = {
-    "texture.warp(IMAGE, PLANE, flags=1)": "interpolation=",
-    "texture.warp(IMAGE, PLANE, order=3)": "interpolation=",
+    "texture.warp(IMAGE, PLANE, flags=17)": "interpolation=",
+    "texture.warp(IMAGE, PLANE, resample=3)": "interpolation=",
     "texture.warp(IMAGE, PLANE, borderMode=1)": "edge=",
     "texture.warp(IMAGE, PLANE, fil=0)": "did you mean 'fill'",
-    "texture.resize(IMAGE, fx=0.5, fy=0.5)": r"scale\(image, factor\)",
-    "texture.remap(IMAGE, *MAPS)": "like.opencv",
+    "texture.resize(IMAGE, fx=0.5, fy=0.25)": r"scale\(image, factor\)",
+    "texture.rotate(IMAGE, 30, center=(3, 4))": "matrix for warp",
+    "texture.flip(IMAGE)": "::-1",
+    "texture.crop(IMAGE, (0, 0, 9, 9))": "roi=",
+    "texture.affine(IMAGE, PLANE)": "like.opencv",
     "texture.thumbnail(IMAGE, 16)": "resize",
     "texture.load('a.png')": "take paths",
+    "volume.render(CUBE, opacity=[0, 0.2])": "transfer=",
+    "volume.render(CUBE, color='red')": "colors of values",
+    "volume.slice(CUBE)": r"values\[k\]",
+    "volume.open('a.npy').shape": "values.shape",
+    "warp3d.render(IMAGE, DEPTH)": r"warp\(color, depth, source, target\)",
+    "warp3d.prepare(IMAGE, DEPTH)": "DepthImage",
+    "warp3d.DepthImage(IMAGE, depth=DEPTH)": "1 / depth",
+    "warp3d.Camera(fov=60)": "Camera.from_fov",
+    "warp3d.Camera(fx=60, fy=60, cx=32, cy=24)": "Camera.from_intrinsics",
+    "warp3d.merge([(IMAGE, DEPTH)])": "results of warp",
+    "points.Cloud(xyz=XYZ, colors=RGB)": "linear light",
+    "points.rasterization(XYZ)": "render_gaussians",
+    "resample.rotate(IMAGE, 10)": "resample_texture.rotate",
+    "resample.warp(IMAGE, depth=DEPTH)": "resample_warp3d.warp",
     "volume.render(CUBE, width=64)": r"size=\(width, height\)",
     "volume.render(CUBE, azimuth=30)": r"camera=\(azimuth",
     "volume.render(CUBE, vmin=3)": "window=",
@@ -128,10 +170,8 @@ ANSWERED = {
     "volume.render(CUBE).image": "np.asarray",
     "volume.render(CUBE).to_pil()": "to_image",
     "volume.mip(CUBE)": "projection",
-    "volume.load('a.npy')": "open",
-    "points.render(XYZ, RGB)": "colors=",
+    "points.render(XYZ, RGB, colors=RGB)": "after the scene",
     "points.render(XYZ, projection='orthographic')": "fov=0",
-    "points.read('a.ply')": "open",
     "warp3d.warp(IMAGE, DEPTH, LENS, LENS, POSE)": "give",
     "resample.render('a.png')": "resample.warp",
     "resample.render(IMAGE)": "resample.warp",
@@ -182,3 +222,23 @@ def test_options_of_calls_make_the_picture_of_the_command(tmp_path: Path) -> Non
     )
     with Image.open(tmp_path / "a.png") as written:
         np.testing.assert_array_equal(frame.to_uint8(background="black"), np.asarray(written))
+
+
+def test_editors_know_all_options_of_a_picture() -> None:
+    from resample.command.settings import FrameFormat, PictureFormat, Resampling, option_of
+    from resample_points.calls import RenderOptions as OfPoints
+    from resample_points.command.choices import CloudOptions, CloudStart
+    from resample_points.command.gaussians import GaussianOptions
+    from resample_volume.calls import RenderOptions as OfVolumes
+    from resample_volume.command.choices import AppearanceChoices, BesidePicture, ReadOptions
+
+    def options(*models: Any) -> set[str]:
+        named = {option_of(model, field) for model in models for field in model.model_fields}
+        return {name.replace("-", "_") for name in named}
+
+    of_volumes = options(AppearanceChoices, Resampling, BesidePicture, ReadOptions, PictureFormat)
+    assert set(OfVolumes.__annotations__) ^ of_volumes == {"camera", "size", "bits", "deep", "clim"}
+    of_points = options(CloudOptions, GaussianOptions, CloudStart, FrameFormat)
+    apart = "clim camera steady size bits also level no_cache eyes deep color_by color_bar range "
+    apart += "threads filter colormap"
+    assert set(OfPoints.__annotations__) ^ of_points == set(apart.split())

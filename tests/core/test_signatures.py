@@ -33,7 +33,7 @@ PACKAGES = [
 # Texts that may be anything: names of plugins with options, files, expressions. Others are Literal.
 OPEN_TEXTS = {
     "method", "filter", "pixel_filter", "interpolation", "primitive",  # plugins, with options
-    "path", "name", "spec", "cloud", "given", "volume", "reader",  # files, sources
+    "path", "file", "name", "spec", "cloud", "given", "volume", "reader",  # files, sources
     "output", "more",
     "camera", "view", "source", "target",  # viewpoints and projections
     "appearance", "look", "transfer", "framing", "colors", "crop", "clip", "slab", "where", "text",

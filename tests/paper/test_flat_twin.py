@@ -104,7 +104,7 @@ def step():
     z = 3.0 + 0.03 * rows + 0.02 * columns + 0.02 * np.sin(columns)
     z[4:10, 6:12] = 1.6 + 0.01 * rows[4:10, 6:12]
     color = np.random.default_rng(3).random((14, 18, 3), np.float32)
-    depth = DepthImage(color, np.float32(1 / z), np.empty((0, 0, 2)))
+    depth = DepthImage(color, np.float32(1 / z))
     return prepare(depth, noise=0.0), np.array([[18.0, 0, 9], [0, 18.0, 7], [0, 0, 1]])
 
 

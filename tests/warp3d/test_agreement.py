@@ -36,7 +36,7 @@ def seen_sphere(camera):
     inside = b * b - a * (toward @ toward - 0.36)
     z = np.where(inside > 0, (b - np.sqrt(np.maximum(inside, 0))) / a, z)
     nearness = np.where(z > 0, 1 / z, 0).astype(np.float32)
-    return DepthImage(np.zeros((*SHAPE, 1), np.float32), nearness, np.empty((0, 0, 2)))
+    return DepthImage(np.zeros((*SHAPE, 1), np.float32), nearness)
 
 
 @pytest.fixture

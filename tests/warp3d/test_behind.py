@@ -22,7 +22,7 @@ def image(color=WALL, card=8.0, tilt=0.02):
     pixels = np.empty((HEIGHT, WIDTH, 3), np.float32)
     pixels[:] = color
     pixels[CARD], nearness[CARD] = (1.0, 0.0, 0.0), card
-    return DepthImage(pixels, nearness, np.empty((0, 0, 2)))
+    return DepthImage(pixels, nearness)
 
 
 def source(**words):

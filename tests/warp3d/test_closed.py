@@ -58,9 +58,7 @@ def source_with(near, far):
     """Red before green."""
     depth = np.minimum(near, far)
     color = np.where((near < far)[..., None], RED, GREEN)
-    return prepare(
-        DepthImage(*(np.float32(each) for each in (color, 1 / depth)), np.empty((0, 0, 2)))
-    )
+    return prepare(DepthImage(*(np.float32(each) for each in (color, 1 / depth))))
 
 
 def around(degrees, distance=4.0):

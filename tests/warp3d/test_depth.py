@@ -461,7 +461,7 @@ def test_disparities_of_a_real_pair_meet_each_other(middlebury):
         BareDisparity(scale=4).nearness(read_depth(middlebury / "middlebury2003_cones" / name))
         for name in ("disp2.png", "disp6.png")
     )
-    image = DepthImage(np.zeros((*SHAPE, 1), np.float32), left, np.empty((0, 0, 2)))
+    image = DepthImage(np.zeros((*SHAPE, 1), np.float32), left)
     known = left > 0
     place, disparity = warp_places(of_rectified(1), places(image)[known], left[known].astype(float))
     inside = (place[:, 0] >= 0) & (place[:, 0] < left.shape[1])

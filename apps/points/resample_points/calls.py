@@ -1,24 +1,27 @@
 """Render and film whatever holds points in one call: arrays, clouds, 3D Gaussians, files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.calling import takes, understood
 from resample.cameras.panoramic import Equirectangular
+from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.colors import from_srgb
+from resample.console import linear_color
 from resample.messages import shortly
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Floats, Frame
-from resample_points.data.cloud import Cloud
+from resample_points.data.cloud import Cloud, columns_of
 from resample_points.data.coloring import colored
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.joining import DOWN
@@ -38,6 +41,14 @@ if TYPE_CHECKING:
 
 SCENES = "a path, positions (N, 3), a Cloud or Gaussians"
 
+RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one line each
+    "background": str, "fov": float, "up": UpAxis, "clim": tuple[float, float],
+    "point_size": float, "light": str, "edl": float, "one_sided": bool, "crop": str,
+    "only": str | Sequence[str], "disc_limit": float, "look": str, "order": str,
+    "trained_focal": str, "subpixels": int, "nearest": float, "least_opacity": float,
+    "largest": float,
+}, total=False)  # fmt: skip
+
 
 @takes()
 def render(
@@ -46,11 +57,11 @@ def render(
     *,
     colors: ArrayLike | str | None = None,
     colormap: str = "viridis",
-    size: tuple[int, int] = (640, 480),
+    size: tuple[int, int] | int = (640, 480),
     style: CloudStyle | GaussianStyle | None = None,
     filter: str | PixelFilter | None = None,  # noqa: A002
     threads: int | None = None,
-    **options: Any,
+    **given: Unpack[RenderOptions],
 ) -> Frame:
     """Render points or 3D Gaussians.
 
@@ -66,21 +77,23 @@ def render(
         None: `Orbit()`.
     colors
         Of points, in place of their own: (N, 3) levels, whole numbers of 8 bits or floats from 0 to
-        1, encoded as sRGB; numbers (N,), or the name of a column, or x, y or z, for a colormap.
+        1, encoded as sRGB; numbers (N,), or the name of a column, or x, y or z, for a colormap; or
+        one color for all: a name or #rrggbb.
     colormap
         One of matplotlib's, for numbers.
     size
-        Width and height, px.
+        Width and height, px, or both of a square.
     style
         `CloudStyle` of clouds, `GaussianStyle` of Gaussians.
     filter
         Pixel filter of clouds; see `render_cloud`.
     threads
         Most threads to use; the picture does not depend on it.
-    options
-        Options of `resample-points render`: `background`, `fov`, `up`, and of clouds `point_size`,
-        `light`, `edl`, `one_sided`, `crop`, `only` and `disc_limit`, in place of a style; of
-        Gaussians `look`, `order`, `trained_focal`, `subpixels` and `nearest`.
+    given
+        `clim`, numbers at the ends of the colormap; and options of `resample-points render`:
+        `background`, `fov`, `up`, and of clouds `point_size`, `light`, `edl`, `one_sided`, `crop`,
+        `only` and `disc_limit`, in place of a style; of Gaussians `look`, `order`,
+        `trained_focal`, `subpixels` and `nearest`.
 
     Raises
     ------
@@ -98,10 +111,15 @@ def render(
     >>> render(place, (30, 20), colors=place[:, 2], size=(64, 48))
     Frame(64 × 48 px, 56.5 % covered, depth from 2.079)
     """
-    found, behind, largest = opened(scene), None, LARGEST
+    options: dict[str, Any] = {**given}
+    found, behind, largest, span = opened(scene), None, LARGEST, None
+    height, width = shape_of(size)
+    size = width, height
     view: Any = camera
-    if np.ndim(camera) == 2:  # type: ignore[arg-type]
-        raise TypeError("the camera comes after the scene; colors are given by colors=")
+    if np.ndim(camera) == 2 and np.shape(camera) != (3, 3):  # type: ignore[arg-type]
+        if colors is not None:
+            raise TypeError(f"the camera {shortly(camera)}; it comes after the scene: (30, 20)")
+        camera, colors, view = None, camera, None
     if not isinstance(camera, Equirectangular | ProjectedCamera):
         if isinstance(camera, str) and orbit_of(camera) is None and Path(camera).suffix:
             from resample.cameras.files import viewpoint
@@ -116,13 +134,13 @@ def render(
         from resample_points.command.choices import CloudOptions
         from resample_points.command.gaussians import GaussianOptions
 
+        span = options.pop("clim", None)
         look, start, form = _chosen(
             options, GaussianOptions if isinstance(found, Gaussians) else CloudOptions
         )
         behind = form.behind()
         if isinstance(view, Orbit) and start.model_fields_set:
-            given = {name: getattr(start, name) for name in start.model_fields_set}
-            view = replace(view, **given)
+            view = replace(view, **{name: getattr(start, name) for name in start.model_fields_set})
         if look.model_fields_set and style is not None:
             raise ValueError("give a style or its options, not both")
         style = style or look.style()
@@ -133,7 +151,7 @@ def render(
         if colors is not None or filter is not None or isinstance(style, CloudStyle):
             raise ValueError("3D Gaussians have colors and a filter of their own; leave these out")
         if isinstance(view, Orbit):
-            view = camera_of(shown_part(found), shape_of(size), view)
+            view = camera_of(shown_part(found), (height, width), view)
         frame = render_gaussians(found, view, size=size, style=style, threads=threads)
     else:
         if isinstance(style, GaussianStyle):
@@ -143,7 +161,7 @@ def render(
                 raise ValueError(
                     "colors are for a Cloud, a file or positions, not a prepared scene"
                 )
-            found = _colored(found, colors, colormap)
+            found = _colored(found, colors, colormap, span)
         if isinstance(found, Cloud):
             found = prepare_cloud(found, largest=largest, threads=threads)
         found = found if isinstance(found, CloudScene) else CloudScene(found)
@@ -248,14 +266,19 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
     return Cloud(place.astype(np.float32 if place.dtype == np.float32 else np.float64))
 
 
-def _colored(cloud: Cloud, colors: ArrayLike | str, colormap: str) -> Cloud:
+def _colored(cloud: Cloud, colors: ArrayLike | str, colormap: str, span: Any) -> Cloud:
     """Return a cloud in other colors."""
+    if isinstance(colors, str) and colors not in columns_of(cloud):
+        with suppress(ValueError):
+            same = np.array(linear_color(colors), np.float32)
+            return cloud._replace(color=np.tile(same, (len(cloud.position), 1)))
     if isinstance(colors, str):
-        return colored(cloud, colors, colormap=colormap)[0]
+        return colored(cloud, colors, colormap=colormap, span=span)[0]
     given, count = np.asarray(colors), len(cloud.position)
     if given.shape == (count,) and given.dtype.kind in "iufb":
         columns = {**cloud.columns, "colors": given}
-        return colored(cloud._replace(columns=columns), "colors", colormap=colormap)[0]
+        named = cloud._replace(columns=columns)
+        return colored(named, "colors", colormap=colormap, span=span)[0]
     if given.shape != (count, 3) or given.dtype.kind not in "iuf":
         raise ValueError(
             f"colors have the shape {given.shape}; give ({count}, 3) of levels or ({count},) of "

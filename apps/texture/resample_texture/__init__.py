@@ -69,5 +69,7 @@ __all__ = [
 
 _MOVED = {"coadd": "mosaics", "reproject": "mosaics"}  # to `resample_sky`; until the next release
 
-__getattr__ = attributes(__name__, _HOMES | _MOVED)
+_OPENCV = dict.fromkeys(("remap", "warpAffine", "warpPerspective"), "like.opencv")
+
+__getattr__ = attributes(__name__, _HOMES | _MOVED | _OPENCV)
 __dir__ = listing(_HOMES)

@@ -5,13 +5,15 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 
-from resample.calling import takes, understood
+from resample.calling import REMEDIES, choice_meant, takes, understood
+from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
-from resample.messages import check_kind
+from resample.messages import check_kind, shortly
+from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.progress import Progress
 from resample.resampler import Resampler
@@ -29,6 +31,22 @@ if TYPE_CHECKING:
 PAIRS = "give several volumes as a list of pairs (volume, appearance), without another appearance"
 RANGES = ("clim", "contrast_limits")  # what others call the ends of a window
 CAMERA = ("camera", "fov", "up", "fit")  # of the look's options, those of the camera
+Numbers = float | str | Sequence[float]
+Some = str | Sequence[str]  # as the command takes it once, or several times
+RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one line each
+    "transfer": str, "window": Numbers, "clim": tuple[float, float], "iso": float,
+    "projection": str, "spacing": Numbers, "background": str, "method": str, "fov": float,
+    "up": UpAxis, "fit": str, "opacity_unit": float, "opacity": str, "attenuation": float,
+    "shading": bool, "light": Numbers, "ambient": float, "diffuse": float, "specular": float,
+    "shininess": float, "shadows": bool, "ambient_occlusion": bool, "depth_cue": float,
+    "gradient": str, "gradient_opacity": str, "classify": str, "labels": str, "label": Some,
+    "crop": str, "clip": Some, "slab": Numbers, "mu_water": float, "invert": bool,
+    "color_by": str, "footprint": str, "threshold": float, "subpixels": int, "filter": str,
+    "kernel": str, "order": str, "axes": bool, "box": bool, "cube": bool, "scale_bar": bool,
+    "color_bar": bool, "mesh": Some, "plane": Some, "surface": Some, "zoom_in": bool,
+    "reader": str, "shape": Numbers, "dtype": str, "endian": str, "memory": str, "level": int,
+    "units": str, "scale": str, "time": int, "channel": int, "threads": int,
+}, total=False)  # fmt: skip
 
 
 @takes()
@@ -40,7 +58,7 @@ def render(
     size: tuple[int, int] | int = (400, 400),
     resampler: Resampler | None = None,
     progress: Progress | None = None,
-    **options: Any,
+    **given: Unpack[RenderOptions],
 ) -> Frame:
     """Render a volume.
 
@@ -63,7 +81,7 @@ def render(
         Renderer; None: casts rays, or paints voxels where rays cannot be used (`decided`).
     progress
         Called with the fraction of the work done, 0 to 1.
-    options
+    given
         Options of `resample-volume render`, such as `transfer`, `window`, `projection`, `iso`,
         `spacing` along x, y and z, `background`, `method`, `shading`, `clip`, `labels`, `fov`,
         `scale_bar` or `color_bar`. Values are texts as the command takes them, or numbers, also
@@ -94,7 +112,11 @@ def render(
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
+    options: dict[str, Any] = {**given}
     shape = shape_of(size)
+    shown = choice_meant(appearance, list(Projection)) if isinstance(appearance, str) else ""
+    if shown in list(Projection):  # a projection where a look is expected
+        appearance, options = "auto", {"projection": shown, **options}
     if isinstance(camera, str) and orbit_of(camera) is None and Path(camera).suffix:
         from resample.cameras.files import viewpoint
 
@@ -217,11 +239,17 @@ def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:
 
 def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with a window of others' words, and the projection of an iso value."""
-    given = {name: value for name, value in options.items() if name not in RANGES}
+    given = dict(options)
     for name in RANGES:
-        if name in options:
-            low, high = options[name]
+        if name in given:
+            low, high = given.pop(name)
             given["window"] = f"{low}..{high}"
+    if {"vmin", "vmax"} <= given.keys():
+        given["window"] = f"{given.pop('vmin')}..{given.pop('vmax')}"
+    if given.get("parallel_projection") is True:
+        given["fov"] = 0 * given.pop("parallel_projection")
+    if not isinstance(given.get("opacity", ""), str):
+        raise TypeError(f"opacity {shortly(given['opacity'])}: {REMEDIES['opacity']}")
     if "iso" in given:
         given.setdefault("projection", "first-hit")
     return given

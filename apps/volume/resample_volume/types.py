@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.calling import constructed
 from resample.types import Doubles, Floats
 
 VOXEL, UNKNOWN = "voxel", "unknown"  # scene units of files without spacing, or without unit
@@ -17,6 +18,7 @@ ASSUMED = {
 Part = str | tuple[str, ...]  # name of an array or a field; yt's have two words
 
 
+@constructed()
 class Volume(NamedTuple):
     """A scalar field on a regular lattice.
 
@@ -44,6 +46,13 @@ class Volume(NamedTuple):
     thickness: float = 0.0  # scene units that opacities refer to; 0: cube root of a voxel's volume
     scale: str = ""  # scale of the values, see `looks.scales`; empty: linear, as measured
     length: str = ""  # scene unit: mm, µm, ... of `resample.lengths`; or one of `ASSUMED`
+
+    def __repr__(self) -> str:
+        """Size, type and spacing in one line."""
+        z, y, x = self.values.shape[:3]
+        gaps = " × ".join(f"{gap:.4g}" for gap in self.spacing)
+        unit = f" {self.length}" * bool(self.length and self.length not in ASSUMED)
+        return f"Volume({x} × {y} × {z} {self.values.dtype}, spacing {gaps}{unit})"
 
 
 class Recorded(Protocol):

@@ -350,7 +350,7 @@ def mapping_between(source: CameraModel, target: CameraModel, shape: Shape) -> W
     >>> from resample_warp3d import Camera, DepthImage, Equirectangular
     >>> from resample_warp3d import prepare, render, mapping_between
     >>> color, nearness = np.ones((24, 32, 3), np.float32), np.full((24, 32), 0.5, np.float32)
-    >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    >>> source = prepare(DepthImage(color, nearness))
     >>> way = mapping_between(Camera.from_fov(90, 24, 32), Equirectangular(), (32, 64))
     >>> render(source, way, (32, 64), "hybrid")
     Warped(32 × 64 × 3 float32, 15.6 % covered)

@@ -62,7 +62,7 @@ class DepthScene(AnyScene):
     ) -> None:
         light, nearness = as_light(color), nearness_of(depth)
         self.shape = light.shape[0], light.shape[1]
-        image, self.camera = taken_by(source, DepthImage(light, nearness, np.empty((0, 0, 2))))
+        image, self.camera = taken_by(source, DepthImage(light, nearness))
         self.source = prepare(image, noise=noise, step=step, refine=refine)
         self._methods: dict[str, Method] = {}  # by name; they cache what they found in the source
         self._few: Source | None = None  # for previews

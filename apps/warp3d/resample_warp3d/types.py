@@ -17,6 +17,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.calling import constructed
 from resample.showable import Showable
 from resample.types import Doubles, Floats
 
@@ -26,6 +27,7 @@ Links = NDArray[np.uint8]
 RIGHT, DOWN, LEFT, UP = 1, 2, 4, 8
 TURNS = 16  # factor of these bits, in a sheet: the surface turns away beyond that side
 MARGIN = 2  # unlinked samples around a sheet; colors are interpolated from five
+NO_LENS: Doubles = np.empty((0, 0, 2))  # places of samples that lie where pixels have them
 AS_GIVEN: Floats = np.empty((0, 0), np.float32)  # trust of depth that was not refined
 
 
@@ -52,22 +54,23 @@ class Hole(IntEnum):
     CRACK = 4  # a gap between samples, filled from both sides
 
 
+@constructed("nearness is 1 / depth, or disparity")
 class DepthImage(NamedTuple):
-    """A picture with its depth, as nearness.
+    """A picture with its depth, as nearness: 1 / depth, or disparity.
 
     Examples
     --------
     >>> import numpy as np
     >>> from resample_warp3d import DepthImage, prepare
     >>> color, depth = np.ones((24, 32, 3), np.float32), np.full((24, 32), 2.0)
-    >>> image = DepthImage(color, np.float32(1 / depth), np.empty((0, 0, 2)))  # without a lens
+    >>> image = DepthImage(color, np.float32(1 / depth))
     >>> prepare(image).nearness[12, 16].item()
     0.5
     """
 
     color: Floats  # (H, W, C) linear light, premultiplied if a channel is opacity
     nearness: Floats  # (H, W) δ; 0: unknown
-    place: Doubles  # (H, W, 2) undistorted position of each sample, px; or (0, 0, 2)
+    place: Doubles = NO_LENS  # (H, W, 2) undistorted position of each sample, px; or (0, 0, 2)
 
 
 class Equation(NamedTuple):
@@ -112,7 +115,7 @@ class Source(NamedTuple):
     >>> from resample_warp3d import DepthImage, prepare
     >>> noise = np.random.default_rng(1).normal(0, 0.002, (64, 64))
     >>> color, nearness = np.ones((64, 64, 3), np.float32), np.float32(0.5 * (1 + noise))
-    >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    >>> source = prepare(DepthImage(color, nearness))
     >>> round(source.noise, 3), bool(source.nearness.std() < nearness.std() / 2)  # smoothed
     (0.002, True)
     """

@@ -14,7 +14,7 @@ from resample.calling import takes
 from resample.cameras.models import Camera, Orthographic
 from resample.colors import from_srgb
 from resample.files.conversion import as_picture, picture_and_encoding
-from resample.messages import check_threads, number
+from resample.messages import check_threads, number, shortly
 from resample.painting.scenes.plans import pair_of, shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
@@ -140,7 +140,7 @@ def warp(
     seen_by: Any = target
     if np.shape(seen_by) in ((3, 4), (4, 4)) and isinstance(taken, Camera):
         seen_by = taken.moved(seen_by)
-    image, taken = taken_by(taken, DepthImage(light, nearness, np.empty((0, 0, 2))))
+    image, taken = taken_by(taken, DepthImage(light, nearness))
     prepared = prepare(
         image,
         noise=options.get("noise"),
@@ -195,7 +195,7 @@ def warp_disparity(
     disparities = as_picture(disparity, "disparity map")
     nearness = two_dimensional(disparities, "disparity").astype(np.float32)
     fraction = number("fraction", fraction)
-    image = DepthImage(as_light(color), nearness, np.empty((0, 0, 2)))
+    image = DepthImage(as_light(color), nearness)
     shape = image.color.shape[0], image.color.shape[1]
     if nearness.shape != shape:
         raise ValueError(
@@ -272,6 +272,10 @@ def as_light(color: Any) -> Floats:
     return np.ascontiguousarray(given, np.float32)
 
 
+@takes(
+    instead="render(prepare(DepthImage(color, 1 / depth)), equation, shape, method) draws what is "
+    "prepared; warp(color, depth, source, target) takes a picture, its depth and two cameras"
+)
 def render(
     source: Source,
     equation: Way,
@@ -308,7 +312,7 @@ def render(
     >>> import numpy as np
     >>> from resample_warp3d import DepthImage, of_rectified, prepare, render
     >>> color, disparity = np.ones((24, 32, 3), np.float32), np.full((24, 32), 8, np.float32)
-    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> source = prepare(DepthImage(color, disparity))
     >>> for fraction in (0.25, 1.0):
     ...     print(render(source, of_rectified(fraction), (24, 32), "hybrid"))
     Warped(24 × 32 × 3 float32, 96.9 % covered)
@@ -328,7 +332,11 @@ def render(
     shape = height, width
     chosen = registry.build("warps", method) if isinstance(method, str) else method
     if not callable(chosen):
-        raise ValueError(f"method {method!r}; give a name or an object that warps")
+        given = shortly(method)
+        raise ValueError(
+            f"method {given}; give a name, or an object that warps; warp takes (color, depth, "
+            "source, target), and a camera with a matrix and a pose is Camera(matrix, pose)"
+        )
     pixel = registry.build("filters", filter) if isinstance(filter, str) else filter
     with jit.threads(threads):
         if isinstance(equation, Passage):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.calling import constructed
 from resample.types import Doubles, Floats
 
 FARTHEST = 1e15  # scene units; 4th powers of distances still fit into float32
@@ -15,6 +16,7 @@ NO_ROWS = np.zeros((0, 3), np.float32)
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
+@constructed()
 class Cloud(NamedTuple):
     """N surface points; parts that are unknown have length 0.
 
@@ -34,6 +36,11 @@ class Cloud(NamedTuple):
     color: Floats = NO_ROWS  # (N, 3) linear light; or (0, 3)
     radius: Floats = NO_ROWS[:, 0]  # (N,) scene units, of a point's disc; or (0,)
     columns: Mapping[str, NDArray[Any]] = NO_COLUMNS  # (N,) each: further measurements, by name
+
+    def __repr__(self) -> str:
+        """Number of points and what is known of them, in one line."""
+        parts = [name for name in ("normal", "color", "radius") if len(getattr(self, name))]
+        return f"Cloud({', '.join([f'{len(self.position)} points', *parts, *self.columns])})"
 
 
 def check_cloud(given: Any, kinds: Any) -> None:

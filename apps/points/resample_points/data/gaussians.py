@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resample.calling import constructed
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import FARTHEST
 from resample_points.data.harmonics import CONSTANT, COUNTS, harmonics_along, parts_of
@@ -16,6 +17,7 @@ SHAPES = {"position": (3,), "scale": (3,), "rotation": (4,), "opacity": (), "col
 NO_HARMONICS = np.zeros((0, 0, 3), np.int16)
 
 
+@constructed()
 class Gaussians(NamedTuple):
     """N Gaussians of a trained scene, with activated values; at most 146 bytes each.
 

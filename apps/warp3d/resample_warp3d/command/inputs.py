@@ -347,7 +347,7 @@ def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> 
     )
     _check_known(nearness, depth)
     try:
-        image = fitted(DepthImage(picture.data, nearness, np.empty((0, 0, 2))))
+        image = fitted(DepthImage(picture.data, nearness))
     except ValueError:
         stored = f"{depth} has {nearness.shape[1]} x {nearness.shape[0]}"
         raise ValueError(

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from resample.calling import takes
 from resample.messages import number
 from resample.types import Floats
 from resample_warp3d.depth.refining.conditioning import Refine, Refined
@@ -19,6 +20,10 @@ SMOOTH = 1e-3  # relative nearness: larger noise is smoothed
 LARGEST_REACH = 4  # most samples on each side to which a slope is fitted
 
 
+@takes(
+    instead="prepare(DepthImage(color, 1 / depth)) prepares a picture with depth; warp(color, "
+    "depth, source, target) prepares and warps it"
+)
 def prepare(
     image: DepthImage,
     *,
@@ -57,7 +62,7 @@ def prepare(
     >>> import numpy as np
     >>> from resample_warp3d import DepthImage, of_rectified, prepare, render
     >>> color, disparity = np.ones((24, 32, 3), np.float32), np.full((24, 32), 8, np.float32)
-    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> source = prepare(DepthImage(color, disparity))
     >>> source.noise
     0.0
     >>> render(source, of_rectified(0.5), (24, 32), "hybrid")

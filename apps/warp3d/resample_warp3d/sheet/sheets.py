@@ -173,7 +173,7 @@ def background(source: Source, reach: float = REACH) -> Source | None:
     >>> from resample_warp3d import DepthImage, background, prepare
     >>> color, nearness = np.ones((32, 32, 3), np.float32), np.full((32, 32), 0.25, np.float32)
     >>> nearness[8:24, 8:24] = 1.0  # a square before a wall
-    >>> layer = background(prepare(DepthImage(color, nearness, np.empty((0, 0, 2)))))
+    >>> layer = background(prepare(DepthImage(color, nearness)))
     >>> layer.nearness[16, 6:14].tolist()  # goes on for 3 px
     [0.25, 0.25, 0.25, 0.25, 0.25, 0.0, 0.0, 0.0]
     """
@@ -211,7 +211,7 @@ def behind(warped: Warped, layer: Warped) -> Warped:
     >>> from resample_warp3d import DepthImage, background, behind, of_rectified, prepare, render
     >>> color, disparity = np.ones((32, 32, 3), np.float32), np.full((32, 32), 1, np.float32)
     >>> disparity[8:24, 8:24] = 6  # a square before a wall
-    >>> source = prepare(DepthImage(color, disparity, np.empty((0, 0, 2))))
+    >>> source = prepare(DepthImage(color, disparity))
     >>> way, size = of_rectified(1), (32, 32)
     >>> seen = render(source, way, size, "hybrid")
     >>> whole = behind(seen, render(background(source, 0.25), way, size, "hybrid"))

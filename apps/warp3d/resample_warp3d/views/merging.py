@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.pixels import pixel_centers
+from resample.messages import check_kind
 from resample.types import Floats
 from resample_warp3d.projection_models import CameraModel, unproject
 from resample_warp3d.types import Hole, Warped
@@ -128,6 +129,8 @@ def merge(
     [0.85, 0.85, 1.0]
     """
     check_blend(blend)
+    for view in views:
+        check_kind("view", view, Warped, "results of warp(color, depth, source, target)")
     shapes = {view.image.shape for view in views}
     if len(shapes) != 1:
         raise ValueError(f"views of one shape can be merged, not of {sorted(shapes) or 'none'}")

@@ -163,7 +163,7 @@ class PosedSource(NamedTuple):
     >>> import numpy as np
     >>> from resample_warp3d import Camera, DepthImage, Joining, PosedSource, agreed, prepare
     >>> color, nearness = np.ones((24, 32, 3), np.float32), np.full((24, 32), 0.5, np.float32)
-    >>> source = prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    >>> source = prepare(DepthImage(color, nearness))
     >>> camera = Camera.from_fov(60, 24, 32)
     >>> right = camera.moved(np.c_[np.eye(3), [-0.1, 0, 0]])
     >>> agreed([PosedSource(source, camera), PosedSource(source, right)], Joining()).scale.tolist()

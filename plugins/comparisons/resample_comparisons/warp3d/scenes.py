@@ -127,7 +127,7 @@ class ObjectScene:
     def depth_image(self, rays: int = RAYS) -> DepthImage:
         """Render the source's depth image; its nearness is 1 / z."""
         color, depth = self.render(self.source, self.shape, rays)
-        return DepthImage(color, (1.0 / depth).astype(np.float32), np.empty((0, 0, 2)))
+        return DepthImage(color, (1.0 / depth).astype(np.float32))
 
 
 def generated(size: int = 512) -> ObjectScene:

@@ -66,7 +66,7 @@ def source(rng):
     color = rng.random((*SHAPE, 3)).astype(np.float32)
     nearness = np.full(SHAPE, 1.0, np.float32)
     nearness[8:20, 8:20] = 2.0
-    return prepare(DepthImage(color, nearness, np.empty((0, 0, 2))))
+    return prepare(DepthImage(color, nearness))
 
 
 @pytest.fixture

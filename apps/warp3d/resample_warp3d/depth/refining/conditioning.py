@@ -129,7 +129,7 @@ def refine(
     >>> from resample_warp3d import DepthImage, refine
     >>> color, nearness = np.ones((32, 32, 3), np.float32), np.full((32, 32), 0.5, np.float32)
     >>> nearness[12:18, 12:18] = 0  # unknown
-    >>> refined = refine(DepthImage(color, nearness, np.empty((0, 0, 2))), "complete")
+    >>> refined = refine(DepthImage(color, nearness), "complete")
     >>> refined.image.nearness[15, 15].item(), refined.confidence[15, 15].item()
     (0.5, 0.5)
     """
