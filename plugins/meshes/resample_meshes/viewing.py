@@ -4,7 +4,7 @@ The page's state is a set of `mesh` options.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from resample.command.settings import Choices, chosen
 from resample.files.saving import screen_levels, write_frame
+from resample.profiles.interpolation import Bilinear
 from resample.progress import Cancel, cancellable
 from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
@@ -48,7 +49,7 @@ class ModelPainter:
         view, drawing, form = _checked(settings)
         with cancellable(cancel):
             size = preview_size(size) if quick else size
-            seen = self._rendered(view, drawing, form, size)
+            seen = self._rendered(view, drawing, form, size, quick=quick)
         levels = screen_levels(seen.rgba, background=form.behind())
         camera = view.placed(self.mesh(form.texture), size[::-1])
         return PagePicture(levels, quick, placed_by(camera, size))
@@ -83,11 +84,19 @@ class ModelPainter:
         return self._kept[1]
 
     def _rendered(
-        self, view: MeshView, drawing: MeshDrawing, form: MeshFormat, size: Size
+        self,
+        view: MeshView,
+        drawing: MeshDrawing,
+        form: MeshFormat,
+        size: Size,
+        *,
+        quick: bool = False,
     ) -> Frame[Any]:
-        mesh = self.mesh(form.texture)
+        mesh, style = self.mesh(form.texture), drawing.style(view.shading)
+        if quick:  # without a prefilter, which takes longer than the picture
+            style = replace(style, interpolation=Bilinear(), samples=2)
         camera = view.placed(mesh, size[::-1])
-        return render_mesh(mesh, camera, size=size, style=drawing.style(view.shading))
+        return render_mesh(mesh, camera, size=size, style=style)
 
 
 def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:

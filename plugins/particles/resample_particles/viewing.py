@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
+from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.previews import PER, enlarged, preview_size
 from resample.view.files import FileView, image_of
@@ -46,6 +47,7 @@ class ParticlePainter(FilmPainter):
     path: Path
     of_films = OF_FILMS
     _kept: tuple[Any, ParticlePictures] | None = field(init=False, default=None)
+    _found: Memo = field(init=False, default_factory=dict)  # of the particles that are kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -56,10 +58,11 @@ class ParticlePainter(FilmPainter):
             if quick:
                 few = preview_size(size)[::-1]
                 small = scene.fewer.picture(shrunken(camera, PER), few).rgba
-                rgba = enlarged(small, PER, shape, smooth=True)
+                levels = screen_levels(small, background=form.behind())
+                levels = enlarged(levels, PER, shape, smooth=True)
             else:
                 rgba = scene.shown(camera, shape, behind)
-        levels = screen_levels(rgba, background=form.behind())
+                levels = screen_levels(rgba, background=form.behind())
         view = {} if scene.options.color_bar else placed_by(camera, size)  # a bar moves the picture
         return PagePicture(levels, quick, view)
 
@@ -95,7 +98,7 @@ class ParticlePainter(FilmPainter):
         """Return the particles, cached until the options change that they are read with."""
         key = tuple(getattr(options, name) for name in READ_WITH)
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, pictures_of(Session(), self.path, options)
+            self._kept, self._found = (key, pictures_of(Session(), self.path, options)), {}
         if self._kept[1].options != options:
             self._kept = key, replace(self._kept[1], options=options)
         return self._kept[1]
@@ -104,7 +107,9 @@ class ParticlePainter(FilmPainter):
         """Return the picture's format, the particles and the camera."""
         options, start, form = checked({**settings, "size": f"{size[0]}x{size[1]}"})
         scene = self.scene(options)
-        return form, scene, camera_of(scene.framing, size[::-1], start.start())
+        with memoizing(self._found):
+            camera = camera_of(scene.framing, size[::-1], start.start())
+        return form, scene, camera
 
 
 def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:

@@ -13,6 +13,7 @@ from resample.cameras.viewpoints import Sphere
 from resample.messages import number
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
+from resample.outofcore.caching import memoized
 from resample_points.data.cloud import Cloud, check_cloud, places
 from resample_points.data.parts import STEP, rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels
@@ -232,6 +233,7 @@ def _eye(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
     return np.array([*(0.5 * (right - left)), depth])
 
 
+@memoized(lambda cloud: cloud.position)
 def _visible(cloud: Cloud | Surfels) -> Framing:
     """Return the points of a cloud without small separate clumps."""
     position = cloud.position if isinstance(cloud, Surfels) else places(cloud)

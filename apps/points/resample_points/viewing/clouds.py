@@ -12,6 +12,7 @@ from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
+from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.previews import preview_size
 from resample.view.files import FileView, image_of
@@ -56,6 +57,7 @@ class CloudPainter(FilmPainter):
     path: Path
     of_films = OF_FILMS
     _kept: tuple[Any, ColoredScene] | None = field(init=False, default=None)
+    _found: Memo = field(init=False, default_factory=dict)  # of the cloud that is kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -98,14 +100,15 @@ class CloudPainter(FilmPainter):
         """Return the picture's format, the cloud or its preview, and the camera."""
         look, aim, form = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         whole = self._scene(look)
-        camera = aim.camera_for(whole.scene.surfels, size[::-1])
+        with memoizing(self._found):
+            camera = aim.camera_for(whole.scene.surfels, size[::-1])
         return form, whole._replace(scene=whole.scene.fewer) if quick else whole, camera
 
     def _scene(self, look: CloudOptions) -> ColoredScene:
         """Return the prepared cloud, cached until its options change."""
         key = tuple(getattr(look, name) for name in PREPARED)
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, scene_of(Session(), self.path, look)
+            self._kept, self._found = (key, scene_of(Session(), self.path, look)), {}
         return self._kept[1]._replace(options=look)
 
 

@@ -15,7 +15,7 @@ from resample.files.conversion import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.measuring.color_bars import with_color_bar
 from resample.outofcore.caching import Memo, memoizing
-from resample.progress import Cancel, Progress
+from resample.progress import Cancel, Progress, progress_here
 from resample.resampler import Resampler
 from resample.scene.scenes import Quality
 from resample.types import Floats, Frame
@@ -188,6 +188,7 @@ class VolumePainter:
         """Render the picture for a file of this suffix."""
         view = request.choices.viewpoint()
         choices: dict[str, Any] = {"resampler": request.resampler, "fit": request.choices.fit}
+        choices["progress"] = progress_here()
         frame = self._scene.render(
             request.appearance, view, size=size, quality=quality, cancel=cancel, **choices
         )
