@@ -1,9 +1,9 @@
 """Particles of simulations in the viewer's page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
@@ -11,7 +11,7 @@ from resample.files.saving import screen_levels
 from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.previews import PER, enlarged, preview_size
-from resample.view.files import FileView, image_of
+from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_particles.choices import DensityOptions, write_map
 from resample_particles.files import kinds_in
@@ -20,9 +20,6 @@ from resample_points.command.choices import CloudStart
 from resample_points.painting.bending import shrunken
 from resample_points.scenes import camera_of
 from resample_points.viewing.films import AROUND, FilmPainter, page_facts
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 COMMAND = "resample-points density"
 SHOWN = (DensityOptions, CloudStart, FrameFormat)  # options that a page can change
@@ -135,32 +132,12 @@ def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     return FileView(first, described, checked, left_out=LEFT_OUT)
 
 
-def map_of(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Return the picture that `resample-points density` makes with these options.
-
-    Parameters
-    ----------
-    path
-        File of particles.
-    settings
-        Options by name, as in settings files: `{"camera": "40,20,1.5", "quantity": "temperature"}`.
-
-    Returns
-    -------
-    A Pillow image of 8 bits per channel.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        As the command does.
-    """
-    size = checked(settings)[2].height_and_width()[::-1]
-    return image_of(ParticlePainter(Path(path)), settings, size)
-
-
 def checked(settings: Settings) -> tuple[DensityOptions, CloudStart, FrameFormat]:
     """Return the options, checked."""
     options, start, form = chosen(settings, SHOWN)
     start.start()
     options.check_appearance(Path("picture.png"), form.height_and_width()[0])
     return options, start, form
+
+
+map_of = picture_function(particle_view)

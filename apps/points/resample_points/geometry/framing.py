@@ -11,9 +11,9 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
 from resample.messages import number
+from resample.outofcore.caching import memoized
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
-from resample.outofcore.caching import memoized
 from resample_points.data.cloud import Cloud, check_cloud, places
 from resample_points.data.parts import STEP, rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels

@@ -3,10 +3,10 @@
 The page's state is a set of `render` options.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from resample.cameras.models import Camera
 from resample.command.session import Session
@@ -15,15 +15,12 @@ from resample.files.saving import screen_levels
 from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.previews import preview_size
-from resample.view.files import FileView, image_of
+from resample.view.files import FileView
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, scene_of
 from resample_points.geometry.spacing import Surfels
 from resample_points.viewing.films import AROUND, FilmPainter, page_facts
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 SHOWN = (CloudOptions, CloudAim, FrameFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
@@ -122,29 +119,6 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         return page_facts(path, f"{count:,} points", OF_FILMS, settings, begin)
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)
-
-
-def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Return the picture that `resample-points render` makes with these options.
-
-    Parameters
-    ----------
-    path
-        File of the cloud.
-    settings
-        Options by name, as in settings files: `{"camera": "40,20,1.5", "up": "y"}`.
-
-    Returns
-    -------
-    A Pillow image of 8 bits per channel.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        As the command does.
-    """
-    size = _checked(settings)[2].height_and_width()[::-1]
-    return image_of(CloudPainter(Path(path)), settings, size)
 
 
 def _checked(settings: Settings) -> tuple[CloudOptions, CloudAim, FrameFormat]:
