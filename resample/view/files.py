@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.command.settings import height_and_width
 from resample.progress import Cancel
 from resample.scene.scenes import LITTLE
 from resample.view.views import Painter, Settings, Size, controls_of
@@ -80,6 +81,40 @@ class FileView:
     def save(self, settings: Settings, size: Size, suffix: str) -> bytes:
         """File that the command would write."""
         return file_of(partial(self.painter().save, settings, size), suffix)
+
+
+def picture_function(
+    view_of: Callable[[Path], FileView],
+) -> "Callable[[str | Path, Settings], Image]":
+    """Return the function that makes the picture of a file without a page."""
+
+    def picture(path: str | Path, settings: Settings) -> "Image":
+        """Return the picture that the command of a page makes with these options.
+
+        Parameters
+        ----------
+        path
+            File that the command takes.
+        settings
+            Options by name, as in settings files: `{"camera": "40,20,1.5", "up": "y"}`.
+
+        Returns
+        -------
+        A Pillow image of 8 bits per channel.
+
+        Raises
+        ------
+        ValueError, LookupError, OSError
+            As the command does.
+        """
+        view, (height, width) = (
+            view_of(Path(path)),
+            height_and_width(str(settings.get("size", 400))),
+        )
+        view.refuse(settings)
+        return image_of(view.first, settings, (width, height))
+
+    return picture
 
 
 def image_of(painter: SavingPainter, settings: Settings, size: Size) -> "Image":

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from resample.measuring.quality import psnr
 from resample.messages import one_line
-from resample.progress import Cancel, CancelledError, cancellable
+from resample.progress import Cancel, CancelledError, Progress, cancellable, told
 from resample.view.files import file_of
 from resample.view.views import (
     Comparing,
@@ -242,16 +242,9 @@ class PageSession:
 
     async def _filmed(self, message: MakeFilm, cancel: Cancel) -> None:
         """Make a film and report its progress."""
-        loop, told = asyncio.get_running_loop(), [0.0]
-
-        def tell(share: float) -> None:
-            if cancel.is_cancelled:
-                raise CancelledError("the film was cancelled")
-            if time.perf_counter() - told[0] > REPORT_INTERVAL:
-                told[0] = time.perf_counter()
-                words = self._notice(f"making the film: {share:.0%}")
-                asyncio.run_coroutine_threadsafe(words, loop)
-
+        tell = self._telling(
+            cancel, lambda share: _json_message("notice", 0, text=f"making the film: {share:.0%}")
+        )
         try:
             answer: str | bytes = await asyncio.to_thread(self._film_of, message, cancel, tell)
         except CancelledError:
@@ -259,6 +252,19 @@ class PageSession:
         except Exception as error:
             answer = _json_message("error", message.number, text=one_line(error))
         await self._send(answer)
+
+    def _telling(self, cancel: Cancel, message: Callable[[float], str]) -> Progress:
+        """Function that sends a message of the fraction done, now and then, until cancelled."""
+        loop, last = asyncio.get_running_loop(), [time.perf_counter()]
+
+        def tell(share: float) -> None:
+            if cancel.is_cancelled:
+                raise CancelledError("the work was cancelled")
+            if time.perf_counter() - last[0] > REPORT_INTERVAL:
+                last[0] = time.perf_counter()
+                asyncio.run_coroutine_threadsafe(self._send(message(share)), loop)
+
+        return tell
 
     def _film_of(self, message: MakeFilm, cancel: Cancel, tell: Callable[[float], None]) -> bytes:
         if not isinstance(self._painter, Filming):
@@ -279,8 +285,11 @@ class PageSession:
             if self._wanted is None:
                 continue
             self._job = _Job(self._wanted, Cancel())
+            done = partial(_rendered, self._wanted.number)
+            tell = None if self._wanted.moving else self._telling(self._job.cancel, done)
             try:
-                answers: list[str | bytes] = await asyncio.to_thread(self._drawn, self._job)
+                with told(tell):
+                    answers: list[str | bytes] = await asyncio.to_thread(self._drawn, self._job)
             except CancelledError:
                 continue
             except Exception as error:
@@ -380,6 +389,10 @@ def _over_black(levels: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 def _json_message(kind: str, number: int, **parts: Any) -> str:
     return json.dumps({"kind": kind, "number": number, **parts})
+
+
+def _rendered(number: int, share: float) -> str:
+    return _json_message("progress", number, share=round(share, 3))
 
 
 def _framed(about: dict[str, Any], data: bytes) -> bytes:

@@ -53,14 +53,14 @@ class Page:
         self.link.send(json.dumps(words | more))
 
     def answer(self) -> tuple[dict[str, Any], bytes]:
-        """What comes next, but notices: words, and bytes that came with them."""
+        """What comes next, but notices and progress: words, and bytes that came with them."""
         while True:
             data = self.link.recv(timeout=PATIENCE)
             if isinstance(data, bytes):
                 end = 4 + int.from_bytes(data[:4], "little")
                 return json.loads(data[4:end]), data[end:]
             words = json.loads(data)
-            if words["kind"] != "notice":
+            if words["kind"] not in ("notice", "progress"):
                 return words, b""
 
     def told(self, kind: str) -> dict[str, Any]:

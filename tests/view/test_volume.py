@@ -106,7 +106,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
             painter = VolumePainter(volume)
             look = painter._requests.parsed(settings | {"camera": camera})
             eye, there = painter._placed_view(look, (48, 40))
-            looks = transfer_of(volume, look.appearance)
+            looks = transfer_of(volume, look.layers[0][1])
             by_vtk = VtkRenderer(there, looks, height=40, width=48, look=Peer(light=None))
             light = by_vtk.render(eye)
             expected = screen_levels(light, background=(0, 0, 0))

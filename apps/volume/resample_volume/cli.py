@@ -219,6 +219,7 @@ def view(
     look: Annotated[AppearanceChoices, flags.Flat] = VOXELS,
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,
+    added: Annotated[Added, flags.Flat] = ADDED,
     beside: Annotated[Beside, flags.Flat] = BESIDE,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
@@ -238,7 +239,7 @@ def view(
     from resample.view.server import show
     from resample_volume.viewing import volume_view
 
-    show(lambda: volume_view(volume, source, (look, resampling, beside)), page)
+    show(lambda: volume_view(volume, source, (look, resampling, beside), added), page)
 
 
 @app.command

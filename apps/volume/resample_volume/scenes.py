@@ -1,5 +1,6 @@
 """Open a volume once, render it many times: what does not depend on the view is cached."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
@@ -19,6 +20,7 @@ from resample.types import Frame
 from resample_volume.appearance import (
     Appearance,
     Tone,
+    VolumeLayer,
     XRay,
     resampler_for,
     settled,
@@ -39,6 +41,7 @@ KEPT = 4  # looks whose samples are cached
 MERGED = 2  # voxels per side that a preview merges
 LARGE = 256**3  # voxels from which twice as many per side are merged
 FINEST = 1  # sub-pixels per side of a ray cast preview
+Shown = Appearance | str | Sequence[VolumeLayer]
 
 
 @dataclass(eq=False)
@@ -72,14 +75,14 @@ class Scene(AnyScene):
     def __post_init__(self) -> None:
         whole = as_array(as_volume(self.given))
         self.volume = without_padding(whole, survey(whole))
-        self._coarse: Volume | None = None
+        self._coarse: dict[int, tuple[Volume, Volume]] = {}  # by id: volume, and its merged one
         self._subjects: dict[tuple[Any, ...], Subject] = {}
         self._quick: dict[Resampler, Resampler] = {}  # renderers of previews
         self._found: Memo = {}
 
     def render(
         self,
-        look: Appearance | str = "auto",
+        look: Shown = "auto",
         camera: Spelled = None,
         *,
         size: tuple[int, int] = (400, 400),
@@ -94,7 +97,8 @@ class Scene(AnyScene):
         Parameters
         ----------
         look
-            Look of the voxels, or the name of a transfer function.
+            Look of the voxels, or the name of a transfer function; or layers (volume, look) that
+            are shown together, this volume first.
         camera
             As of `render`.
         size
@@ -139,7 +143,7 @@ class Scene(AnyScene):
 
     def placed_view(
         self,
-        look: Appearance | str = "auto",
+        look: Shown = "auto",
         camera: Spelled = None,
         *,
         size: tuple[int, int] = (400, 400),
@@ -158,13 +162,13 @@ class Scene(AnyScene):
         subject, eye, _ = self._prepared(look, camera, size, resampler, fit, is_preview=is_preview)
         return eye, subject.placed(self.volume)
 
-    def tone(self, look: Appearance, resampler: Resampler, fit: Fit = "volume") -> Tone:
+    def tone(self, look: Shown, resampler: Resampler, fit: Fit = "volume") -> Tone:
         """Return how measured values become gray; parameters as of `render`."""
         return self._prepared(look, None, (1, 1), resampler, fit)[0].tone
 
     def sample_ids(
         self,
-        look: Appearance | str = "auto",
+        look: Shown = "auto",
         camera: Spelled = None,
         *,
         size: tuple[int, int] = (400, 400),
@@ -203,7 +207,7 @@ class Scene(AnyScene):
         self,
         x: float,
         y: float,
-        look: Appearance | str = "auto",
+        look: Shown = "auto",
         camera: Spelled = None,
         *,
         size: tuple[int, int] = (400, 400),
@@ -226,15 +230,31 @@ class Scene(AnyScene):
             As of `sample_ids`.
         """
         subject, eye, paint = self._prepared(look, camera, size, resampler, fit)
-        given = subject, self.volume, eye, paint, np.array([[x, y]])
-        (found,), (kept,) = voxels_at(*given)
-        if found < 0 and kept < 1:
-            (found,), _ = voxels_at(*given, level=(1 - kept) / 2)
-        return None if found < 0 else picked(self.volume, int(found))
+        layers, each = self._layers(look), [subject]
+        if isinstance(subject.voxels, list):  # the nearest of what each of them shows
+            each = [replace(subject, voxels=field) for field in subject.voxels]
+        nearest, least = None, np.inf
+        for (volume, _), one in zip(layers, each, strict=True):
+            given = one, volume, eye, paint, np.array([[x, y]])
+            (found,), (kept,) = voxels_at(*given)
+            if found < 0 and kept < 1:
+                (found,), _ = voxels_at(*given, level=(1 - kept) / 2)
+            if found >= 0:
+                seen, view = picked(volume, int(found)), eye.view()
+                depth = view.rotation[2] @ (seen.position - subject.middle) + view.translation[2]
+                if depth < least:
+                    nearest, least = seen, depth
+        return nearest
+
+    def _layers(self, look: Shown) -> list[VolumeLayer]:
+        """Return the volumes that are shown, each with its look."""
+        if isinstance(look, str):
+            look = Appearance(look)
+        return [(self.volume, look)] if isinstance(look, Appearance) else list(look)
 
     def _prepared(
         self,
-        look: Appearance | str,
+        look: Shown,
         camera: Spelled,
         size: tuple[int, int],
         resampler: Resampler | None,
@@ -245,34 +265,41 @@ class Scene(AnyScene):
         """Return subject, camera and renderer of a picture."""
         if fit not in get_args(Fit):
             raise ValueError(f"fit {fit!r}; known: {', '.join(get_args(Fit))}")
-        appearance = look if isinstance(look, Appearance) else Appearance(look)
-        paint = resampler or resampler_for(appearance)
+        layers = self._layers(look)
+        paint = resampler or resampler_for(layers[0][1])
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
         with memoizing(self._found):
-            # The classified volume, which is cached
-            parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
-            key = (appearance, *parts, fit, is_preview)
-            found = self._subjects.pop(key, None)
-            if found is None:
-                shown, kept = self.volume, appearance
-                if is_preview:
-                    shown, kept = self._previewed(appearance, paint)
-                around = self.volume if fit == "volume" else None
-                found = Subject.of(shown, kept, paint, around=around)
-            while len(self._subjects) >= KEPT:
-                del self._subjects[next(iter(self._subjects))]
-            self._subjects[key] = found
-            subject = found
+            subject = self._subject(layers, paint, fit, is_preview=is_preview)
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
-        warn_of_nothing(subject, [(self.volume, appearance)], paint.projection)
+        warn_of_nothing(subject, layers, paint.projection)
         return subject, eye, subject.painter(paint)
 
-    def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
-        """Return the volume with fewer voxels, and the look adapted to it."""
-        volume, per = self.volume, MERGED if self.volume.values.size < LARGE else 2 * MERGED
-        if self._coarse is None:
-            self._coarse = merged(volume, per)
+    def _subject(
+        self, layers: list[VolumeLayer], paint: Resampler, fit: Fit, *, is_preview: bool
+    ) -> Subject:
+        """Return the classified volumes, which are cached."""
+        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
+        key = (*(look for _, look in layers), *parts, fit, is_preview)
+        found = self._subjects.pop(key, None)
+        if found is None:
+            shown = [self._previewed(*one, paint) for one in layers] if is_preview else layers
+            if len(shown) > 1:
+                found = Subject.of_several(shown, paint, fit)
+            else:
+                around = self.volume if fit == "volume" else None
+                found = Subject.of(*shown[0], paint, around=around)
+        while len(self._subjects) >= KEPT:
+            del self._subjects[next(iter(self._subjects))]
+        self._subjects[key] = found
+        return found
+
+    def _previewed(self, volume: Volume, look: Appearance, paint: Resampler) -> VolumeLayer:
+        """Return a volume with fewer voxels, and the look adapted to it."""
+        per = MERGED if volume.values.size < LARGE else 2 * MERGED
+        if id(volume) not in self._coarse:
+            self._coarse[id(volume)] = volume, merged(volume, per)
+        coarse = self._coarse[id(volume)][1]
         if paint.projection is Projection.XRAY:
             look = replace(look, xray=settled(look.xray or XRay(), volume))
         transfer, labels = transfer_of(volume, look), look.labels
@@ -282,12 +309,12 @@ class Scene(AnyScene):
             whole = values_of(labels.values).whole()
             labels = replace(labels, values=whole[::per, ::per, ::per])
         # Merged voxels are cut where crop and clip cut the volume.
-        middle = centered(self._coarse)[1]
+        middle = centered(coarse)[1]
         cuts = tuple(
             ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
             for *normal, far in planes(volume, look.crop, look.cuts).tolist()
         )
-        return self._coarse, replace(
+        return coarse, replace(
             look,
             transfer=transfer,
             labels=labels,

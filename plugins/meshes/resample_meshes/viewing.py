@@ -3,27 +3,25 @@
 The page's state is a set of `mesh` options.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from resample.command.settings import Choices, chosen
 from resample.files.saving import screen_levels, write_frame
+from resample.profiles.interpolation import Bilinear
 from resample.progress import Cancel, cancellable
 from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
 from resample.types import Frame
-from resample.view.files import FileView, image_of
+from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
 from resample_meshes.choices import MeshDrawing, MeshFormat, MeshView
 from resample_meshes.rendering import load_mesh, render_mesh
 from resample_meshes.shapes import Mesh
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 COMMAND = "resample-texture mesh"
 SHOWN = (MeshView, MeshDrawing, MeshFormat)  # option models that a page can change
@@ -48,7 +46,7 @@ class ModelPainter:
         view, drawing, form = _checked(settings)
         with cancellable(cancel):
             size = preview_size(size) if quick else size
-            seen = self._rendered(view, drawing, form, size)
+            seen = self._rendered(view, drawing, form, size, quick=quick)
         levels = screen_levels(seen.rgba, background=form.behind())
         camera = view.placed(self.mesh(form.texture), size[::-1])
         return PagePicture(levels, quick, placed_by(camera, size))
@@ -83,11 +81,19 @@ class ModelPainter:
         return self._kept[1]
 
     def _rendered(
-        self, view: MeshView, drawing: MeshDrawing, form: MeshFormat, size: Size
+        self,
+        view: MeshView,
+        drawing: MeshDrawing,
+        form: MeshFormat,
+        size: Size,
+        *,
+        quick: bool = False,
     ) -> Frame[Any]:
-        mesh = self.mesh(form.texture)
+        mesh, style = self.mesh(form.texture), drawing.style(view.shading)
+        if quick:  # without a prefilter, which takes longer than the picture
+            style = replace(style, interpolation=Bilinear(), samples=2)
         camera = view.placed(mesh, size[::-1])
-        return render_mesh(mesh, camera, size=size, style=drawing.style(view.shading))
+        return render_mesh(mesh, camera, size=size, style=style)
 
 
 def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
@@ -118,31 +124,11 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     return FileView(first, described, _checked, left_out=LEFT_OUT)
 
 
-def mesh_picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Return the picture that `resample-texture mesh` makes with these options.
-
-    Parameters
-    ----------
-    path
-        File of the mesh.
-    settings
-        Options by name, as in settings files: `{"camera": "120,20,1.2"}`.
-
-    Returns
-    -------
-    A Pillow image of 8 bits per channel.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        As the command does.
-    """
-    size = _checked(settings)[2].height_and_width()[::-1]
-    return image_of(ModelPainter(Path(path)), settings, size)
-
-
 def _checked(settings: Settings) -> tuple[MeshView, MeshDrawing, MeshFormat]:
     """Return the options, checked."""
     view, drawing, form = chosen(settings, SHOWN)
     view.viewpoint()
     return view, drawing, form
+
+
+mesh_picture = picture_function(model_view)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from resample_points.data.cloud import Cloud
     from resample_points.scenes import Shape
 
-FEW = 100_000  # most particles of previews
+FEW = 10_000  # most particles of previews
 MEASURED = 4  # frames of a film by which the range of its colors is found
 
 

@@ -1,16 +1,17 @@
 """Particles of simulations in the viewer's page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
+from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.previews import PER, enlarged, preview_size
-from resample.view.files import FileView, image_of
+from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_particles.choices import DensityOptions, write_map
 from resample_particles.files import kinds_in
@@ -19,9 +20,6 @@ from resample_points.command.choices import CloudStart
 from resample_points.painting.bending import shrunken
 from resample_points.scenes import camera_of
 from resample_points.viewing.films import AROUND, FilmPainter, page_facts
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 COMMAND = "resample-points density"
 SHOWN = (DensityOptions, CloudStart, FrameFormat)  # options that a page can change
@@ -46,6 +44,7 @@ class ParticlePainter(FilmPainter):
     path: Path
     of_films = OF_FILMS
     _kept: tuple[Any, ParticlePictures] | None = field(init=False, default=None)
+    _found: Memo = field(init=False, default_factory=dict)  # of the particles that are kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -56,10 +55,11 @@ class ParticlePainter(FilmPainter):
             if quick:
                 few = preview_size(size)[::-1]
                 small = scene.fewer.picture(shrunken(camera, PER), few).rgba
-                rgba = enlarged(small, PER, shape, smooth=True)
+                levels = screen_levels(small, background=form.behind())
+                levels = enlarged(levels, PER, shape, smooth=True)
             else:
                 rgba = scene.shown(camera, shape, behind)
-        levels = screen_levels(rgba, background=form.behind())
+                levels = screen_levels(rgba, background=form.behind())
         view = {} if scene.options.color_bar else placed_by(camera, size)  # a bar moves the picture
         return PagePicture(levels, quick, view)
 
@@ -95,7 +95,7 @@ class ParticlePainter(FilmPainter):
         """Return the particles, cached until the options change that they are read with."""
         key = tuple(getattr(options, name) for name in READ_WITH)
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, pictures_of(Session(), self.path, options)
+            self._kept, self._found = (key, pictures_of(Session(), self.path, options)), {}
         if self._kept[1].options != options:
             self._kept = key, replace(self._kept[1], options=options)
         return self._kept[1]
@@ -104,7 +104,9 @@ class ParticlePainter(FilmPainter):
         """Return the picture's format, the particles and the camera."""
         options, start, form = checked({**settings, "size": f"{size[0]}x{size[1]}"})
         scene = self.scene(options)
-        return form, scene, camera_of(scene.framing, size[::-1], start.start())
+        with memoizing(self._found):
+            camera = camera_of(scene.framing, size[::-1], start.start())
+        return form, scene, camera
 
 
 def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
@@ -130,32 +132,12 @@ def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     return FileView(first, described, checked, left_out=LEFT_OUT)
 
 
-def map_of(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Return the picture that `resample-points density` makes with these options.
-
-    Parameters
-    ----------
-    path
-        File of particles.
-    settings
-        Options by name, as in settings files: `{"camera": "40,20,1.5", "quantity": "temperature"}`.
-
-    Returns
-    -------
-    A Pillow image of 8 bits per channel.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        As the command does.
-    """
-    size = checked(settings)[2].height_and_width()[::-1]
-    return image_of(ParticlePainter(Path(path)), settings, size)
-
-
 def checked(settings: Settings) -> tuple[DensityOptions, CloudStart, FrameFormat]:
     """Return the options, checked."""
     options, start, form = chosen(settings, SHOWN)
     start.start()
     options.check_appearance(Path("picture.png"), form.height_and_width()[0])
     return options, start, form
+
+
+map_of = picture_function(particle_view)

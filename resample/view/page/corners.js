@@ -154,6 +154,13 @@ export function corners(page) {
   });
 
   return {
+    help: [
+      ["drag, arrows", "pan"],
+      ["drag a corner", "move that corner alone"],
+      ["wheel, two fingers, + and -", "zoom to the pointer"],
+      ["0; 1, double-click", "fit it into the window; one texel for each pixel"],
+      ["Home", "back to the first view"],
+    ],
     hint: "arrows move it, plus and minus make it larger and smaller",
     unfolds: true,
     frame: () => canvas.getBoundingClientRect(),

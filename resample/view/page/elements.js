@@ -11,6 +11,12 @@ export function made(kind, given = {}, ...children) {
   return element;
 }
 
+export function svg(kind, given = {}) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", kind);
+  for (const [name, value] of Object.entries(given)) element.setAttribute(name, value);
+  return element;
+}
+
 export function rounded(number) {
   return String(Number(number.toPrecision(6)));
 }

@@ -25,11 +25,12 @@ function pinch(page) {
 export function gestures(page) {
   const { canvas } = page;
   const fingers = pinch(page);
-  let dragged = null, travelled = 0;
+  let dragged = null, travelled = 0, isContrast = false;
 
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
     fingers.put(event);
+    isContrast = page.contrast.takes(event);
     dragged = event.isPrimary ? [event.clientX, event.clientY] : null;
     travelled = event.isPrimary ? 0 : Infinity; // two fingers pick nothing
   });
@@ -40,7 +41,8 @@ export function gestures(page) {
     dragged = [event.clientX, event.clientY];
     travelled += Math.abs(dx) + Math.abs(dy);
     if (travelled < 3) return;
-    if (event.shiftKey || event.buttons & 6) page.steering?.panned(dx, dy);
+    if (isContrast) page.contrast.dragged(dx, dy);
+    else if (event.shiftKey || event.buttons & 6) page.steering?.panned(dx, dy);
     else page.steering?.turned(dx, dy);
   });
   canvas.addEventListener("pointerup", (event) => {
@@ -56,6 +58,12 @@ export function gestures(page) {
     page.steering?.zoomed(Math.exp(-event.deltaY / 600), { x: event.clientX, y: event.clientY });
   }, { passive: false });
   canvas.addEventListener("dblclick", (event) => page.steering?.toggled?.({ x: event.clientX, y: event.clientY }));
+  page.el.getRootNode().addEventListener("keydown", (event) => {
+    const at = event.composedPath()[0];
+    if (event.key !== "?" || at?.matches?.("input:not([type=range], [type=checkbox]), textarea")) return;
+    event.preventDefault();
+    page.helped();
+  });
   canvas.addEventListener("keydown", (event) => {
     if (event.target !== canvas || event.ctrlKey || event.metaKey) return; // a handle's
     const step = 12, by = {
@@ -69,6 +77,8 @@ export function gestures(page) {
       page.say("pick", { x: width / 2, y: height / 2 });
     } else if (event.key === "Home") page.steering?.home();
     else if (event.key === "0") page.fitted();
+    else if (event.key === "w") page.contrast.turned();
+    else if (event.key === "s") page.scaled();
     else if (event.key === "1" && page.steering?.exact) page.steering.exact();
     else return;
     event.preventDefault();

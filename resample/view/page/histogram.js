@@ -98,6 +98,12 @@ export function histogram(page) {
     const first = given[0][0], wide = given.at(-1)[0] - first || 1;
     write(given.map(([one, ...rest]) => [a + ((one - first) / wide) * (b - a), ...rest]), moving);
   };
+  // A drag in the picture: right for a wider window, up for a higher level
+  const windowed = (dx, dy) => {
+    const [low, high] = ends().map(scale().to), wide = Math.max((high - low) * Math.exp(dx / 200), span() / 250);
+    const middle = (low + high) / 2 - (dy / 200) * (high - low);
+    spread(...[middle - wide / 2, middle + wide / 2].map(scale().from), true);
+  };
   const moved = (n, to, height, moving) => {
     const given = points();
     if (!given[n]) return;
@@ -277,5 +283,5 @@ export function histogram(page) {
   const forget = () => { asked = ""; known = null; };
   const offer = (names) => looks.replaceChildren(
     made("option", { value: "" }, "Looks…"), ...["auto", ...names].map((one) => made("option", { value: one }, one)));
-  return { element, under, tools, draw, ask, curve, forget, offer, ends, spread, places: () => ends().map(scale().to), usual: () => known?.usual };
+  return { element, under, tools, draw, ask, curve, forget, offer, ends, spread, windowed, places: () => ends().map(scale().to), usual: () => known?.usual };
 }

@@ -1,15 +1,9 @@
 // Places that were picked: lines between them with their lengths, and the values along the last line.
 
 import { drawnTicks, short, ticks } from "./axis.js";
-import { made } from "./elements.js";
+import { made, svg } from "./elements.js";
 
 const SPACE = 22, ASIDE = 46; // px of a chart under and left of the values, for numbers
-
-const svg = (name, given = {}) => {
-  const element = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(given)) element.setAttribute(key, value);
-  return element;
-};
 
 export function measure(page) {
   const button = made("button", { id: "measure", "aria-pressed": "false", hidden: true, title: "Click two places: their distance, and the values between them", onclick: () => turned(!isOn()) }, "Measure");

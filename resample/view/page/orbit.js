@@ -33,6 +33,12 @@ export function orbit(page) {
   }
 
   return {
+    help: [
+      ["drag, arrows", "rotate"],
+      ["Shift or right button and drag, Shift and arrows", "pan"],
+      ["wheel, two fingers, + and -", "zoom to the pointer"],
+      ["0, Home", "fit it into the window; back to the first view"],
+    ],
     hint: "arrows turn it, plus and minus zoom, shift and arrows move it",
     frame: () => page.canvas.getBoundingClientRect(),
     turned: (dx, dy) => steered((c) => {

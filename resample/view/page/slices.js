@@ -106,16 +106,19 @@ export function slices(page) {
     number.addEventListener("change", () => { if (number.value !== "") leafed(number.valueAsNumber, false); });
     shows.addEventListener("change", () => shownIn(across, shows.checked));
     cuts.addEventListener("change", () => cutBy(across, cuts.checked));
-    let isDown = false;
+    let isDown = false, last = null; // last: where the pointer was, while the window is dragged
     const pointed = (event, moving) => {
       const place = placeIn(held, event);
       const to = voxel.map((one, axis) => (axis === right ? place[0] : axis === down ? place[1] : one));
       if (page.measuring()) { if (!moving) page.marked(positionOf(to)); } else moved(to, moving);
     };
-    view.addEventListener("pointerdown", (event) => { view.setPointerCapture(event.pointerId); isDown = true; if (!page.measuring()) pointed(event, true); });
-    view.addEventListener("pointermove", (event) => { if (isDown) pointed(event, true); });
+    view.addEventListener("pointerdown", (event) => { view.setPointerCapture(event.pointerId); if (page.contrast.takes(event)) { last = [event.clientX, event.clientY]; return; } isDown = true; if (!page.measuring()) pointed(event, true); });
+    view.addEventListener("pointermove", (event) => {
+      if (last) { page.contrast.dragged(event.clientX - last[0], event.clientY - last[1]); last = [event.clientX, event.clientY]; }
+      if (isDown) pointed(event, true);
+    });
     view.addEventListener("pointerup", (event) => { if (isDown) pointed(event, false); isDown = false; });
-    view.addEventListener("lostpointercapture", () => { isDown = false; });
+    view.addEventListener("lostpointercapture", () => { isDown = false; last = null; });
     view.addEventListener("wheel", (event) => { event.preventDefault(); leafed(voxel[across] + Math.sign(event.deltaY), true); }, { passive: false });
     view.addEventListener("keydown", (event) => {
       const by = { ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10 }[event.key];

@@ -7,18 +7,23 @@
 
 import { bounds } from "./bounds.js";
 import { compare } from "./compare.js";
+import { contrast } from "./contrast.js";
 import { corners } from "./corners.js";
 import { download, hung, made } from "./elements.js";
 import { exporting } from "./exports.js";
 import { fields } from "./fields.js";
 import { filling } from "./fill.js";
 import { gestures } from "./gestures.js";
+import { help } from "./help.js";
 import { histogram } from "./histogram.js";
 import { history } from "./history.js";
+import { legend } from "./legend.js";
 import { magnifier } from "./magnifier.js";
+import { marks } from "./marks.js";
 import { measure } from "./measure.js";
 import { BEGIN, orbit, VIEWS } from "./orbit.js";
 import { slices } from "./slices.js";
+import { status } from "./status.js";
 import { theme } from "./theme.js";
 import { tuning } from "./tuning.js";
 import { walk } from "./walk.js";
@@ -56,24 +61,25 @@ export function show(el, connect) {
     window: () => look.ends(), places: () => look.places(), toward: (way) => cuts.toward(way), projected: (point) => cuts.projected(point),
     measuring: () => ruler.isOn(), marks: () => ruler.places(), marked: (place) => ruler.marked(place), linesMoved: () => sliced.lines(),
     slicesAt: () => sliced.at(), slicesPut: (voxel) => sliced.put(voxel), leafed, amended: () => past.amended(),
+    windowed: (dx, dy) => look.windowed(dx, dy), helped: () => sheet.opened(), scaled: () => scales.turned(),
   };
 
   const options = fields(page), look = histogram(page), beside = compare(page), past = history(page);
   const glass = magnifier(page), cuts = bounds(page), exports = exporting(page), fill = filling(page);
-  const sliced = slices(page), ruler = measure(page);
+  const sliced = slices(page), ruler = measure(page), names = legend(page), scales = marks(page);
+  const state = status(page), sheet = help(page);
+  page.contrast = contrast(page);
   const tuned = tuning(page, look), light = theme(el, () => { look.draw(); ruler.drawn(); });
-  const badge = made("span", { class: "badge", id: "badge" }, "…");
   const views = menu("views", "View from…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
   const saves = menu("save", "Save…", "Save the picture", ["PNG", "EXR"], (name) => say("save", { suffix: `.${name.toLowerCase()}` }));
   const fit = made("button", { id: "fit", title: "All of it, as large as the window has room for (0)", onclick: fitted }, "Fit");
   const exact = made("button", { id: "exact", title: "One texel for each pixel (1, or a double-click)", onclick: () => page.steering.exact() }, "1:1");
   const bar = made("div", { class: "bar" },
-    ...past.buttons, views, fit, exact, ...cuts.buttons, sliced.button, ruler.button, ...beside.buttons, glass.button,
+    ...past.buttons, views, fit, exact, page.contrast.button, ...cuts.buttons, sliced.button, ruler.button, scales.button, ...beside.buttons, glass.button,
     made("span", { class: "push" }), exports.keyframe, exports.button, saves,
-    made("button", { id: "reset", title: "As it began", onclick: reset }, "Reset"), light.button);
+    made("button", { id: "reset", title: "As it began", onclick: reset }, "Reset"), light.button, sheet.button);
   const side = made("aside", { class: "side" }), stage = made("div", { class: "stage" }, panes);
-  canvas.append(badge);
-  el.append(bar, stage, side, exports.dialog);
+  el.append(bar, stage, side, exports.dialog, sheet.dialog);
   light.put();
 
   // A list of things to do, by a name each.
@@ -111,6 +117,7 @@ export function show(el, connect) {
     page.steering.placed?.();
     cuts.placed();
     ruler.placed();
+    scales.drawn();
   }
 
   // Said to the viewer
@@ -127,7 +134,7 @@ export function show(el, connect) {
     if (!page.about) return;
     clearTimeout(timer);
     fill.stopped();
-    canvas.setAttribute("aria-busy", "true");
+    state.begun();
     if (moving) timer = setTimeout(rested, STILL);
     if (waiting && moving) { again = true; return; }
     waiting = true;
@@ -153,7 +160,7 @@ export function show(el, connect) {
   function answered(head) {
     waiting = false;
     if (again) { again = false; wish(true); }
-    else if (!head.preview && head.number === latest) canvas.setAttribute("aria-busy", "false");
+    else if (!head.preview && head.number === latest) state.ended(head);
   }
 
   // Options: `put` sets one, `changed` also asks for the picture, `replaced` sets all of them
@@ -183,7 +190,7 @@ export function show(el, connect) {
   function fitted() {
     if (!page.about) return;
     if (!page.steering.filled) { (page.steering.fitted ?? page.steering.home)(); return; }
-    canvas.setAttribute("aria-busy", "true");
+    state.begun();
     fill.begun(() => changed("camera", page.settings.camera));
   }
 
@@ -221,7 +228,9 @@ export function show(el, connect) {
     views.hidden = !page.steering.filled;
     exact.hidden = !page.steering.exact;
     exports.keyframe.hidden = !given.film;
-    beside.offer(given.rivals);
+    page.contrast.begin();
+    scales.begin();
+    beside.offer(given);
     const opens = () => replaced(isBack ? page.settings : page.steering.atStart?.() ?? { ...given.settings });
     if (!isBack && given.fills && given.settings.camera === BEGIN) filled(opens); else opens();
     build();
@@ -232,7 +241,7 @@ export function show(el, connect) {
   // The camera that it begins with is found.
   function filled(then) {
     page.settings = { ...page.about.settings };
-    canvas.setAttribute("aria-busy", "true");
+    state.begun();
     fill.begun(() => {
       page.about.settings.camera = page.settings.camera;
       then();
@@ -264,6 +273,7 @@ export function show(el, connect) {
     if (given.kind === "error") { fill.failed(given.number); answered(given); note(given.text, "message"); }
     if (given.kind === "other") beside.failed(given.text);
     if (given.kind === "notice") note(given.text, "message notice");
+    if (given.kind === "progress" && given.number === latest) state.progressed(given.share);
     if (given.kind === "picked") {
       picked.textContent = Object.entries(given.found).map(([k, v]) => `${k} ${v}`).join(" · ") || "nothing here";
       marked(given.found.position);
@@ -288,8 +298,9 @@ export function show(el, connect) {
     ruler.placed();
     image.dataset.number = head.number;
     image.dataset.preview = head.preview;
-    badge.className = `badge ${head.preview ? "preview" : "final"}`;
-    badge.textContent = `${head.preview ? "preview" : "final"} · ${Math.round(head.milliseconds)} ms`;
+    names.shown(head.legend);
+    scales.shown(head.view);
+    state.framed(head);
     answered(head);
   }
 
@@ -301,7 +312,8 @@ export function show(el, connect) {
   function closed() {
     waiting = false;
     look.forget();
-    note("The viewer has ended, or is out of reach; trying again.", "message");
+    state.lost();
+    note("The connection to the viewer is lost; reconnecting.", "message");
   }
 
   function note(text, kind) {

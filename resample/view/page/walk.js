@@ -32,6 +32,12 @@ export function walk(page) {
   }
 
   return {
+    help: [
+      ["drag, arrows", "move the camera around a point at middle distance"],
+      ["Shift or right button and drag, Shift and arrows", "turn the camera"],
+      ["wheel, two fingers, + and -", "move forward and back"],
+      ["Home", "back to where the picture was taken"],
+    ],
     hint: "arrows move the camera, shift and arrows turn it, plus and minus go ahead and back",
     frame,
     keyframe: () => ["move", "turn"].map((key) => page.settings[key] ?? "0,0,0").join(";"),

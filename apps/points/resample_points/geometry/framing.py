@@ -11,6 +11,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
 from resample.messages import number
+from resample.outofcore.caching import memoized
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import Cloud, check_cloud, places
@@ -232,6 +233,7 @@ def _eye(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
     return np.array([*(0.5 * (right - left)), depth])
 
 
+@memoized(lambda cloud: cloud.position)
 def _visible(cloud: Cloud | Surfels) -> Framing:
     """Return the points of a cloud without small separate clumps."""
     position = cloud.position if isinstance(cloud, Surfels) else places(cloud)

@@ -3,26 +3,24 @@
 The page's state is a set of `render` options.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
+from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.previews import preview_size
-from resample.view.files import FileView, image_of
+from resample.view.files import FileView
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_points.command.choices import CloudAim, CloudOptions
 from resample_points.command.rendering import ColoredScene, scene_of
 from resample_points.geometry.spacing import Surfels
 from resample_points.viewing.films import AROUND, FilmPainter, page_facts
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 SHOWN = (CloudOptions, CloudAim, FrameFormat)  # options that a page can change
 LEFT_OUT = ("size", "bits", "color-bar")
@@ -56,6 +54,7 @@ class CloudPainter(FilmPainter):
     path: Path
     of_films = OF_FILMS
     _kept: tuple[Any, ColoredScene] | None = field(init=False, default=None)
+    _found: Memo = field(init=False, default_factory=dict)  # of the cloud that is kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -98,14 +97,15 @@ class CloudPainter(FilmPainter):
         """Return the picture's format, the cloud or its preview, and the camera."""
         look, aim, form = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         whole = self._scene(look)
-        camera = aim.camera_for(whole.scene.surfels, size[::-1])
+        with memoizing(self._found):
+            camera = aim.camera_for(whole.scene.surfels, size[::-1])
         return form, whole._replace(scene=whole.scene.fewer) if quick else whole, camera
 
     def _scene(self, look: CloudOptions) -> ColoredScene:
         """Return the prepared cloud, cached until its options change."""
         key = tuple(getattr(look, name) for name in PREPARED)
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, scene_of(Session(), self.path, look)
+            self._kept, self._found = (key, scene_of(Session(), self.path, look)), {}
         return self._kept[1]._replace(options=look)
 
 
@@ -119,29 +119,6 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         return page_facts(path, f"{count:,} points", OF_FILMS, settings, begin)
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)
-
-
-def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
-    """Return the picture that `resample-points render` makes with these options.
-
-    Parameters
-    ----------
-    path
-        File of the cloud.
-    settings
-        Options by name, as in settings files: `{"camera": "40,20,1.5", "up": "y"}`.
-
-    Returns
-    -------
-    A Pillow image of 8 bits per channel.
-
-    Raises
-    ------
-    ValueError, LookupError, OSError
-        As the command does.
-    """
-    size = _checked(settings)[2].height_and_width()[::-1]
-    return image_of(CloudPainter(Path(path)), settings, size)
 
 
 def _checked(settings: Settings) -> tuple[CloudOptions, CloudAim, FrameFormat]:

@@ -11,6 +11,7 @@ from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
+from resample.outofcore.caching import Memo, memoizing
 from resample.progress import Cancel, cancellable
 from resample.scene.picking import pixel_at, place_at
 from resample.scene.previews import PER, enlarged, preview_size
@@ -51,6 +52,7 @@ class GaussianPainter(FilmPainter):
     path: Path
     of_films = OF_FILMS
     _kept: tuple[Any, GaussianPictures] | None = field(init=False, default=None)
+    _found: Memo = field(init=False, default_factory=dict)  # of the scene that is kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -63,10 +65,11 @@ class GaussianPainter(FilmPainter):
                 options = scene.options.model_copy(update={"subpixels": 1, "order": "depth"})
                 shown = replace(scene.fewer, options=options)
                 small = shown.picture(eye, few[::-1], form.behind())
-                rgba = enlarged(small.rgba, PER, shape, smooth=True)
+                levels = screen_levels(small.rgba, background=form.behind())
+                levels = enlarged(levels, PER, shape, smooth=True)
             else:
                 rgba = scene.picture(camera, shape, form.behind()).rgba
-        levels = screen_levels(rgba, background=form.behind())
+                levels = screen_levels(rgba, background=form.behind())
         return PagePicture(levels, quick, placed_by(camera, size))
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
@@ -100,7 +103,7 @@ class GaussianPainter(FilmPainter):
         given = {**look.model_dump(), **options.model_dump()}
         key = tuple(given[name] for name in READ_WITH)
         if self._kept is None or self._kept[0] != key:
-            self._kept = key, gaussians_of(Session(), self.path, look, options)
+            self._kept, self._found = (key, gaussians_of(Session(), self.path, look, options)), {}
         kept = self._kept[1]
         if (kept.options, kept.threads) != (options, look.threads):
             kept = replace(kept, options=options, threads=look.threads)
@@ -111,7 +114,9 @@ class GaussianPainter(FilmPainter):
         """Return the picture's format, the scene and the camera."""
         look, options, aim, form = checked({**settings, "size": f"{size[0]}x{size[1]}"})
         scene = self.scene(look, options)
-        return form, scene, scene.upright(aim).camera_for(scene.framing, size[::-1])
+        with memoizing(self._found):
+            camera = scene.upright(aim).camera_for(scene.framing, size[::-1])
+        return form, scene, camera
 
 
 def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:

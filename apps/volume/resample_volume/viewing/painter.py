@@ -1,7 +1,7 @@
 """Pictures of a volume for a page: paint, save and film, pick, slice and measure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +15,7 @@ from resample.files.conversion import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.measuring.color_bars import with_color_bar
 from resample.outofcore.caching import Memo, memoizing
-from resample.progress import Cancel, Progress
+from resample.progress import Cancel, Progress, progress_here
 from resample.resampler import Resampler
 from resample.scene.scenes import Quality
 from resample.types import Floats, Frame
@@ -30,8 +30,9 @@ from resample.view.views import (
     projection_of,
 )
 from resample_volume.annotations import annotated, bar_of
-from resample_volume.appearance import Appearance, named_transfer, transfer_of
+from resample_volume.appearance import Appearance, VolumeLayer, named_transfer, transfer_of
 from resample_volume.classification.scales import value_at
+from resample_volume.classification.transfer import Transfer
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.animation import (
     FrameOptions,
@@ -67,7 +68,7 @@ class VolumeRequest(NamedTuple):
     """A request, parsed from options."""
 
     choices: AppearanceChoices
-    appearance: Appearance
+    layers: list[VolumeLayer]  # of the volume and those beside it
     resampler: Resampler
     beside: BesideFilm
     picture: PictureFormat
@@ -81,9 +82,15 @@ class VolumeRequests:
     ----------
     volume
         Without padding.
+    first
+        Transfer function of a channel; None: the volume has that of the options.
+    others
+        Volumes that are shown together with it, each with its transfer function.
     """
 
     volume: Volume
+    first: Transfer | None = None
+    others: Sequence[tuple[Volume, Transfer]] = ()
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
     _found: Memo = field(default_factory=dict)
     _appearances: dict[Any, Appearance] = field(default_factory=dict)  # of the last requests
@@ -103,12 +110,36 @@ class VolumeRequests:
         appearance = self._appearances.get(key)
         if appearance is None:
             with memoizing(self._found):
-                appearance = look.appearance(self.volume, resampler)
+                appearance = own_look(look, self.volume, self.first, resampler)
             appearance = beside.scene_objects(look, resampler).beside(appearance)
             before = list(self._appearances.items())[1 - MOST_COMPARED :]
             # Replaced whole: picks ask meanwhile.
             self._appearances = {**dict(before), key: appearance}
-        return VolumeRequest(look, appearance, resampler, beside, picture)
+        bare = look.model_copy(update={"labels": None, "label": (), "window": None})
+        layers = [
+            (volume, own_look(bare, volume, transfer, resampler))
+            for volume, transfer in self.others
+        ]
+        return VolumeRequest(look, [(self.volume, appearance), *layers], resampler, beside, picture)
+
+
+def entry_of(volume: Volume, look: Appearance) -> dict[str, Any]:
+    """Return the name of a volume and the colors that it has, as a page's legend takes them."""
+    points = points_of(transfer_of(volume, look), survey(volume).span)
+    shown = [color for _, color, opacity in points if opacity > 0] or ["#808080"]
+    return {"name": volume.name, "colors": shown}
+
+
+def own_look(
+    look: AppearanceChoices, volume: Volume, transfer: Transfer | None, resampler: Resampler
+) -> Appearance:
+    """Return the look of one of several volumes, with its own transfer function."""
+    if transfer is None:
+        return look.appearance(volume, resampler)
+    if look.opacity_unit is not None:
+        transfer = replace(transfer, opacity_unit=look.opacity_unit)
+    found = look.model_copy(update={"transfer": "auto"}).appearance(volume, resampler)
+    return replace(found, transfer=transfer)
 
 
 @dataclass
@@ -117,22 +148,25 @@ class VolumePainter:
 
     Parameters
     ----------
-    volume
-        Without padding.
+    volume, first, others
+        As of `VolumeRequests`.
     """
 
     volume: Volume
+    first: Transfer | None = None
+    others: Sequence[tuple[Volume, Transfer]] = ()
     _scene: Scene = field(init=False)
     _requests: VolumeRequests = field(init=False)
     _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
     _vtk: Any = None  # VTK's renderer, once it was asked for
 
     def __post_init__(self) -> None:
-        self._scene, self._requests = Scene(self.volume), VolumeRequests(self.volume)
+        self._scene = Scene(self.volume)
+        self._requests = VolumeRequests(self.volume, self.first, self.others)
 
     def __copy__(self) -> "VolumePainter":
         """Painter of another page, with the same volume and a scene of its own."""
-        return VolumePainter(self.volume)
+        return VolumePainter(self.volume, self.first, self.others)
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Render with these options, see `resample.view.views.Painter`."""
@@ -141,13 +175,17 @@ class VolumePainter:
         frame = self._frame(request, size, ".png", quality, cancel)
         behind = request.picture.behind(".png")
         levels = levels_of(frame, "color", background=behind)
-        if request.beside.color_bar:  # over the right of the picture, so that pixels stay in place
-            bar = screen_levels(self._bar(request, frame, behind), background=behind)
-            levels[:, -bar.shape[1] :] = bar[..., : levels.shape[2]]
+        # Over the right of the picture, so that pixels stay in place
+        right = levels.shape[1]
+        for light in reversed(self._bars(request, frame, behind)):
+            bar = screen_levels(light, background=behind)[..., : levels.shape[2]]
+            levels[:, max(0, right - bar.shape[1]) : right] = bar[:, -right:]
+            right = max(0, right - bar.shape[1])
         # The projection from points around the volume's center, scene units, to pixels.
         camera, volume = self._placed_view(request, size, quality)
         view = projection_of(camera.view(), size, centered(volume)[1])
-        return PagePicture(levels, quick, {"view": view})
+        legend = [] if quick else [entry_of(*layer) for layer in request.layers]
+        return PagePicture(levels, quick, {"view": view, **({} if quick else {"legend": legend})})
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
@@ -155,26 +193,30 @@ class VolumePainter:
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
-        request = self._requests.parsed(settings)
-        frame, behind = self._frame(request, size, path.suffix), request.picture.behind(path.suffix)
-        if request.beside.color_bar:
-            bar = self._bar(request, frame, behind)
-            frame = frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
-        write_frame(path, frame, 8, behind)
+        behind = self._requests.parsed(settings).picture.behind(path.suffix)
+        write_frame(path, self.frame(settings, size, path.suffix), 8, behind)
 
-    def frame(self, settings: Settings, size: Size) -> Frame:
-        """Render as the command does for a PNG, but without background.
+    def frame(self, settings: Settings, size: Size, suffix: str = ".png") -> Frame:
+        """Render as the command does for a file of this suffix, but without background.
 
         Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
         be read.
         """
-        return self._frame(self._requests.parsed(settings), size, ".png")
+        request = self._requests.parsed(settings)
+        frame, behind = self._frame(request, size, suffix), request.picture.behind(suffix)
+        for bar in self._bars(request, frame, behind):
+            frame = frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
+        return frame
 
-    def _bar(self, request: VolumeRequest, frame: Frame, behind: Color | None) -> Floats:
-        """Return the color bar (H, B, 4) of a picture."""
-        medium = self.volume, request.appearance
-        tone = self._scene.tone(request.appearance, request.resampler, request.choices.fit)
-        return bar_of(medium, request.resampler, len(frame.rgba), behind, tone, frame)
+    def _bars(self, request: VolumeRequest, frame: Frame, behind: Color | None) -> list[Floats]:
+        """Return the color bars (H, B, 4) of a picture, one per volume, if they are wanted."""
+        if not request.beside.color_bar:
+            return []
+        tone = self._scene.tone(request.layers, request.resampler, request.choices.fit)
+        return [
+            bar_of(layer, request.resampler, len(frame.rgba), behind, tone, frame)
+            for layer in request.layers
+        ]
 
     def _frame(
         self,
@@ -187,8 +229,9 @@ class VolumePainter:
         """Render the picture for a file of this suffix."""
         view = request.choices.viewpoint()
         choices: dict[str, Any] = {"resampler": request.resampler, "fit": request.choices.fit}
+        choices["progress"] = progress_here()
         frame = self._scene.render(
-            request.appearance, view, size=size, quality=quality, cancel=cancel, **choices
+            request.layers, view, size=size, quality=quality, cancel=cancel, **choices
         )
         marks = request.beside.annotations(request.picture.behind(suffix))
         if not marks.is_any:
@@ -203,7 +246,7 @@ class VolumePainter:
         request = self._requests.parsed(settings)
         camera, volume = self._placed_view(request, size)
         self._vtk = self._vtk or registry.load("peers", VTK)()
-        light = self._vtk.picture(volume, request.appearance, request.resampler, camera, size)
+        light = self._vtk.picture(volume, request.layers[0][1], request.resampler, camera, size)
         return PagePicture(screen_levels(light, background=request.picture.behind(".png")), False)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
@@ -217,13 +260,11 @@ class VolumePainter:
         request, (width, height) = self._requests.parsed(settings), size
         with path_file(KEYFRAMES, keyframes) as file:
             flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
-        medium = self.volume, request.appearance
-        subject = Subject.of_several([medium], request.resampler, request.choices.fit)
+        subject = Subject.of_several(request.layers, request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
         given = request.beside.annotations(behind)
-        bars = []
-        if request.beside.color_bar:
-            bars = [bar_of(medium, request.resampler, height, behind, subject.tone)]
+        layers = request.layers if request.beside.color_bar else []
+        bars = [bar_of(one, request.resampler, height, behind, subject.tone) for one in layers]
         is_any = given.is_any or bars
         drawn = FrameOverlay(subject.placed(self.volume), given, bars) if is_any else None
         paint = FrameOptions(request.resampler, (height, width), behind, None, drawn)
@@ -235,7 +276,7 @@ class VolumePainter:
     ) -> "tuple[AnyCamera, Volume]":
         """Return the camera and the volume placed before it."""
         return self._scene.placed_view(
-            *(request.appearance, request.choices.viewpoint()),
+            *(request.layers, request.choices.viewpoint()),
             size=size,
             resampler=request.resampler,
             quality=quality,
@@ -250,7 +291,7 @@ class VolumePainter:
         """
         request = self._requests.parsed(settings)
         found = self._scene.pick(
-            *(x, y, request.appearance, request.choices.viewpoint()),
+            *(x, y, request.layers, request.choices.viewpoint()),
             size=size,
             resampler=request.resampler,
             fit=request.choices.fit,
@@ -301,7 +342,7 @@ class VolumePainter:
             raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
         request, volume = self._requests.parsed(settings), self.volume
         name, projection = request.choices.transfer, request.resampler.projection
-        transfer, span = transfer_of(volume, request.appearance, projection), survey(volume).span
+        transfer, span = transfer_of(volume, request.layers[0][1], projection), survey(volume).span
         points = [
             (float(value_at(place, volume.scale)), color, opacity)
             for place, color, opacity in points_of(transfer, span)

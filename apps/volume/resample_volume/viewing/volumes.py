@@ -7,22 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from resample.command.settings import height_and_width
+from resample.command.settings import chosen, height_and_width, option_of
+from resample.profiles.orders import Rays
 from resample.registry import missing, names
+from resample.resampler import Resampler
 from resample.scene.scenes import LITTLE
 from resample.types import Frame
 from resample.view.files import FileView
 from resample.view.views import ORBITING, Settings, is_free, settings_of
+from resample_volume.appearance import transfer_of
 from resample_volume.calls import render
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.value_statistics import survey
-from resample_volume.command.choices import ReadOptions
+from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import of_first_channel, prepared
 from resample_volume.data.recordings import unit_of_space
+from resample_volume.data.values import as_array
 from resample_volume.slicing import slice_planes
 from resample_volume.types import Volume
-from resample_volume.viewing.painter import VTK, VolumePainter
+from resample_volume.viewing.painter import SHOWN, VTK, VolumePainter
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of
 
@@ -42,17 +46,18 @@ KINDS: Sequence[Settings] = (  # with kernels of their own
 
 
 def volume_view(
-    name: str, source: ReadOptions | None = None, begin: Sequence[Any] = ()
+    name: str,
+    source: ReadOptions | None = None,
+    begin: Sequence[Any] = (),
+    added: Added | None = None,
 ) -> FileView:
     """Return what pages show of a volume, which they share.
 
     `name`: of the volume, as the command takes it. `source`: how it is read. `begin`: options to
-    begin with.
+    begin with. `added`: volumes and channels that are shown together with it.
     """
-    volume, source = of_first_channel(
-        source or ReadOptions(), lambda chosen: prepared(chosen, name)
-    )
-    first = VolumePainter(volume)
+    first, source = painter_of(name, source or ReadOptions(), begin, added or Added())
+    volume, is_own = first.volume, first.first is None
 
     def described() -> dict[str, Any]:
         settings = {"fit": "volume", "camera": "30,20,1", **settings_of(begin)}
@@ -60,6 +65,8 @@ def volume_view(
         known, absence = survey(volume), missing("peers", VTK)
         if not absence and find_spec("vtkmodules") is None:
             absence = "VTK is not installed: pip install 'hybrid-resample[peers]'"
+        if first.others:
+            absence = "VTK gets a single volume; open the page without the others"
         size = volume.values.shape[::-1]
         return {
             "title": volume.name,
@@ -68,7 +75,7 @@ def volume_view(
             "film": {"command": FILM, **ORBITING},
             "package": "resample_volume",
             "inputs": [name],
-            "fixed": settings_of([source]),
+            "fixed": settings_of([source, *([] if added is None else [added])]),
             "settings": settings,
             "fills": is_free(begin),
             "rivals": {VTK: absence},
@@ -85,14 +92,31 @@ def volume_view(
             "spacing": np.asarray(volume.spacing).tolist(),
             "unit": unit_of_space(volume),
             "measures": True,
-            "histogram": histogram(volume, known.span),
+            **({"histogram": histogram(volume, known.span)} if is_own else {}),
         }
 
     def little() -> VolumePainter:
         values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(volume.values.dtype)
         return VolumePainter(volume._replace(values=values))
 
-    return FileView(first, described, first.check, KINDS, LEFT_OUT, little)
+    left_out = LEFT_OUT if is_own else (*LEFT_OUT, "transfer", "window")
+    return FileView(first, described, first.check, KINDS, left_out, little)
+
+
+def painter_of(
+    name: str, source: ReadOptions, begin: Sequence[Any], added: Added
+) -> tuple[VolumePainter, ReadOptions]:
+    """Return the painter of a volume, or of several; and how the first is read."""
+    from resample_volume.command.multivolume import media
+
+    if added.also or added.channels:
+        look = next((one for one in begin if isinstance(one, AppearanceChoices)), None)
+        shown = media(source, name, look or AppearanceChoices(), added, Resampler(order=Rays()))
+        arrays = [(as_array(volume), transfer_of(volume, own)) for volume, own in shown]
+        (volume, transfer), *others = arrays
+        return VolumePainter(volume, transfer if added.channels else None, others), source
+    volume, source = of_first_channel(source, lambda chosen: prepared(chosen, name))
+    return VolumePainter(volume), source
 
 
 def histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
@@ -128,4 +152,13 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     """
     given = {option: value for option, value in settings.items() if option not in ("size", "bits")}
     height, width = height_and_width(str(settings.get("size", "400")))
+    if given.keys() & {"also", "channels"}:
+        of_inputs = {
+            option_of(model, key) for model in (ReadOptions, Added) for key in model.model_fields
+        }
+        inputs = {option: given.pop(option) for option in of_inputs & given.keys()}
+        source, added = chosen(inputs, (ReadOptions, Added))
+        begin = chosen(given, SHOWN)
+        painter, _ = painter_of(volume, source, begin, added)
+        return painter.frame(given, (width, height), ".exr").over(begin[-1].behind(".exr"))
     return render(volume, camera=given.pop("camera", None), size=(width, height), **given)
