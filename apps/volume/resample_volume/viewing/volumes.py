@@ -21,7 +21,7 @@ from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
-from resample_volume.command.inputs import of_first_channel, prepared
+from resample_volume.command.inputs import media, of_first_channel, prepared
 from resample_volume.data.recordings import unit_of_space
 from resample_volume.data.values import as_array
 from resample_volume.slicing import slice_planes
@@ -107,8 +107,6 @@ def painter_of(
     name: str, source: ReadOptions, begin: Sequence[Any], added: Added
 ) -> tuple[VolumePainter, ReadOptions]:
     """Return the painter of a volume, or of several; and how the first is read."""
-    from resample_volume.command.multivolume import media
-
     if added.also or added.channels:
         look = next((one for one in begin if isinstance(one, AppearanceChoices)), None)
         shown = media(source, name, look or AppearanceChoices(), added, Resampler(order=Rays()))
