@@ -1,12 +1,11 @@
 """Options of the command line: targets, methods and outputs of warps."""
 
 import re
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command.flags import (
@@ -46,13 +45,13 @@ Fit = Literal["contain", "cover", "stretch", "pad"]
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
-def _picture(_kind: Any, words: Sequence[Token]) -> opening.Place:
-    """Return the path or address that was given."""
-    return opening.place_of(words[-1].value)
-
-
 Picture = Annotated[
-    Path | opening.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
+    Path | opening.Address,
+    Parameter(
+        converter=lambda _kind, words: opening.place_of(words[-1].value),
+        n_tokens=1,
+        accepts_keys=False,
+    ),
 ]
 
 
