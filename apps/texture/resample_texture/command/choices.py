@@ -1,7 +1,10 @@
 """Options of the command line: targets, methods and outputs of warps."""
 
+import math
 import re
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -31,8 +34,10 @@ from resample.files.stores import opening
 from resample.messages import numbers_in, parts_of
 
 if TYPE_CHECKING:
-    from resample_texture.arguments import AnySize
-    from resample_texture.command.rendering import Aim, PictureTarget
+    from resample.cameras.calibrations.lens_files import Calibration
+    from resample_texture.arguments import AnySize, Places
+    from resample_texture.geometry.mappings import Geometry
+    from resample_texture.types import Warped
 
 INTERPOLATIONS = (
     "Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
@@ -53,6 +58,36 @@ Picture = Annotated[
         accepts_keys=False,
     ),
 ]
+
+
+@dataclass(frozen=True, eq=False)
+class PictureTarget:
+    """Geometry and size of a warp's target."""
+
+    places: "Geometry | Places"
+    shape: tuple[int, int]  # height and width, px
+    draws: "Callable[..., Warped] | None" = None  # of a picture and options, if no geometry is
+
+    @cached_property
+    def geometry(self) -> "Geometry":
+        """Geometry, evaluated for the whole target."""
+        from resample_texture.arguments import geometry_of
+
+        return geometry_of(self.places, self.shape, "corner", inverse=False)
+
+
+Aim = Callable[[tuple[int, int]], PictureTarget]  # from a picture's height and width
+
+
+def rectified(
+    calibration: "Calibration", shape: tuple[int, int], *, inverse: bool
+) -> PictureTarget:
+    """Return the target (height, width) that removes a lens's distortion, or adds it."""
+    from resample_texture.geometry.cameras import places_by_lens
+
+    camera, pinhole, rotation, _ = calibration
+    places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
+    return PictureTarget(places, shape)
 
 
 class WarpGeometry(Choices):
@@ -133,6 +168,51 @@ class WarpGeometry(Choices):
     def shape(self) -> tuple[int, int] | None:
         """Return height and width of the target, px, if given."""
         return None if self.size is None else height_and_width(self.size)
+
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
+        """Return geometry and size for a source (height, width)."""
+        name, given = self.given()
+        if name == "matrix":
+            from resample_texture.geometry.matrices import homography, parse_matrix
+
+            convention, matrix = self.convention, parse_matrix(given)
+            geometry = homography(matrix, convention=convention, inverse=self.inverse)
+            return PictureTarget(geometry, self.shape() or source_shape)
+        if name == "lens":
+            from resample.cameras.calibrations.lens_files import read_calibration
+
+            shape, calibration = self.shape() or source_shape, read_calibration(given, None)
+            return rectified(calibration, shape, inverse=self.inverse)
+        if self.inverse:
+            raise ValueError(f"--inverse applies to a matrix or a lens, not to a {name}")
+        shift = 0.5 if self.convention == "opencv" else 0.0
+        if name == "corners":
+            from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
+
+            before, arrow, after = given.partition("->")
+            points = parse_points(before) + shift
+            source = points if arrow else page_corners(source_shape)
+            target = parse_points(after) + shift if arrow else points
+            right, bottom = target.max(axis=0)
+            bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
+            return PictureTarget(from_corners(source, target), self.shape() or bounds)
+        from resample_texture.geometry.mappings import ForwardMap, places_by_map, read_map
+
+        pairs = read_map(given)
+        shape = pairs.shape[0], pairs.shape[1]
+        if name == "flow":
+            if shape != source_shape:
+                raise ValueError(
+                    f"{given} is a flow of {shape[1]} x {shape[0]} pixels, the picture "
+                    f"has {source_shape[1]} x {source_shape[0]}"
+                )
+            return PictureTarget(ForwardMap.from_flow(pairs), self.shape() or source_shape)
+        if self.shape() not in (None, shape):
+            raise ValueError(
+                f"{given} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
+                "leave out the size"
+            )
+        return PictureTarget(places_by_map(pairs, shift), shape)
 
 
 class PictureFiltering(Choices):
@@ -290,10 +370,9 @@ class NewSize(Choices):
         self.model_copy(update={"box": None}).target((1, 1))
         self._part()
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
         from resample_texture.arguments import resized
-        from resample_texture.command.rendering import PictureTarget
 
         size = None if self.size is None else size_of(self.size)
         sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
@@ -332,9 +411,8 @@ class Factor(Choices):
             raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
         return numbers[0], numbers[-1]
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import scaled_shape, scaling
 
         factor = self.pair()
@@ -359,9 +437,8 @@ class Rotation(Choices):
         Field(description="Enlarge the result to hold the whole picture, or keep the size."),
     ] = True
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import turned_shape, turning
 
         shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
@@ -408,15 +485,30 @@ class Undistortion(Choices):
     ] = False
     size: Annotated[str | None, Field(description=f"{SIZE} [default: the picture's]")] = None
 
-    def aim(self) -> "Aim":
+    def aim(self) -> Aim:
         """Return a function from a picture's height and width to its target.
 
         Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
         """
-        from resample_texture.command.rendering import calibrated, rectified
+        from resample.cameras.calibrations.lens_files import pinhole_of, read_calibration
+        from resample.cameras.models import LensModel
+        from resample.cameras.poses import turned_by
+        from resample.messages import naming
+        from resample_texture.geometry.matrices import parse_matrix
 
         size = None if self.size is None else height_and_width(self.size)
-        calibration = calibrated(self.lens, self.new_matrix, self.rectify, fisheye=self.fisheye)
+        calibration = read_calibration(self.lens, LensModel.FISHEYE if self.fisheye else None)
+        if self.new_matrix is not None:
+            with naming("--new-matrix"):
+                try:
+                    numbers = [float(one) for one in self.new_matrix.replace(",", " ").split()]
+                except ValueError:  # a file
+                    numbers = []
+                given = numbers if len(numbers) == 4 else parse_matrix(self.new_matrix)
+                calibration = calibration._replace(pinhole=pinhole_of(given))
+        if self.rectify is not None:
+            with naming("--rectify"):
+                calibration = calibration._replace(rotation=turned_by(parse_matrix(self.rectify)))
         return lambda shape: rectified(calibration, size or shape, inverse=self.inverse)
 
 
@@ -495,10 +587,9 @@ class BetweenProjections(Choices):
             raise ValueError(complaint) from None
         return right, up, clockwise
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
         from resample import registry
-        from resample_texture.command.rendering import PictureTarget
         from resample_texture.everyday import project
         from resample_texture.geometry.matrices import resizing
 
