@@ -90,11 +90,15 @@ def rectified(
     return PictureTarget(places, shape)
 
 
-class WarpGeometry(Choices):
-    """The target of a warp, given by one of matrix, corners, map, flow and lens."""
+class TargetChoices(Choices):
+    """Options that say where a picture goes."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+
+class WarpGeometry(TargetChoices):
+    """The target of a warp, given by one of matrix, corners, map, flow and lens."""
 
     matrix: Annotated[
         str | None,
@@ -322,11 +326,8 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
     return left, top, width, height
 
 
-class NewSize(Choices):
+class NewSize(TargetChoices):
     """The new size of a picture."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[
         str | None,
@@ -387,11 +388,8 @@ class NewSize(Choices):
         return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
 
 
-class Factor(Choices):
+class Factor(TargetChoices):
     """The factor by which a picture is scaled."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     factor: Annotated[
         str, Hyphen, Field(description="For both sides, such as 0.5, or x,y, such as 0.5,0.25.")
@@ -420,11 +418,8 @@ class Factor(Choices):
         return PictureTarget(scaling(factor), shape)
 
 
-class Rotation(Choices):
+class Rotation(TargetChoices):
     """The angle by which a picture is rotated."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     degrees: Annotated[
         float,
@@ -445,11 +440,8 @@ class Rotation(Choices):
         return PictureTarget(turning(source_shape, self.degrees, shape), shape)
 
 
-class Undistortion(Choices):
+class Undistortion(TargetChoices):
     """The lens whose distortion is removed, and the pinhole camera to rectify for."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     lens: Annotated[
         str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
@@ -523,11 +515,8 @@ def size_of(text: str) -> "AnySize":
     return (height, width) if "x" in text.lower() else height
 
 
-class BetweenProjections(Choices):
+class BetweenProjections(TargetChoices):
     """The projections of a picture and of its target."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     before: Annotated[
         str | None,
