@@ -77,7 +77,7 @@ def test_tiles_that_shrink_are_own_code_s(flag, name):
     image = noise("float32")
     ours, _ = both(name, image, FLAGS[flag])
     size, border = SHAPE[::-1], cv2.BORDER_REFLECT
-    method = opencv.method_for(KERNELS[flag])
+    method = common.method_for(KERNELS[flag])
     alone = opencv.warpPerspective(
         image, BACK, size, None, FLAGS[flag] | INVERSE, border, method=method
     )
@@ -112,7 +112,7 @@ def test_no_seam_is_seen_between_tiles(flag, record):
         back[2, 0] = -5e-4
     given = back, shape[::-1], None, FLAGS[flag] | INVERSE, cv2.BORDER_REFLECT
     theirs = cv2.warpPerspective(photo, *given).astype(float)
-    own = opencv.warpPerspective(photo, *given, method=opencv.method_for(KERNELS[flag]))
+    own = opencv.warpPerspective(photo, *given, method=common.method_for(KERNELS[flag]))
     y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
     long, w = common._scaled(tuple(back.ravel().tolist()), x, y)
     long, most = long / w**4, opencv.LIMITS[KERNELS[flag]]

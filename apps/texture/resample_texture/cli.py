@@ -24,6 +24,7 @@ from resample_texture.command.choices import (
     NewSize,
     Picture,
     PictureFiltering,
+    PictureTarget,
     PictureWarping,
     Reports,
     Rotation,
@@ -104,14 +105,10 @@ def warp(
     address of zarr or OME-Zarr, such as s3://bucket/slide.zarr. All pages of a TIFF and all frames
     of a .gif, .webp, .apng or film are warped alike.
     """
-    from functools import partial
-
     from resample_texture.command.jobs import warp_all
-    from resample_texture.command.rendering import target_of
 
     place.check()
-    aim = partial(target_of, place)
-    warp_all(files, output, aim, warping=warping, written=written, besides=besides)
+    warp_all(files, output, place.target, warping=warping, written=written, besides=besides)
 
 
 @app.command
@@ -314,7 +311,6 @@ def rectify(
         the photo]
     """
     from resample_texture.command.jobs import warp_all
-    from resample_texture.command.rendering import PictureTarget
     from resample_texture.geometry.matrices import (
         from_corners,
         order_corners,

@@ -13,7 +13,7 @@ from resample.painting.scenes.plans import shape_of
 from resample.progress import Cancel
 from resample.scene.previews import PER, enlarged
 from resample.scene.scenes import AnyScene, Quality
-from resample.types import Doubles, Floats
+from resample.types import Floats
 from resample_texture.arguments import (
     PREMULTIPLIED,
     Places,
@@ -213,8 +213,16 @@ class PictureScene(AnyScene):
             source, target = np.diag([across, down, 1.0]), np.diag([1 / PER, 1 / PER, 1.0])
             geometry = dataclasses.replace(geometry, matrix=target @ geometry.matrix @ source)
         elif isinstance(geometry, BackwardMap):
-            x, y = (_merged(places, small) for places in (geometry.x, geometry.y))
-            geometry = BackwardMap(x / across, y / down)
+            # Average the map over the pixels that become one.
+            more = [
+                (0, PER * count - whole)
+                for count, whole in zip(small, geometry.x.shape, strict=True)
+            ]
+            x, y = (
+                np.pad(places, more, mode="edge").reshape(small[0], PER, small[1], PER)
+                for places in (geometry.x, geometry.y)
+            )
+            geometry = BackwardMap(x.mean(axis=(1, 3)) / across, y.mean(axis=(1, 3)) / down)
         else:
             geometry = ForwardMap(geometry.x / PER, geometry.y / PER)
         warped = run(Drawing(method_named(method), geometry, small, border), texels)
@@ -264,13 +272,6 @@ def _texels_per_pixel(
     area = np.abs(x_across * y_down - y_across * x_down)
     inside = np.isfinite(area) & (x > 0) & (x < source_shape[1]) & (y > 0) & (y < source_shape[0])
     return float(np.sqrt(np.median(area[inside]))) if inside.any() else 1.0
-
-
-def _merged(places: Doubles, small: tuple[int, int]) -> Doubles:
-    """Average a map over the pixels that become one."""
-    short = [(0, PER * count - whole) for count, whole in zip(small, places.shape, strict=True)]
-    whole = np.pad(places, short, mode="edge").reshape(small[0], PER, small[1], PER)
-    return np.asarray(whole.mean(axis=(1, 3)))
 
 
 def shrunk(picture: Floats, height: int, width: int) -> Floats:

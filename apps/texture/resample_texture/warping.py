@@ -365,19 +365,15 @@ def warp_points(
     else:
         is_given = isinstance(matrix, Homography | ForwardMap | BackwardMap)
         geometry = geometry_of(matrix, (1, 1), "corner" if is_given else convention, False)
-        moved = _moved(place + shift, geometry, inverse) - shift
+        place = place + shift
+        if isinstance(geometry, Homography):
+            full = geometry.inverse() if inverse else geometry.matrix
+            x, y, w = full[:, :2] @ place + full[:, 2:]
+            is_seen = w > 0.0 if geometry.is_signed else w != 0.0
+            with np.errstate(divide="ignore", invalid="ignore"):
+                moved = np.where(is_seen, np.stack([x, y]) / w, np.nan) - shift
+        else:
+            goes_along = isinstance(geometry, BackwardMap) == inverse
+            move: Any = points_along if goes_along else points_back
+            moved = move(geometry.x, geometry.y, place) - shift
     return np.asarray(moved.T.reshape(given.shape), np.float64)
-
-
-def _moved(place: Doubles, geometry: Geometry, inverse: bool) -> Doubles:
-    """Return where points (2, N) lie, pixel centers at + 0.5."""
-    if isinstance(geometry, Homography):
-        full = geometry.inverse() if inverse else geometry.matrix
-        x, y, w = full[:, :2] @ place + full[:, 2:]
-        is_seen = w > 0.0 if geometry.is_signed else w != 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(is_seen, np.stack([x, y]) / w, np.nan)
-    goes_along = isinstance(geometry, BackwardMap) == inverse
-    move: Any = points_along if goes_along else points_back
-    found: Doubles = move(geometry.x, geometry.y, place)
-    return found

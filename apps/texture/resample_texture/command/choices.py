@@ -1,12 +1,14 @@
 """Options of the command line: targets, methods and outputs of warps."""
 
+import math
 import re
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter
 from pydantic import Field
 
 from resample.command.flags import (
@@ -32,8 +34,10 @@ from resample.files.stores import opening
 from resample.messages import numbers_in, parts_of
 
 if TYPE_CHECKING:
-    from resample_texture.arguments import AnySize
-    from resample_texture.command.rendering import Aim, PictureTarget
+    from resample.cameras.calibrations.lens_files import Calibration
+    from resample_texture.arguments import AnySize, Places
+    from resample_texture.geometry.mappings import Geometry
+    from resample_texture.types import Warped
 
 INTERPOLATIONS = (
     "Interpolation between texels: area-spline, lanczos, spline, catmull-rom, "
@@ -46,21 +50,55 @@ Fit = Literal["contain", "cover", "stretch", "pad"]
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
-def _picture(_kind: Any, words: Sequence[Token]) -> opening.Place:
-    """Return the path or address that was given."""
-    return opening.place_of(words[-1].value)
-
-
 Picture = Annotated[
-    Path | opening.Address, Parameter(converter=_picture, n_tokens=1, accepts_keys=False)
+    Path | opening.Address,
+    Parameter(
+        converter=lambda _kind, words: opening.place_of(words[-1].value),
+        n_tokens=1,
+        accepts_keys=False,
+    ),
 ]
 
 
-class WarpGeometry(Choices):
-    """The target of a warp, given by one of matrix, corners, map, flow and lens."""
+@dataclass(frozen=True, eq=False)
+class PictureTarget:
+    """Geometry and size of a warp's target."""
+
+    places: "Geometry | Places"
+    shape: tuple[int, int]  # height and width, px
+    draws: "Callable[..., Warped] | None" = None  # of a picture and options, if no geometry is
+
+    @cached_property
+    def geometry(self) -> "Geometry":
+        """Geometry, evaluated for the whole target."""
+        from resample_texture.arguments import geometry_of
+
+        return geometry_of(self.places, self.shape, "corner", inverse=False)
+
+
+Aim = Callable[[tuple[int, int]], PictureTarget]  # from a picture's height and width
+
+
+def rectified(
+    calibration: "Calibration", shape: tuple[int, int], *, inverse: bool
+) -> PictureTarget:
+    """Return the target (height, width) that removes a lens's distortion, or adds it."""
+    from resample_texture.geometry.cameras import places_by_lens
+
+    camera, pinhole, rotation, _ = calibration
+    places = places_by_lens(camera, ideal=pinhole, rotation=rotation, inverse=inverse)
+    return PictureTarget(places, shape)
+
+
+class TargetChoices(Choices):
+    """Options that say where a picture goes."""
 
     heading: ClassVar[str] = "Target"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+
+class WarpGeometry(TargetChoices):
+    """The target of a warp, given by one of matrix, corners, map, flow and lens."""
 
     matrix: Annotated[
         str | None,
@@ -134,6 +172,51 @@ class WarpGeometry(Choices):
     def shape(self) -> tuple[int, int] | None:
         """Return height and width of the target, px, if given."""
         return None if self.size is None else height_and_width(self.size)
+
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
+        """Return geometry and size for a source (height, width)."""
+        name, given = self.given()
+        if name == "matrix":
+            from resample_texture.geometry.matrices import homography, parse_matrix
+
+            convention, matrix = self.convention, parse_matrix(given)
+            geometry = homography(matrix, convention=convention, inverse=self.inverse)
+            return PictureTarget(geometry, self.shape() or source_shape)
+        if name == "lens":
+            from resample.cameras.calibrations.lens_files import read_calibration
+
+            shape, calibration = self.shape() or source_shape, read_calibration(given, None)
+            return rectified(calibration, shape, inverse=self.inverse)
+        if self.inverse:
+            raise ValueError(f"--inverse applies to a matrix or a lens, not to a {name}")
+        shift = 0.5 if self.convention == "opencv" else 0.0
+        if name == "corners":
+            from resample_texture.geometry.matrices import from_corners, page_corners, parse_points
+
+            before, arrow, after = given.partition("->")
+            points = parse_points(before) + shift
+            source = points if arrow else page_corners(source_shape)
+            target = parse_points(after) + shift if arrow else points
+            right, bottom = target.max(axis=0)
+            bounds = max(1, math.ceil(bottom)), max(1, math.ceil(right))
+            return PictureTarget(from_corners(source, target), self.shape() or bounds)
+        from resample_texture.geometry.mappings import ForwardMap, places_by_map, read_map
+
+        pairs = read_map(given)
+        shape = pairs.shape[0], pairs.shape[1]
+        if name == "flow":
+            if shape != source_shape:
+                raise ValueError(
+                    f"{given} is a flow of {shape[1]} x {shape[0]} pixels, the picture "
+                    f"has {source_shape[1]} x {source_shape[0]}"
+                )
+            return PictureTarget(ForwardMap.from_flow(pairs), self.shape() or source_shape)
+        if self.shape() not in (None, shape):
+            raise ValueError(
+                f"{given} is a map of {shape[1]} x {shape[0]} pixels, and so is what it makes; "
+                "leave out the size"
+            )
+        return PictureTarget(places_by_map(pairs, shift), shape)
 
 
 class PictureFiltering(Choices):
@@ -243,11 +326,8 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
     return left, top, width, height
 
 
-class NewSize(Choices):
+class NewSize(TargetChoices):
     """The new size of a picture."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     size: Annotated[
         str | None,
@@ -291,10 +371,9 @@ class NewSize(Choices):
         self.model_copy(update={"box": None}).target((1, 1))
         self._part()
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
         from resample_texture.arguments import resized
-        from resample_texture.command.rendering import PictureTarget
 
         size = None if self.size is None else size_of(self.size)
         sides: dict[str, Any] = {"height": self.height, "width": self.width, "fit": self.fit}
@@ -309,11 +388,8 @@ class NewSize(Choices):
         return warping.model_copy(update={"edge": "transparent"}) if is_open else warping
 
 
-class Factor(Choices):
+class Factor(TargetChoices):
     """The factor by which a picture is scaled."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     factor: Annotated[
         str, Hyphen, Field(description="For both sides, such as 0.5, or x,y, such as 0.5,0.25.")
@@ -333,9 +409,8 @@ class Factor(Choices):
             raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
         return numbers[0], numbers[-1]
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import scaled_shape, scaling
 
         factor = self.pair()
@@ -343,11 +418,8 @@ class Factor(Choices):
         return PictureTarget(scaling(factor), shape)
 
 
-class Rotation(Choices):
+class Rotation(TargetChoices):
     """The angle by which a picture is rotated."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     degrees: Annotated[
         float,
@@ -360,20 +432,16 @@ class Rotation(Choices):
         Field(description="Enlarge the result to hold the whole picture, or keep the size."),
     ] = True
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
-        from resample_texture.command.rendering import PictureTarget
         from resample_texture.geometry.matrices import turned_shape, turning
 
         shape = turned_shape(source_shape, self.degrees) if self.expand else source_shape
         return PictureTarget(turning(source_shape, self.degrees, shape), shape)
 
 
-class Undistortion(Choices):
+class Undistortion(TargetChoices):
     """The lens whose distortion is removed, and the pinhole camera to rectify for."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     lens: Annotated[
         str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
@@ -409,15 +477,30 @@ class Undistortion(Choices):
     ] = False
     size: Annotated[str | None, Field(description=f"{SIZE} [default: the picture's]")] = None
 
-    def aim(self) -> "Aim":
+    def aim(self) -> Aim:
         """Return a function from a picture's height and width to its target.
 
         Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
         """
-        from resample_texture.command.rendering import calibrated, rectified
+        from resample.cameras.calibrations.lens_files import pinhole_of, read_calibration
+        from resample.cameras.models import LensModel
+        from resample.cameras.poses import turned_by
+        from resample.messages import naming
+        from resample_texture.geometry.matrices import parse_matrix
 
         size = None if self.size is None else height_and_width(self.size)
-        calibration = calibrated(self.lens, self.new_matrix, self.rectify, fisheye=self.fisheye)
+        calibration = read_calibration(self.lens, LensModel.FISHEYE if self.fisheye else None)
+        if self.new_matrix is not None:
+            with naming("--new-matrix"):
+                try:
+                    numbers = [float(one) for one in self.new_matrix.replace(",", " ").split()]
+                except ValueError:  # a file
+                    numbers = []
+                given = numbers if len(numbers) == 4 else parse_matrix(self.new_matrix)
+                calibration = calibration._replace(pinhole=pinhole_of(given))
+        if self.rectify is not None:
+            with naming("--rectify"):
+                calibration = calibration._replace(rotation=turned_by(parse_matrix(self.rectify)))
         return lambda shape: rectified(calibration, size or shape, inverse=self.inverse)
 
 
@@ -432,11 +515,8 @@ def size_of(text: str) -> "AnySize":
     return (height, width) if "x" in text.lower() else height
 
 
-class BetweenProjections(Choices):
+class BetweenProjections(TargetChoices):
     """The projections of a picture and of its target."""
-
-    heading: ClassVar[str] = "Target"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     before: Annotated[
         str | None,
@@ -496,10 +576,9 @@ class BetweenProjections(Choices):
             raise ValueError(complaint) from None
         return right, up, clockwise
 
-    def target(self, source_shape: tuple[int, int]) -> "PictureTarget":
+    def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
         from resample import registry
-        from resample_texture.command.rendering import PictureTarget
         from resample_texture.everyday import project
         from resample_texture.geometry.matrices import resizing
 

@@ -41,11 +41,9 @@ from resample.reading.limits import check_unpacked
 from resample.reading.pictures import decoding
 from resample.types import Floats
 from resample_texture.arguments import method_named
-from resample_texture.command.choices import Besides, PictureWarping, region
+from resample_texture.command.choices import Aim, Besides, PictureTarget, PictureWarping, region
 from resample_texture.command.rendering import (
-    Aim,
     Large,
-    PictureTarget,
     check_memory,
     covers_all,
     large_picture,

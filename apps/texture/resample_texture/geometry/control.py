@@ -68,9 +68,9 @@ def coarsely(
         if all(node[0] - STEP <= one <= node[-1] + STEP for node, one in pairs):
             is_exact[_cell(down, place[1]), _cell(across, place[0])] = True
     is_exact = ndimage.binary_dilation(is_exact, np.ones((3, 3), np.bool_))
-    row, column = np.nonzero(is_exact[cell_y[:, None], cell_x])
-    if row.size:
-        places[:, row, column] = _asked(function, np.add(column, 0.5), np.add(row, 0.5))
+    below, right = np.nonzero(is_exact[cell_y[:, None], cell_x])
+    if below.size:
+        places[:, below, right] = _asked(function, np.add(right, 0.5), np.add(below, 0.5))
     return BackwardMap(places[0], places[1])
 
 

@@ -66,7 +66,7 @@ class PictureProjection(Protocol):
 
 
 class _Whole:
-    """A projection whose picture is one part."""
+    """A projection that fills its picture, in one part unless it says otherwise."""
 
     def check(self, shape: tuple[int, int]) -> None:
         """Take any size."""
@@ -99,7 +99,7 @@ class EquirectangularPicture(_Whole):
 
 
 @dataclass(frozen=True)
-class CubeMap:
+class CubeMap(_Whole):
     """Six square faces: right, left, up, down, front, back, as OpenGL has them seen from inside.
 
     Parameters
@@ -132,9 +132,6 @@ class CubeMap:
     def tiles(self, shape: tuple[int, int]) -> list[Tile]:
         side = shape[0] // self._count[1]
         return [Tile(x * side, y * side, side, side) for x, y in LAYOUTS[self.layout]]
-
-    def shows(self, place: Doubles, shape: tuple[int, int]) -> NDArray[np.bool_]:  # noqa: ARG002
-        return np.ones(place.shape[:-1], np.bool_)
 
     def rays(self, place: Doubles, shape: tuple[int, int], tile: int) -> Doubles:
         left, top, side, _ = self.tiles(shape)[tile]

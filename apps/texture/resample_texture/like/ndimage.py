@@ -98,7 +98,17 @@ def affine_transform(
     """
     image = np.asanyarray(input)
     values = Values(output, order, mode, cval, prefilter, interpolation, method)
-    full = _full(matrix, offset) if image.ndim == 2 else np.eye(3)
+    # From (row, column, 1) of the result to that of the input.
+    given, full = np.asarray(matrix, np.float64), np.eye(3)
+    if image.ndim == 2 and given.shape in ((2, 3), (3, 3)):
+        full[: given.shape[0]] = given
+        if not np.array_equal(full[2], [0.0, 0.0, 1.0]):
+            raise ValueError(f"an affine matrix ends with 0, 0, 1, not {full[2].tolist()}")
+    elif image.ndim == 2:
+        if given.shape not in ((2,), (2, 2)):
+            raise ValueError(f"a matrix is (2,), (2, 2), (2, 3) or (3, 3), not {given.shape}")
+        full[:2, :2] = np.diag(given) if given.ndim == 1 else given
+        full[:2, 2] = np.asarray(offset, np.float64)
     if values.are_scipy_s(image, float(np.linalg.norm(full[:2, :2], 2)) ** 2):
         made = ndimage.affine_transform(image, matrix, offset, output_shape, *values[:5])
         return np.asarray(made)
@@ -253,21 +263,6 @@ def rotate(
 def _limit(order: int) -> float:
     """Return the squared length up to which a pixel does not shrink, texels²."""
     return common.LINEAR if order == 1 else common.SHARP
-
-
-def _full(matrix: ArrayLike, offset: float | ArrayLike) -> Doubles:
-    """Return the matrix (3, 3) from (row, column, 1) of the result to that of the input."""
-    given, full = np.asarray(matrix, np.float64), np.eye(3)
-    if given.shape in ((2, 3), (3, 3)):
-        full[: given.shape[0]] = given
-        if not np.array_equal(full[2], [0.0, 0.0, 1.0]):
-            raise ValueError(f"an affine matrix ends with 0, 0, 1, not {full[2].tolist()}")
-        return full
-    if given.shape not in ((2,), (2, 2)):
-        raise ValueError(f"a matrix is (2,), (2, 2), (2, 3) or (3, 3), not {given.shape}")
-    full[:2, :2] = np.diag(given) if given.ndim == 1 else given
-    full[:2, 2] = np.asarray(offset, np.float64)
-    return full
 
 
 def _affine(

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
 from resample.hybrid.blend.sum import WeightedSum, mean_of
@@ -116,7 +115,16 @@ def _batches(
         x, y = with_margins(geometry.x, geometry.y)
     else:
         matrix, x, y = geometry.normalized((height, width)), np.zeros((0, 0)), np.zeros((0, 0))
-        (left, top), (right, bottom) = _ends(matrix, (height, width), shape, edge, widths)
+        # Find the texels that a frame sees.
+        lines = splat_view_bounds(matrix, shape, widths.filter, widths.kernel)
+        polygon, ends = visible_polygon(lines, max(FARTHEST, height, width)), np.zeros((2, 2))
+        if polygon.size:
+            ends = np.stack([np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1])
+        if edge is Edge.TRANSPARENT:
+            ends = np.clip(ends, 0, (width, height))
+        elif polygon.size:
+            check_texels(polygon, (height, width))
+        (left, top), (right, bottom) = ends.astype(np.int64).tolist()
     places = (matrix, x, y, nearest_drawn(matrix, widths.kernel))
     step = max(1, MOST_AT_ONCE // max(1, right - left))
     across, _ = texels_at(np.arange(left, right), width, edge)
@@ -127,21 +135,6 @@ def _batches(
         place_texels(records, area, (left, row, across.size), places, widths, shape)
         texels = source[texels_at(down, height, edge)[0][:, None], across]
         yield texels.reshape(-1, source.shape[2]), records, area
-
-
-def _ends(
-    matrix: Doubles, size: tuple[int, int], shape: tuple[int, int], edge: Edge, widths: Widths
-) -> NDArray[np.int64]:
-    """First and last + 1 (2, 2), column and row, of the texels that a frame sees."""
-    lines = splat_view_bounds(matrix, shape, widths.filter, widths.kernel)
-    polygon = visible_polygon(lines, max(FARTHEST, *size))
-    if not polygon.size:
-        return np.zeros((2, 2), np.int64)
-    ends = np.stack([np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1])
-    if edge is Edge.TRANSPARENT:
-        return np.asarray(np.clip(ends, 0, size[::-1]), np.int64)
-    check_texels(polygon, size)
-    return ends.astype(np.int64)
 
 
 @parallel_kernel

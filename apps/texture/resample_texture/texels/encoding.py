@@ -479,22 +479,26 @@ def in_levels(method: Method) -> Method:
 
     `limit=usual` is `levels` here: no texel stands out farther than it is seen to.
     """
-    if hasattr(method, "in_levels"):
-        levels: Method = method.in_levels
+    given: Any = method
+    if hasattr(given, "in_levels"):
+        levels: Method = given.in_levels
         return levels
     try:
-        return _with_limits_of_levels(method)
+        levels = _with_limits_of_levels(given)
     except TypeError:  # a plugin's options that cannot be hashed
-        return _with_limits_of_levels.__wrapped__(method)
+        levels = _with_limits_of_levels.__wrapped__(given)
+    return levels
 
 
 @lru_cache(maxsize=16)
-def _with_limits_of_levels(method: Method) -> Method:
-    interpolation = getattr(method, "interpolation", None)
-    if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):
-        return method
-    kept = dataclasses.replace(interpolation, limit="levels")
-    return dataclasses.replace(method, interpolation=kept)
+def _with_limits_of_levels(method: Any) -> Any:
+    interpolation: Any = getattr(method, "interpolation", None)
+    is_usual = getattr(interpolation, "limit", None) == "usual" and dataclasses.is_dataclass(method)
+    kept: Any = method
+    if is_usual:
+        levels = dataclasses.replace(interpolation, limit="levels")
+        kept = dataclasses.replace(kept, interpolation=levels)
+    return kept
 
 
 def share_of_levels(

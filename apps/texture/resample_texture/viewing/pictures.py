@@ -14,9 +14,14 @@ from resample.files.conversion import levels_of
 from resample.progress import Cancel, cancellable
 from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, settings_of
-from resample_texture.command.choices import Besides, PictureWarping, WarpGeometry, region
+from resample_texture.command.choices import (
+    Besides,
+    PictureTarget,
+    PictureWarping,
+    WarpGeometry,
+    region,
+)
 from resample_texture.command.jobs import Job, warp_file
-from resample_texture.command.rendering import PictureTarget, target_of
 from resample_texture.geometry.mappings import Homography
 from resample_texture.scenes import PictureScene
 
@@ -107,7 +112,7 @@ class PicturePainter:
     def _target(self, settings: Settings, size: Size) -> tuple[PictureTarget, PictureWarping]:
         place, warping, *_ = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
         shape = self.scene.image.shape[:2]
-        return target_of(place, (shape[0], shape[1])), warping
+        return place.target((shape[0], shape[1])), warping
 
 
 def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
@@ -193,5 +198,5 @@ def _checked(settings: Settings) -> list[Any]:
 def _write(source: Path, settings: Settings, path: Path) -> None:
     """Write the file that the command writes of a picture."""
     place, warping, written, besides = _checked(settings)
-    job = Job(partial(target_of, place), warping, written.options(), region(besides.roi))
+    job = Job(place.target, warping, written.options(), region(besides.roi))
     warp_file(Session(), source, path, job)

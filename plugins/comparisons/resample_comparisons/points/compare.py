@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from resample_points.scenes import Shape
 
 PER, FINE = 4, 4  # pixels and sub-pixels along a pixel's side: 16 × 16 rays
-RUNS = 3  # of what is timed
+RUNS = 3  # per timing
 BLACK = (0.0, 0.0, 0.0)
 METHODS: dict[str, dict[str, Any]] = {
     "trained": {"appearance": "trained", "order": "depth"},

@@ -22,18 +22,18 @@ def finished(image: Floats, coverage: Floats) -> Warped:
 
 
 def refuse_forward_map(method: str, geometry: Geometry) -> None:
-    """Refuse a forward map, which a gathering method cannot use."""
+    """Reject a forward map, which a gathering method cannot use."""
     if isinstance(geometry, ForwardMap):
         raise ValueError(f"{method} takes a matrix or a backward map; for forward maps use hybrid")
 
 
 def check_count(name: str, count: Any, most: int) -> None:
-    """Refuse anything but a whole number from 1 to `most`."""
+    """Reject anything but a whole number from 1 to `most`."""
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
         raise ValueError(f"{name} is a whole number from 1 to {most}, not {count}")
 
 
 def check_name(name: str, given: str, known: tuple[str, ...]) -> None:
-    """Refuse an unknown name."""
+    """Reject an unknown name."""
     if given not in known:
         raise ValueError(f"unknown {name} {given!r}; known are {', '.join(known)}")

@@ -70,7 +70,7 @@ def scene_of(
 
 
 def check_scene(name: str) -> None:
-    """Refuse a name that `scene_of` would refuse, before any work is done."""
+    """Reject a name that `scene_of` would refuse, before any work is done."""
     if name not in NAMES:
         _matrix(name)
 

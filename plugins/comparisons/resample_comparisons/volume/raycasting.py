@@ -43,7 +43,7 @@ class Casting:
     step: float = 0.25  # longest step along a ray, voxels (cube roots of the lattice's volume)
     # Kernel around every sample.
     reconstruction: Reconstruction = field(default_factory=GaussianKernel)
-    # (M, 4) planes n, d in scene units: what has n · p + d >= 0 for all of them is kept.
+    # (M, 4) planes n, d in scene units: points p with n · p + d >= 0 for all are kept.
     clip: ArrayLike | None = None
 
     def __post_init__(self) -> None:

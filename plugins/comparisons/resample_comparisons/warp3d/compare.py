@@ -120,7 +120,7 @@ def scene_case(scene: ObjectScene, view: str, source: Source) -> WarpCase:
 
 
 def check_views(views: Sequence[str]) -> None:
-    """Refuse views that the generated scene does not have."""
+    """Reject views that the generated scene does not have."""
     for view in views:
         if view not in VIEWPOINTS:
             raise LookupError(f"unknown view {view!r}; known: {', '.join(VIEWPOINTS)}")

@@ -28,7 +28,7 @@ class TrueView(NamedTuple):
     mask: Path | None
 
     def check(self, *, is_generated: bool) -> None:
-        """Refuse incomplete files, or files together with a generated scene."""
+        """Reject incomplete files, or files together with a generated scene."""
         if is_generated:
             if any(name is not None for name in self):
                 raise ValueError("the generated scene takes no files; leave out --scene or them")

@@ -88,7 +88,7 @@ def bands_of(box: Floats, shape: tuple[int, int], width: int, samples: int) -> "
 
 
 def check_count(name: str, count: int, most: int) -> None:
-    """Refuse anything but a whole number from 1 to `most`."""
+    """Reject anything but a whole number from 1 to `most`."""
     if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= most:
         raise ValueError(f"{name} is a whole number from 1 to {most}, not {count}")
 

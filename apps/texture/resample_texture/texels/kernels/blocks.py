@@ -219,16 +219,6 @@ def _longer(ranges: Doubles, cells: Integers) -> int:
 
 
 @kernel
-def _remainder(rectangle: Integers, block: Integers) -> tuple[int, int]:
-    """Axis and number of texels left over from whole cells; -1 if there are none."""
-    for axis in range(2):
-        rest = rectangle[axis, LENGTH] % (1 << block[axis, LEVEL])
-        if rest:
-            return axis, rest
-    return -1, 0
-
-
-@kernel
 def grown(array: Integers) -> Integers:
     """Return an array twice as long, with the same beginning."""
     more = np.empty((2 * array.shape[0], *array.shape[1:]), array.dtype)
@@ -236,21 +226,6 @@ def grown(array: Integers) -> Integers:
     for n in range(source.size):
         target[n] = source[n]
     return more
-
-
-@kernel
-def _clipped(box: Doubles, reach: float, height: int, width: int, bounds: Integers) -> bool:
-    """Bound the whole pixels that a block may touch in the frame; False if none.
-
-    A point that just touches the frame has its first tap 2 × `reach` px outside.
-    """
-    # Clamp in floating point first: bounds near the horizon are too large for an integer.
-    margin = math.ceil(2.0 * reach)
-    bounds[LEFT] = max(math.floor(max(box[LEFT], -1e9) - reach), -margin)
-    bounds[TOP] = max(math.floor(max(box[TOP], -1e9) - reach), -margin)
-    bounds[RIGHT] = min(math.ceil(min(box[RIGHT], 1e9) + reach) + 1, width + margin)
-    bounds[BOTTOM] = min(math.ceil(min(box[BOTTOM], 1e9) + reach) + 1, height + margin)
-    return bool(bounds[LEFT] < bounds[RIGHT] and bounds[TOP] < bounds[BOTTOM])
 
 
 @kernel
@@ -266,7 +241,17 @@ def _noted(
     # Grow the arrays when they are full.
     if count == blocks.shape[0]:
         blocks, bounds = grown(blocks), grown(bounds)
-    if _clipped(box, reach, frame[0], frame[1], bounds[count]):
+    # Bound whole pixels: a point that just touches the frame has its first tap 2 × reach outside.
+    # Clamp in floating point first: bounds near the horizon are too large for an integer.
+    height, width = frame
+    margin = math.ceil(2.0 * reach)
+    left = max(math.floor(max(box[LEFT], -1e9) - reach), -margin)
+    top = max(math.floor(max(box[TOP], -1e9) - reach), -margin)
+    right = min(math.ceil(min(box[RIGHT], 1e9) + reach) + 1, width + margin)
+    bottom = min(math.ceil(min(box[BOTTOM], 1e9) + reach) + 1, height + margin)
+    if left < right and top < bottom:
+        bounds[count, LEFT], bounds[count, TOP] = left, top
+        bounds[count, RIGHT], bounds[count, BOTTOM] = right, bottom
         _copy(block, blocks[count], block.shape[1])
         count += 1
     return blocks, bounds, count
@@ -304,10 +289,11 @@ def _divided(
     if axis >= 0:
         return 2 * _split(stack, top, axis)
     # Cut off texels that fill no whole cell.
-    axis, rest = _remainder(stack[top], block)
-    if axis >= 0:
-        _cut_off(stack, top, axis, stack[top, axis, LENGTH] - rest)
-        return 2
+    for axis in range(2):
+        rest = stack[top, axis, LENGTH] % (1 << block[axis, LEVEL])
+        if rest:
+            _cut_off(stack, top, axis, stack[top, axis, LENGTH] - rest)
+            return 2
     return -1
 
 

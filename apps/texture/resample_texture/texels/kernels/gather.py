@@ -174,15 +174,6 @@ def _parts(step_u: tuple[float, float], step_v: tuple[float, float], quality: fl
 
 
 @inner_kernel
-def _may_cross(source: Floats, u: float, v: float, ux: Pair, uy: Pair, vx: Pair, vy: Pair) -> bool:
-    """Whether an edge of the source may run through a pixel."""
-    reach_u = 0.5 * (max(abs(ux[0]), abs(ux[1])) + max(abs(uy[0]), abs(uy[1])))
-    reach_v = 0.5 * (max(abs(vx[0]), abs(vx[1])) + max(abs(vy[0]), abs(vy[1])))
-    near_u = min(abs(u), abs(u - source.shape[1])) < reach_u - 1e-9  # not if it lies between pixels
-    return bool(near_u or min(abs(v), abs(v - source.shape[0])) < reach_v - 1e-9)
-
-
-@inner_kernel
 def _read(source: Pixels, u: float, v: float, values: Floats, n: int) -> None:
     """Interpolate the source at a point, into column n of the values."""
     texels, edge, taps, first = source.texels, source.edge, source.taps, source.channels[0]
@@ -227,8 +218,12 @@ def _cut_pixel(source: Pixels, place: tuple[int, int], is_sum: bool, batch: Batc
     vy = steps(map_v[row - 1, column], v, map_v[row + 1, column])
 
     # Cut into parts no longer than a texel, and finer where the source's edge may run through.
-    if edge == TRANSPARENT and _may_cross(texels, u, v, ux, uy, vx, vy):
-        quality = max(quality, AT_EDGES)
+    if edge == TRANSPARENT:
+        reach_u = 0.5 * (max(abs(ux[0]), abs(ux[1])) + max(abs(uy[0]), abs(uy[1])))
+        reach_v = 0.5 * (max(abs(vx[0]), abs(vx[1])) + max(abs(vy[0]), abs(vy[1])))
+        near_u = min(abs(u), abs(u - texels.shape[1])) < reach_u - 1e-9  # not between pixels
+        if near_u or min(abs(v), abs(v - texels.shape[0])) < reach_v - 1e-9:
+            quality = max(quality, AT_EDGES)
     parts_x, parts_y = _parts(ux, vx, quality), _parts(uy, vy, quality)
     share = np.float32(1.0 / (parts_x * parts_y))
     count = 0

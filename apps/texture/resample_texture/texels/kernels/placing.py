@@ -14,7 +14,7 @@ from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.cells.boxes import Batch, beyond, length, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel
+from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import CUT, START, Integers
@@ -318,15 +318,6 @@ class CellRows(NamedTuple):
     line: Floats  # (channels, columns)
 
 
-@kernel
-def _chosen(block: Integers, texels: Texels) -> Floats:
-    """Texels to interpolate between: prefiltered along the axes that are cut."""
-    kind = kind_of(block)
-    if kind > 1:
-        return texels.both if kind == 3 else texels.along_v
-    return texels.along_u if kind == 1 else texels.plain
-
-
 @inner_kernel
 def _as_densities(batch: Batch, count: int, texels: float) -> None:
     """Turn totals per texel into densities, values per px²."""
@@ -347,7 +338,10 @@ def _begun(source: Texture, part: int) -> CellRows:
     rows, columns = texels_along(block, 1) + 2 * pad[1], texels_along(block, 0) + 2 * pad[0]
     patch = np.empty((count, rows, columns), np.float32)
     # Fetch the texels, prefiltered as the interpolation needs them.
-    chosen = _chosen(block, source.texels)
+    texels, kind = source.texels, kind_of(block)
+    chosen = texels.along_u if kind == 1 else texels.plain
+    if kind > 1:
+        chosen = texels.both if kind == 3 else texels.along_v
     fetch(chosen, source.extract, source.totals, block, pad, source.edge, patch, first)
     # Allocate the batch for one row of cells.
     offset = cell_offsets(block)

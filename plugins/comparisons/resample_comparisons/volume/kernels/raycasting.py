@@ -95,7 +95,7 @@ def _new_ray(x: float, y: float, grid: Grid, view: View, plan: CastingOptions) -
         last = grid.node.shape[2 - axis] - 1.0
         part = _cut(part, start[axis] + grid.radius, along[axis])
         part = _cut(part, last + grid.radius - start[axis], -along[axis])
-    # Divide what is left into equal steps.
+    # Divide the rest into equal steps.
     length = math.sqrt(dot(way, way))
     enter, leave = part
     if not leave > enter:

@@ -176,7 +176,7 @@ def _copy_row(
         rendered.coverage[row, column] = 1.0 if is_seen else 0.0
         rendered.bridged[row, column] = False
         rendered.nearness[row, column], rendered.magnification[row, column] = 0.0, 0.0
-        # Compute depth and magnification of what is visible.
+        # Compute depth and magnification of visible pixels.
         if is_seen:
             w = projected(equation, place_of(source.place, r, c), source.nearness[r, c])[2]
             rendered.nearness[row, column] = source.nearness[r, c] / w

@@ -130,7 +130,7 @@ def _joined(source: Source, row: int, column: int, part: int, step: float) -> in
     # Without a limit of steps, only linked triangles are drawn.
     if step < 0.0:
         return 1 if is_linked else 0
-    # Cut where the depth steps too much; within the limit, bridge what is not linked.
+    # Cut where the depth steps too much; within the limit, bridge unlinked neighbours.
     if max(a, b, d) > (1.0 + step) * least:
         return 0
     return 1 if is_linked else 2
@@ -203,7 +203,7 @@ def _divide_row(
         parts[row, column] = _divide_quad(source, vertex, row, column, rule)
         box[row, column, 0], box[row, column, 2] = np.inf, -np.inf
         box[row, column, 1], box[row, column, 3] = np.inf, -np.inf
-        # Bound quads of which something is drawn; the others keep an empty box.
+        # Bound the visible quads; others keep an empty box.
         if parts[row, column] & 15:
             for n in range(4):
                 include(vertex, row + n // 2, column + n % 2, box[row, column])
