@@ -424,7 +424,7 @@ def _listed(facts: dict[str, Any]) -> str:
     low, high = facts["robust_range"] or (0.0, 0.0)
     edges = edges_of((low, high), len(counts), facts["scale"])
     longest = math.log1p(max(*counts, 1))
-    lines = ["values from   voxels; logarithmic bars"]
+    bars = ["values from   voxels; logarithmic bars"]
     for n, count in enumerate(counts):
         bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
         marks = [
@@ -433,5 +433,5 @@ def _listed(facts: dict[str, Any]) -> str:
             if any(edges[n] < limit <= edges[n + 1] for limit in limits)
         ]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
-        lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
-    return "\n".join([*lines, *facts["findings"], *lines]) + "\n"
+        bars.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
+    return "\n".join([*lines, *facts["findings"], *bars]) + "\n"

@@ -296,7 +296,17 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
     check_iso(value, volume, finite_range(volume.values))
     require_memory(BYTES_PER_VOXEL * volume.values.size, f"a surface of {volume.name}")
     place, face = _corners(volume.values, value)
-    place, slope = _onto(place, field, value)
+    # Move points onto the field's isosurface; also return slopes (V, 3), per voxel
+    place = np.where(np.isfinite(place), place, 0.0)
+    last = np.array(field.spline.shape[::-1]) - 0.5
+    slope = _slope(place, field, last)
+    steep = np.maximum((slope**2).sum(axis=1, keepdims=True), 1e-30)
+    for _ in range(TURNS):
+        move = (value - values_at(field, place))[:, np.newaxis] * slope / steep
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        move *= np.minimum(1.0, FARTHEST / np.maximum(length, 1e-30))
+        place = np.clip(place + move, -0.5, last)
+    slope = _slope(place, field, last)
     lattice = lattice_of(volume)
     corner = np.asarray(volume.origin, np.float64) + place @ lattice.T
     normal = slope @ np.linalg.inv(lattice)
@@ -343,20 +353,6 @@ def _beside_known(padded: NDArray[np.float32], place: Doubles) -> NDArray[np.boo
     for down, along, right in np.ndindex(2, 2, 2):
         known &= np.isfinite(padded[z + down, y + along, x + right])
     return known
-
-
-def _onto(place: Doubles, field: Gathered, value: float) -> tuple[Doubles, Doubles]:
-    """Move points onto the field's isosurface; also return slopes (V, 3), per voxel."""
-    place = np.where(np.isfinite(place), place, 0.0)
-    last = np.array(field.spline.shape[::-1]) - 0.5
-    slope = _slope(place, field, last)
-    steep = np.maximum((slope**2).sum(axis=1, keepdims=True), 1e-30)
-    for _ in range(TURNS):
-        move = (value - values_at(field, place))[:, np.newaxis] * slope / steep
-        length = np.linalg.norm(move, axis=1, keepdims=True)
-        move *= np.minimum(1.0, FARTHEST / np.maximum(length, 1e-30))
-        place = np.clip(place + move, -0.5, last)
-    return place, _slope(place, field, last)
 
 
 def _slope(place: Doubles, field: Gathered, last: Doubles) -> Doubles:

@@ -266,12 +266,7 @@ def _checked(given: Volume) -> Volume:
                 f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}"
             )
         made = given if values is given.values else given._replace(values=values)
-    check_place(given)
-    return made
-
-
-def check_place(given: Volume) -> None:
-    """Reject an invalid or absurd spacing, origin or direction."""
+    # Reject an invalid or absurd spacing, origin or direction
     spacing, origin, direction = (np.asarray(part) for part in given[1:4])
     shapes = (spacing.shape, origin.shape, direction.shape)
     kinds = {part.dtype.kind for part in (spacing, origin, direction)}
@@ -284,6 +279,7 @@ def check_place(given: Volume) -> None:
         raise ValueError(f"{given.name}: spacing {spacing.tolist()} must be above 0")
     check_lattice(direction * spacing, f"{given.name}: its lattice")
     check_places(origin, f"{given.name}: its origin")
+    return made
 
 
 def _array(given: Any) -> NDArray[Any]:

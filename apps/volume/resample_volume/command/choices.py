@@ -310,13 +310,7 @@ class AppearanceChoices(Choices):
         return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
 
     def renderer(self, resampling: Resampling, scale: str = "") -> "Resampler":
-        """Return the renderer for this look, of values on a scale.
-
-        Raises
-        ------
-        ValueError, LookupError
-            A choice is unknown or not allowed, or two exclude each other.
-        """
+        """Return the renderer for this look, of values on a scale."""
         from resample_volume.appearance import Classification, check_together
         from resample_volume.classification.scales import scale_named
 
@@ -345,13 +339,7 @@ class AppearanceChoices(Choices):
         return resampler
 
     def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
-        """Return the look of the voxels for a renderer; None: one that composites.
-
-        Raises
-        ------
-        ValueError
-            A choice is unknown or not allowed.
-        """
+        """Return the look of the voxels for a renderer; None: one that composites."""
         from resample.painting.choices import MEASURING, Projection
         from resample_volume.appearance import (
             MU_WATER,
@@ -512,13 +500,7 @@ class Beside(Choices):
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
     def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
-        """Read meshes and planes for a renderer that shows them.
-
-        Raises
-        ------
-        ValueError, OSError
-            The renderer shows none, or a file cannot be read.
-        """
+        """Read meshes and planes for a renderer that shows them."""
         from resample_volume.appearance import (
             Classification,
             SceneObjects,

@@ -57,9 +57,6 @@ if TYPE_CHECKING:
 Opened = TypeVar("Opened", Volume, Recording)
 Found = TypeVar("Found")
 
-if TYPE_CHECKING:
-    from resample.command.workers import StartWorkers
-
 
 def opened(
     source: ReadOptions,

@@ -87,22 +87,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         parts, kind, units = _parts(first), _kind(slices), _units(first)
         sizes = (whole(first, "Columns"), whole(first, "Rows"), len(slices))
         places = np.array([each.place for each in slices])
-        # Spacing (3,) and direction (3, 3)
-        dataset, frame = slices[0].dataset, slices[0].frame
-        row, column = slices[0].axes
-        key = "ImagerPixelSpacing"
-        given = dataset.get(key)
-        imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
-        down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
-        normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
-        if len(slices) > 1 and np.isfinite(places).all():
-            way = (places[-1] - places[0]) / (len(slices) - 1)
-            length = float(np.linalg.norm(way))
-            if length > 0:
-                step = length
-                if np.linalg.norm(way / length - normal) > TILTED:
-                    normal = way / length
-        spacing, direction = np.array([across, down, step]), np.column_stack([row, column, normal])
+        spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
     known = known._replace(parts=parts, is_color=parts > 1, units=units, note=_note(slices, places))
@@ -449,6 +434,25 @@ def check_frames(dataset: Any, name: str) -> None:
                 f"{name} holds a picture of {size[1]} x {size[0]} pixels and says that it has "
                 f"{wanted[1]} x {wanted[0]}; get it again"
             )
+
+
+def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
+    """Return spacing (3,) and direction (3, 3)."""
+    dataset, frame = slices[0].dataset, slices[0].frame
+    row, column = slices[0].axes
+    key = "ImagerPixelSpacing"
+    given = dataset.get(key)
+    imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
+    down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
+    normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
+    if len(slices) > 1 and np.isfinite(places).all():
+        way = (places[-1] - places[0]) / (len(slices) - 1)
+        length = float(np.linalg.norm(way))
+        if length > 0:
+            step = length
+            if np.linalg.norm(way / length - normal) > TILTED:
+                normal = way / length
+    return np.array([across, down, step]), np.column_stack([row, column, normal])
 
 
 @dataclass(frozen=True)

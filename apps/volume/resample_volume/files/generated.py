@@ -205,9 +205,11 @@ def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None =
         url = f"{base_url.rstrip('/')}/{file}"
     size = math.prod(known[name]["size"]) * np.dtype(known[name]["type"]).itemsize
     download(url, place / file, size, known[name]["sha512"])
-    path = place / f"{name}.nhdr"
-    entry = known[name]
-    # Write a NRRD header beside a raw file, in one step
+    return _header(place / f"{name}.nhdr", known[name], file)
+
+
+def _header(path: Path, entry: dict[str, Any], file: str) -> Path:
+    """Write a NRRD header beside a raw file, in one step."""
     text = NRRD.format(
         **entry,
         sizes=" ".join(map(str, entry["size"])),

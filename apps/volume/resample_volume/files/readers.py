@@ -96,17 +96,6 @@ class Raw(OneOfAll):
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
 
     def read(self, path: Path, name: str, check: Check) -> Recording:
-        known = self._header(path, name)
-        check(known)
-        if path.suffix.lower() == ".gz":
-            return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
-        given = path.stat().st_size - self.offset
-        if given != known.size:
-            raise wrong_size(path.name, max(0, given), known.size)
-        shape = (known.times, *known.shape[::-1])
-        return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
-
-    def _header(self, path: Path, name: str) -> VolumeHeader:
         found = re.fullmatch(r"(.+)_(\d+x\d+x\d+(?:x\d+)?)_(\w+)", name)
         if not (found or (self.shape and self.dtype)):
             raise ValueError(
@@ -119,7 +108,15 @@ class Raw(OneOfAll):
         spacing, length = spacing_of(self.spacing)
         dtype, name = _type(kind, self.endian), found[1] if found else name
         known = header(every[:3], dtype, name, spacing=spacing)
-        return known._replace(times=math.prod(every[3:]), length=length)
+        known = known._replace(times=math.prod(every[3:]), length=length)
+        check(known)
+        if path.suffix.lower() == ".gz":
+            return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
+        given = path.stat().st_size - self.offset
+        if given != known.size:
+            raise wrong_size(path.name, max(0, given), known.size)
+        shape = (known.times, *known.shape[::-1])
+        return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
 
 
 @dataclass(frozen=True)

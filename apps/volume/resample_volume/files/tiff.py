@@ -278,34 +278,6 @@ def natural(path: Path) -> list[tuple[int, str]]:
     return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in pieces]
 
 
-def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    """Return a folder's visible files with one of the suffixes, in natural order."""
-    found = (file for file in folder.iterdir() if file.suffix.lower() in suffixes)
-    return sorted((file for file in found if not file.name.startswith(".")), key=natural)
-
-
-def stack_pages(paths: list[Path]) -> list[SlicePage]:
-    """Return all slices of picture files, which must be alike."""
-    pages = []
-    with suppressed_output():
-        for page in (page for path in paths for page, _ in _walk(path)):
-            pages.append(page)
-            check_items(paths[0].name, len(pages), "slices")
-    first = pages[0]
-    for page in pages:
-        if page.channels not in (1, 3, 4):
-            raise ValueError(
-                f"{page.name} has {page.channels} channels; slices have one number per pixel, or "
-                "colors: convert it to gray"
-            )
-        if page[1:5] != first[1:5]:
-            raise ValueError(
-                f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
-                f"{first.width} x {first.height} {first.dtype}; slices must be alike"
-            )
-    return pages
-
-
 def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage]) -> NDArray[Any]:
     """Read values (N, Y, X), or colors (N, Y, X, C), of all pages of picture files."""
     require_memory(known.size, known.name)
@@ -392,12 +364,31 @@ class TiffStack(OneOfAll):
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         if path.is_dir():
-            paths, name = files_with(path, self.suffixes), path.resolve().name
+            found = (file for file in path.iterdir() if file.suffix.lower() in self.suffixes)
+            paths = sorted((file for file in found if not file.name.startswith(".")), key=natural)
+            name = path.resolve().name
         else:
             paths, name = [existing_file(path)], stem(path, self.suffixes)
         if not paths:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
-        pages = stack_pages(paths)
+        # All slices of picture files, which must be alike
+        pages = []
+        with suppressed_output():
+            for page in (page for path in paths for page, _ in _walk(path)):
+                pages.append(page)
+                check_items(paths[0].name, len(pages), "slices")
+        first = pages[0]
+        for page in pages:
+            if page.channels not in (1, 3, 4):
+                raise ValueError(
+                    f"{page.name} has {page.channels} channels; slices have one number per pixel, "
+                    "or colors: convert it to gray"
+                )
+            if page[1:5] != first[1:5]:
+                raise ValueError(
+                    f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
+                    f"{first.width} x {first.height} {first.dtype}; slices must be alike"
+                )
         first, count = pages[0], len(pages)
         facts = stack_facts(first.told, count, first.channels, name, is_alone=len(paths) == 1)
         own = (facts.spacing, facts.length)

@@ -239,17 +239,6 @@ class _Ends(NamedTuple):
     data: bytes  # within its element, or appended
 
 
-def check_offsets(path: Path) -> None:
-    """Reject an unstructured grid whose cells claim far more corners than the file can hold."""
-    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-        every = elements_of(content)
-        about = {key: attributes for key, attributes in every[0].attributes.items() if key in KEPT}
-        form = every[-1].attributes.get("encoding", "") if every[-1].name == APPENDED else ""
-        for ends in _ends(path.name, content, every):
-            corners = _last(path.name, _table(about, form, ends))
-            check_unpacked(path.name, len(content), BYTES * corners)
-
-
 def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
     """Return all arrays of offsets, one per piece."""
     first = data_start(content, every[-1]) if every[-1].name == APPENDED else -1
@@ -326,7 +315,10 @@ def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = accept_an
     """Read one array at points or cells; components are channels, or a color."""
     image = grid_of(path, "vtkXMLImageDataReader")
     chosen, every, values = _values(image, wanted, path.name)
-    known = image_header(image, values.dtype, _spacing(path), name, is_of_cells=chosen.is_of_cells)
+    with path.open("rb") as file:  # as written: VTK makes it (1, 1, 1) if it is not a number
+        found = re.search(rb"<ImageData[^>]*\bSpacing=\"([^\"]*)\"", file.read(1 << 16))
+    spacing = [float(text) for text in found[1].split()] if found else None
+    known = image_header(image, values.dtype, spacing, name, is_of_cells=chosen.is_of_cells)
     known = of_parts(known, chosen, every, wanted)
     check(known)
     return recording(part_of(values, chosen, wanted, name), known)
@@ -367,7 +359,14 @@ def grid_of(path: Path, reader_name: str) -> Any:
     check_xml_file(path, "AppendedData")
     check_blocks(path)
     if reader_name == UNSTRUCTURED:
-        check_offsets(path)
+        # Reject an unstructured grid whose cells claim far more corners than the file can hold
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            every = elements_of(content)
+            about = {key: told for key, told in every[0].attributes.items() if key in KEPT}
+            form = every[-1].attributes.get("encoding", "") if every[-1].name == APPENDED else ""
+            for ends in _ends(path.name, content, every):
+                corners = _last(path.name, _table(about, form, ends))
+                check_unpacked(path.name, len(content), BYTES * corners)
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
@@ -431,13 +430,6 @@ def image_header(
     )
     first = known.spacing * (np.array(image.GetExtent()[::2]) + is_of_cells / 2)
     return known._replace(origin=known.origin + known.direction @ first)
-
-
-def _spacing(path: Path) -> list[float] | None:
-    """Return the spacing as written; VTK makes it (1, 1, 1) if it is not a number."""
-    with path.open("rb") as file:
-        found = re.search(rb"<ImageData[^>]*\bSpacing=\"([^\"]*)\"", file.read(1 << 16))
-    return [float(text) for text in found[1].split()] if found else None
 
 
 def _require_memory(reader: Any, path: Path) -> None:

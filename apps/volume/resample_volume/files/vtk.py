@@ -58,51 +58,6 @@ class _Lattice(NamedTuple):
     planes: list[Doubles]  # coordinates along x, y, z if uneven; otherwise none
 
 
-def read_vtk(
-    path: Path, wanted: ArrayQuery, spacing: tuple[float, ...], name: str, check: Check
-) -> Recording:
-    """Read one array, at points or cells; components are channels, or a color.
-
-    Spacing is for grids of cells, which are resampled; by `hybrid-resample-cells`.
-    """
-    with path.open("rb") as file:
-        found = Sections(file, path.name)
-        if found.is_text:
-            check_size(path.name, path.stat().st_size)
-        if found.dataset in GRIDS:
-            if absent := missing("readers", "vtu"):
-                raise ValueError(f"{found.name} holds a grid of cells; {absent}")
-            grids: Any = load("readers", "vtu")
-            read: Recording = grids.of_sections(found, wanted, spacing, name, check)
-            return read
-        if spacing:
-            raise ValueError(
-                f"{found.name} is no grid of cells, which spacing of the reader {wanted.reader} is "
-                "for: leave it out, or give --spacing, which takes the place of the file's"
-            )
-        lattice = _lattice(found)
-        points = lattice.points
-        arrays = found.arrays(math.prod(points), math.prod(cells_between(points)))
-        chosen = choose([each.named for each in arrays], wanted, path.name)
-        array = next(each for each in arrays if each.named == chosen)
-        bare = _header(lattice, array, name)
-        known = of_parts(bare, chosen, [each.named for each in arrays], wanted)
-        if lattice.planes:
-            check_single(known, path.name)
-        check(known)
-        stored = bare._replace(parts=chosen.parts)
-        if found.is_text:
-            require_memory(stored.size, name)
-            file.seek(array.start)
-            values = numbers(file, array.size, array.dtype, path.name)
-            if array.is_shade:
-                values = np.rint(255 * np.clip(np.nan_to_num(values), 0, 1)).astype(np.uint8)
-        else:
-            values = voxels(VoxelData([path], array.start, is_exact=False), stored)
-    every = recording(part_of(values, chosen, wanted, name), known)
-    return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every
-
-
 @np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _lattice(found: Sections) -> _Lattice:
     """Read the header of the lattice, up to the first array of points or cells."""
@@ -184,4 +139,42 @@ class Vtk(OneOfAll):
 
     def read(self, path: Path, name: str, check: Check) -> Recording:
         wanted = ArrayQuery(self.array, self.part, "vtk")
-        return read_vtk(path, wanted, steps_of(self.spacing), name, check)
+        spacing = steps_of(self.spacing)
+        # Read one array, at points or cells; components are channels, or a color
+        with path.open("rb") as file:
+            found = Sections(file, path.name)
+            if found.is_text:
+                check_size(path.name, path.stat().st_size)
+            if found.dataset in GRIDS:
+                if absent := missing("readers", "vtu"):
+                    raise ValueError(f"{found.name} holds a grid of cells; {absent}")
+                grids: Any = load("readers", "vtu")
+                read: Recording = grids.of_sections(found, wanted, spacing, name, check)
+                return read
+            if spacing:
+                raise ValueError(
+                    f"{found.name} is no grid of cells, which spacing of the reader "
+                    f"{wanted.reader} is for: leave it out, or give --spacing, which takes the "
+                    "place of the file's"
+                )
+            lattice = _lattice(found)
+            points = lattice.points
+            arrays = found.arrays(math.prod(points), math.prod(cells_between(points)))
+            chosen = choose([each.named for each in arrays], wanted, path.name)
+            array = next(each for each in arrays if each.named == chosen)
+            bare = _header(lattice, array, name)
+            known = of_parts(bare, chosen, [each.named for each in arrays], wanted)
+            if lattice.planes:
+                check_single(known, path.name)
+            check(known)
+            stored = bare._replace(parts=chosen.parts)
+            if found.is_text:
+                require_memory(stored.size, name)
+                file.seek(array.start)
+                values = numbers(file, array.size, array.dtype, path.name)
+                if array.is_shade:
+                    values = np.rint(255 * np.clip(np.nan_to_num(values), 0, 1)).astype(np.uint8)
+            else:
+                values = voxels(VoxelData([path], array.start, is_exact=False), stored)
+        every = recording(part_of(values, chosen, wanted, name), known)
+        return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every

@@ -94,22 +94,6 @@ def state_of_files(store: Path, array: str) -> State | None:
     return None
 
 
-def state_of_server(portion: Portion) -> State | None:
-    """Return the state of a part of a remote array; None if its server does not tell enough.
-
-    Object stores list chunks with tags, which change with each write. A web server gets a HEAD
-    request for every chunk of the part: it must return a strong tag or a time for each; with times,
-    the state is settled an hour after the last.
-    """
-    import obstore
-
-    place = portion.array.store.within.store  # of a `GuardedStore`
-    if isinstance(place, obstore.store.HTTPStore):
-        return _state(portion, _request_metadata(place, portion), is_web=True)
-    listed = _state(portion, _listed(place, portion), is_web=False)
-    return listed or _state(portion, _request_metadata(place, portion), is_web=False)
-
-
 def _state(portion: Portion, chunks: Iterator[ChunkMetadata], *, is_web: bool) -> State | None:
     """Return the state from chunks' metadata, if sufficient; times suffice for web servers only."""
     metadata: Any = portion.array.metadata
@@ -227,7 +211,15 @@ class StoredStatistics:
     def _state(self) -> State | None:
         """State at the first call."""
         if isinstance(self.store, Address):
-            return state_of_server(self.portion)
+            # The state of a part of a remote array; None if its server does not tell enough
+            import obstore
+
+            place = self.portion.array.store.within.store  # of a `GuardedStore`
+            if isinstance(place, obstore.store.HTTPStore):
+                return _state(self.portion, _request_metadata(place, self.portion), is_web=True)
+            listed = _state(self.portion, _listed(place, self.portion), is_web=False)
+            asked = _request_metadata(place, self.portion)  # one request for each chunk
+            return listed or _state(self.portion, asked, is_web=False)
         return state_of_files(self.store, self.portion.array.path)
 
     @property
@@ -465,22 +457,7 @@ class Zarr:
     def streamed(
         self, path: Place, check: Check = accept_any, brick: Step | None = None
     ) -> Recording:
-        """Open all times and channels; values stay in the file, see `Chunked`.
-
-        Parameters
-        ----------
-        path
-            Folder or zip file, or address.
-        check
-            May reject the header.
-        brick
-            Voxels along z, y and x that are read together; None: by chunks.
-
-        Raises
-        ------
-        ValueError, OSError
-            It cannot be read, or holds no such level.
-        """
+        """Open all times and channels; values stay in the file, see `Chunked`."""
         from resample.files.stores.guarding import guard
         from resample.files.stores.metadata import holes_of
 
@@ -569,7 +546,19 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
     import zarr
 
     if isinstance(node, zarr.Array):
-        return _plain(node, name), node
+        # An array that is not part of an image
+        own = getattr(node.metadata, "dimension_names", None)
+        named = own or node.attrs.get("_ARRAY_DIMENSIONS")
+        letters = "".join(str(axis).lower()[:1] for axis in named or ())
+        if not (set(letters) >= set(SPACE) and set(letters) <= set("tczyx")):
+            letters = LETTERS.get(node.ndim, "")
+        if len(letters) != node.ndim or len(set(letters)) < len(letters):
+            raise ValueError(
+                f"{name} has {node.ndim} dimensions; a volume has 3 (z, y, x), or 4 or 5 with "
+                "times and channels before them"
+            )
+        level = Level("", np.ones(node.ndim), np.zeros(node.ndim), is_placed=True)
+        return Layout(letters, (level,), VOXEL), node
     attributes = dict(node.attrs)
     told = attributes.get("ome", attributes)
     if isinstance(told, dict) and SERIES in told and "multiscales" not in told:
@@ -591,21 +580,6 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
             f"holds ({held or 'nothing'}) if that is a volume"
         )
     return layout, node
-
-
-def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
-    """Return an array that is not part of an image."""
-    named = getattr(array.metadata, "dimension_names", None) or array.attrs.get("_ARRAY_DIMENSIONS")
-    letters = "".join(str(axis).lower()[:1] for axis in named or ())
-    if not (set(letters) >= set(SPACE) and set(letters) <= set("tczyx")):
-        letters = LETTERS.get(array.ndim, "")
-    if len(letters) != array.ndim or len(set(letters)) < len(letters):
-        raise ValueError(
-            f"{name} has {array.ndim} dimensions; a volume has 3 (z, y, x), or 4 or 5 with times "
-            "and channels before them"
-        )
-    count = array.ndim
-    return Layout(letters, (Level("", np.ones(count), np.zeros(count), is_placed=True),), VOXEL)
 
 
 def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":

@@ -389,14 +389,14 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         nothing = array_like(values, values.shape, np.float32, FIELD)
         nothing[...] = 0
         return nothing, known.reshape(-1)
-    known = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
+    inner = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
     # Fill gaps with the nearest known value, plane by plane
     from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
 
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))
     for z in reversed(range(len(values))):
-        is_known, front = known[z] > 0, deep[z]
+        is_known, front = inner[z] > 0, deep[z]
         behind[is_known] = z
         filled[z] = values[z]
         if is_known.all():
