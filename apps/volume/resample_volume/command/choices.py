@@ -563,7 +563,7 @@ class BesidePicture(BesideFilm):
         if self.zoom_in:
             return "picture"
         is_free = look.camera == FROM_ABOVE and look.fit == "visible"
-        return "most" if is_free and not self.annotations().is_any else look.fit
+        return "most" if is_free and not self.is_annotated else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Reject an impossible color bar or deep picture before any work is done."""
@@ -575,7 +575,7 @@ class BesidePicture(BesideFilm):
 
         check_deep(output)
         check_slabs(self.deep, resampler)
-        if self.color_bar or self.annotations().is_any:
+        if self.color_bar or self.is_annotated:
             raise ValueError(
                 "deep pictures hold only slabs; leave out axes, box, cube, scale-bar and color-bar"
             )

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from resample.reading.arrays import DamageError, read_npy, read_npz
 from resample_volume.data.recordings import is_color
-from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.headers import (
     Check,
     OneOfAll,
@@ -170,6 +169,8 @@ class Npz(OneOfAll):
         if not set(AXES) <= held.keys():
             return recording_of(values, name, check=check)
         check(header(values.shape[::-1], values.dtype, name))
+        from resample_volume.data.rectilinear import rectilinear
+
         made = rectilinear(values, held["x"], held["y"], held["z"], name)
         found = Recording(made.values[None, None], *made[1:5], note=made.note)
         return found._replace(length=UNKNOWN)

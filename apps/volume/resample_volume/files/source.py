@@ -18,9 +18,6 @@ from resample_volume.data.scanning import otsu
 from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.headers import KEPT
-from resample_volume.files.metaimage import write_metaimage
-from resample_volume.files.nifti import write_nifti
-from resample_volume.files.nrrd import write_nrrd
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.types import Recording, Volume
 
@@ -333,10 +330,16 @@ def write_volume(path: Path, volume: Volume) -> None:
         if volume.values.ndim != 3 or volume.values.dtype.name not in KEPT:
             raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is no volume")
         if suffix == ".nrrd":
+            from resample_volume.files.nrrd import write_nrrd
+
             write_nrrd(temporary, volume)
         elif suffix == ".mha":
+            from resample_volume.files.metaimage import write_metaimage
+
             write_metaimage(temporary, volume)
         else:
+            from resample_volume.files.nifti import write_nifti
+
             write_nifti(temporary, volume, is_packed=suffix == ".nii.gz")
 
 

@@ -364,8 +364,8 @@ class TiffStack(OneOfAll):
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         if path.is_dir():
-            found = (file for file in path.iterdir() if file.suffix.lower() in self.suffixes)
-            paths = sorted((file for file in found if not file.name.startswith(".")), key=natural)
+            files = (file for file in path.iterdir() if file.suffix.lower() in self.suffixes)
+            paths = sorted((file for file in files if not file.name.startswith(".")), key=natural)
             name = path.resolve().name
         else:
             paths, name = [existing_file(path)], stem(path, self.suffixes)

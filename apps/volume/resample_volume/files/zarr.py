@@ -211,7 +211,9 @@ class StoredStatistics:
     def _state(self) -> State | None:
         """State at the first call."""
         if isinstance(self.store, Address):
-            # The state of a part of a remote array; None if its server does not tell enough
+            # Object stores list chunks with tags, which change with each write. A web server gets a
+            # HEAD request for every chunk: it must return a strong tag or a time for each; with
+            # times, the state is settled an hour after the last.
             import obstore
 
             place = self.portion.array.store.within.store  # of a `GuardedStore`
