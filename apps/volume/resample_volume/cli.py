@@ -12,10 +12,11 @@ from resample.command import flags
 from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
-from resample.command.session import run
+from resample.command.session import Session, require_picture, run
 from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
 from resample.command.settings_files import with_settings
-from resample.console import linear_color
+from resample.console import linear_color, progress_bar, say
+from resample.files.writing import check_targets, write_json
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
@@ -89,10 +90,8 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
-    from resample.command.session import Session, require_picture
     from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
-    from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import media, require_values, with_objects
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
@@ -181,7 +180,6 @@ def animate(
         Number of threads at most; pixels do not depend on it. [default: all cores]
     """
     from resample.command.films import write_shared
-    from resample.command.session import require_picture
     from resample.command.workers import worker_pools
     from resample.files.animations import check_film
     from resample_volume.command import animation
@@ -300,7 +298,6 @@ def generate(name: str, /, *, output: flags.Output) -> None:
     output
         Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
-    from resample.files.writing import check_targets
     from resample_volume.files.source import check_suffix, write_volume
     from resample_volume.files.source import generate as generated
 
@@ -345,7 +342,6 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console import progress_bar, say
     from resample_volume.command.inputs import note_assumed, stored
     from resample_volume.files.zarr_writing import Layered, bricks_of, check_store, write_store
 

@@ -57,7 +57,7 @@ class ImagePlane:
     def __post_init__(self) -> None:
         if isinstance(self.where, str):
             if self.where[:1].isdigit() or self.where[:1] in ("-", "+", "."):
-                planes(UNIT, None, (self.where,), "plane")  # refuses what is none of any volume
+                planes(UNIT, None, (self.where,), "plane")  # raises an error if no volume has it
             elif _place(self.where) is None:
                 raise ValueError(f"plane {self.where!r}; {FORM}")
         elif len(self.where) != 4 or not np.isfinite(self.where).all() or not any(self.where[:3]):

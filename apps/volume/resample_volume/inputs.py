@@ -116,7 +116,7 @@ def _planes(given: Any, dim: str, count: int) -> Doubles:
 
 
 def of_grid(given: Any, part: Any, name: str) -> Volume:
-    """Convert a field, whose values are at the centers of cells.
+    """Convert a field of values at the centers of cells.
 
     `given`: it has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z)
     by name.
@@ -138,7 +138,7 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
 
 
 def of_dataset(given: Any, part: Any, name: str) -> Volume:
-    """Convert a data set; errors are those of readers of such files.
+    """Convert a data set; errors as in readers of such files.
 
     `given`: `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or
     unstructured grid, or blocks of any of these.

@@ -216,7 +216,7 @@ def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
 
 
 def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
-    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
+    """Return all meshes for ray casting, with `middle` as the scene's origin."""
     if not meshes:
         return NO_TRIANGLES
     corner, normal, color, face = _joined(meshes)

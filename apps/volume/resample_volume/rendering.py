@@ -59,7 +59,14 @@ from resample_volume.voxels.framing import (
     sphere_around,
 )
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
-from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
+from resample_volume.voxels.shading import (
+    Light,
+    cue_range,
+    cued,
+    shade,
+    viewer_of,
+    voxel_transmittance,
+)
 from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
@@ -67,11 +74,11 @@ if TYPE_CHECKING:
     from resample_volume.series import CommonLattice
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
-Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # what a renderer gets
+Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # input of a renderer
 Fit = Literal["visible", "volume"]  # what cameras orbit
 # As `visible`, then zoomed and panned to fill the picture, or most of it.
 Fitted = Fit | Literal["picture", "most"]
-AROUND = 0.04  # of what is visible, left free where no camera is asked for
+AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
 class Placement(NamedTuple):
@@ -84,7 +91,7 @@ class Placement(NamedTuple):
 
 
 def placement(media: Sequence[VolumeLayer]) -> Placement:
-    """Place several volumes in a scene; crop and clip are those of the first look."""
+    """Place several volumes in a scene; the first look sets crop and clip."""
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
@@ -130,7 +137,7 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
 
 
 def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler) -> Transfer:
-    """Return the transfer function of a field, which its projection can show."""
+    """Return the transfer function of a field, checked against its projection."""
     projection = resampler.projection
     if volume.colors is not None and projection is not Projection.COMPOSITE:
         raise ValueError(
@@ -176,8 +183,6 @@ def _shadowed(
         )
     if isinstance(voxels, Gathered):
         return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
-    from resample_volume.voxels.shading import voxel_transmittance
-
     return voxels._replace(reached=voxel_transmittance(voxels, light))
 
 
@@ -197,7 +202,7 @@ def _pictures(
 
 
 def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
-    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
+    """Return all meshes for ray casting, with `middle` as the scene's origin."""
     if not meshes:
         return NO_TRIANGLES
     from resample_volume.meshes import placed
@@ -269,7 +274,7 @@ class Subject:
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
         def shown() -> Placed | FramedVoxels:
-            """Return what is visible, for cameras to fit."""
+            """Return the visible voxels, for cameras to fit."""
             if not isinstance(voxels, Gathered):
                 return voxels
             return shown_together([(scene, appearance)], clip, resampler)
@@ -362,7 +367,7 @@ class Subject:
 
     @property
     def lattice(self) -> Doubles:
-        """Lattice (3, 3) of its voxels; of several fields that of the finest."""
+        """Lattice (3, 3) of its voxels, or of the finest of several fields."""
         if not isinstance(self.voxels, list):
             return self.voxels.lattice
         every = [field.lattice for field in self.voxels]
@@ -436,7 +441,7 @@ def pictured(
 def filled(
     viewpoint: Viewpoint, subject: Subject, size: tuple[int, int], around: float = 0.0
 ) -> Orbit:
-    """Fit the camera so that everything visible fills the picture; `around`: as of `filling`."""
+    """Zoom and pan until everything visible fills the picture; `around`: see `filling`."""
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
             "zoom-in needs a camera that orbits the volume, such as 30,20,1; leave it out for a "
@@ -541,7 +546,7 @@ def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
 
 
 def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
-    """Write a deep picture of `count` slabs; parameters as of `slabs` and `depths`."""
+    """Write a deep picture of `count` slabs; see `slabs` and `depths`."""
     write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 
 

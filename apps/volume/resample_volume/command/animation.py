@@ -35,7 +35,7 @@ from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, told
 from resample.resampler import Resampler
 from resample.types import Floats
-from resample_volume.annotations import Annotations, annotated
+from resample_volume.annotations import Annotations, annotated, bar_of
 from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
 from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
@@ -297,12 +297,10 @@ def film_of(
 def _overlay(
     script: Script, shown: Sequence[VolumeLayer], subject: Subject, paint: FrameOptions
 ) -> FrameOverlay | None:
-    """Return what is drawn into all frames and beside them, if anything is."""
+    """Return the annotations and color bars of all frames; None without any."""
     given, bars = script.beside.annotations(paint.background), list[Floats]()
     if script.beside.color_bar:
         require_values(shown[0][0], "a color bar")
-        from resample_volume.annotations import bar_of
-
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]
     is_any = given.is_any or bars
@@ -450,7 +448,7 @@ def again(
 
 
 def _decided(script: Script, film: ReadyFilm) -> Script:
-    """Resolve `auto`, which a worker with less memory might resolve otherwise."""
+    """Resolve `auto` here: a worker with less memory might choose otherwise."""
     look, resampling = script.appearance, script.resampling
     if look.classify != "auto":
         return script

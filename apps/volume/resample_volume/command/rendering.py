@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 class SharedScene(NamedTuple):
-    """What workers paint: volumes that each of them reads by itself."""
+    """The scene that workers paint; each reads the volumes itself."""
 
     media: Sequence[VolumeLayer]
     resampler: Resampler
@@ -58,7 +58,7 @@ class SharedScene(NamedTuple):
 
 
 def painted_by(crew: WorkerPool, scene: SharedScene) -> Frame:
-    """Paint a picture by workers, a band of rows each; the bits are those of this process."""
+    """Paint a picture by workers, a band of rows each, bit-identical to this process."""
     whole = bricks_of(scene.media[0][0]).memory
     share = whole if whole is None or not crew.is_local else whole // (1 + crew.tasks)
     share = share if crew.memory is None else min(crew.memory, share or crew.memory)
@@ -134,7 +134,7 @@ def scene_of(
 def say_missed(
     media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> None:
-    """Warn if a slab is empty; parameters as of `slab_missed`."""
+    """Warn if a slab is empty; see `slab_missed`."""
     if missed := slab_missed(media, subject, camera):
         say(missed)
 

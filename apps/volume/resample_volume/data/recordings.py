@@ -137,7 +137,7 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
 
 
 def linear_colors(colors: NDArray[Any]) -> Floats:
-    """Convert colors as of `in_color` to linear light (N, 3), without opacity."""
+    """Convert colors (see `in_color`) to linear light (N, 3), without opacity."""
     if colors.dtype.kind == "f":
         return np.nan_to_num(np.asarray(colors[..., :3], np.float32))
     most = np.iinfo(colors.dtype).max

@@ -152,7 +152,7 @@ def _read_dataset(path: Path, *, is_whole: bool = False) -> Any:
 
 
 class _Watched(BufferedReader):
-    """A file that limits reads of all remaining bytes, which only deflated files need."""
+    """A file with a limit on reads of all remaining bytes, for deflated files."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(FileIO(path))
@@ -422,7 +422,7 @@ def _shown(given: Any) -> str:
 
 
 def check_frames(dataset: Any, name: str) -> None:
-    """Reject compressed frames whose own size differs from the header's."""
+    """Reject compressed frames of another size than the header's."""
     from pydicom.encaps import generate_frames
 
     wanted = (int(dataset.Rows), int(dataset.Columns))

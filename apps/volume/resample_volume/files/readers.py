@@ -51,7 +51,7 @@ class Reader(Protocol):
 
 @runtime_checkable
 class Recorder(Protocol):
-    """Protocol of readers whose format may hold more than one volume."""
+    """Protocol of readers of formats with several times or channels."""
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         """Read all times and channels; `check` may reject the header before values are read."""
@@ -59,7 +59,7 @@ class Recorder(Protocol):
 
 @runtime_checkable
 class Streamer(Protocol):
-    """Protocol of readers whose files can be read brick by brick."""
+    """Protocol of readers that read brick by brick."""
 
     def streamed(self, path: Path, check: Check = accept_any) -> Recording:
         """Open all times and channels; a chosen one has `data.bricks.Bricks`."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample import registry
-from resample.files.stores.opening import Address, is_address
+from resample.files.stores.opening import Address, is_address, is_store
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
-OF_LABELS = 4  # memory limit of a volume over that of its labels
+OF_LABELS = 4  # ratio of the memory limits of a volume and its labels
 OWN = {  # suffixes of readers that are imported only for such files
     "bioio": (".czi", ".lif", ".nd2", ".lsm", ".oib", ".oif", ".dv"),
     "cube": (".cube", ".cub"),
@@ -123,7 +123,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
-    """Open a recording whose values stay in their file; None if it must be read as a whole."""
+    """Open a recording and leave its values in the file; None if the format cannot."""
     place, found = _located(name, reader)
     return found.streamed(place) if isinstance(found, Streamer) else None
 
@@ -170,8 +170,6 @@ def find_reader(path: str | Path) -> Reader:
     path = Path(path)
     readers, broken = _readers()
     if path.is_dir():
-        from resample.files.stores.opening import is_store
-
         suffix = ".zarr" if is_store(path) else _folder_suffix(path, readers)
     else:
         suffix = _suffix(path.name, readers)

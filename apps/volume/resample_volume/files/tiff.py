@@ -247,7 +247,7 @@ def _in_first(units: Sequence[str], lengths: Iterable[float]) -> tuple[float, ..
 
 
 def _of_tags(page: Page) -> StackFacts:
-    """Tell of resolutions, which say nothing of the third axis."""
+    """Report resolutions; they do not cover the third axis."""
     x, y = page.resolution
     per = COMMON.get(page.unit)
     if not per or not min(x, y) > 0 or (x == y and x * (2.54 if per == "cm" else 1) in USUAL):
@@ -327,7 +327,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
-    """Undo premultiplied alpha, which some files have."""
+    """Undo premultiplied alpha, if the file has it."""
     if spec.nchannels != 4 or spec.get_int_attribute("oiio:UnassociatedAlpha"):
         return pixels
     alpha, most = pixels[..., 3:].astype(np.float64), 1.0
@@ -371,7 +371,7 @@ class TiffStack(OneOfAll):
             paths, name = [existing_file(path)], stem(path, self.suffixes)
         if not paths:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
-        # All slices of picture files, which must be alike
+        # All slices, which must be alike
         pages = []
         with suppressed_output():
             for page in (page for path in paths for page, _ in _walk(path)):

@@ -55,7 +55,7 @@ NUMBER = re.compile(r"-?\d{1,12}", re.ASCII)
 LARGEST = 1 << 40  # largest plausible count
 WIDEST = 32  # bytes of an empty text
 WIDTHS = {"8": 1, "6": 2, "2": 4, "4": 8}  # bytes of a number, by the last digit of its type
-LETTERS = 32  # of base64, in which there are three numbers of 64 bits
+LETTERS = 32  # of base64 for three numbers of 64 bits
 LETTER = re.compile(rb"[A-Za-z0-9+/]*")
 KEPT = ("version", "byte_order", "header_type", "compressor")  # of the whole file
 NAME = "offsets"
@@ -132,7 +132,7 @@ class _Tracker:
 
 
 def check_blocks(path: Path) -> None:
-    """Reject data whose sizes exceed what the file can hold: VTK would end the process."""
+    """Reject sizes beyond what the file can hold: VTK would end the process."""
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         every = elements_of(content)
         if not every:
@@ -359,7 +359,7 @@ def grid_of(path: Path, reader_name: str) -> Any:
     check_xml_file(path, "AppendedData")
     check_blocks(path)
     if reader_name == UNSTRUCTURED:
-        # Reject an unstructured grid whose cells claim far more corners than the file can hold
+        # Reject cells with far more corners than the file can hold
         with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
             every = elements_of(content)
             about = {key: told for key, told in every[0].attributes.items() if key in KEPT}
@@ -415,7 +415,7 @@ def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
 def image_header(
     image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool
 ) -> VolumeHeader:
-    """Return the header of image data, whose first voxel may have any index.
+    """Return the header of image data; its first voxel may have any index.
 
     `spacing`: replaces the image's; None: the image's. `is_of_cells`: whether voxels are its cells.
     """
@@ -446,7 +446,7 @@ def _require_memory(reader: Any, path: Path) -> None:
 
 
 def _check_end(path: Path) -> None:
-    """Reject truncated files and invalid base64, which VTK would read forever."""
+    """Reject truncated files and invalid base64: VTK would read forever."""
     with path.open("rb") as file:
         head = re.search(rb'<AppendedData\s+encoding="base64"\s*>\s*_', file.read(1 << 16))
         file.seek(max(0, path.stat().st_size - 1024))

@@ -18,8 +18,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.metadata import SPACE, Holes, Layout, Level, layout_of, moved, values_of
-from resample.files.stores.opening import Address, Place, reading
+from resample.files.stores.metadata import (
+    SPACE,
+    Holes,
+    Layout,
+    Level,
+    holes_of,
+    layout_of,
+    moved,
+    values_of,
+)
+from resample.files.stores.opening import Address, Place, open_node, reading, reading_metadata
 from resample.files.writing import load_arrays, store_arrays
 from resample.memory.mapped import folder
 from resample.outofcore.bricks import Box, Step
@@ -44,7 +53,7 @@ from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording, Volume
 if TYPE_CHECKING:
     import zarr
 
-RECENT = 2.0  # seconds within which a file may change without a new timestamp
+RECENT = 2.0  # seconds in which a file may change without a new timestamp
 SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
 BATCH_SIZE = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
@@ -345,7 +354,7 @@ class Chunked:
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels read together; None: by chunks
-    store: Place | None = None  # folder, zip file or address whose statistics are cached
+    store: Place | None = None  # folder, zip file or address, to cache statistics by
     alone: tuple[str, int] | None = None  # the only time or channel
     holes: Holes | None = None  # what is missing of the array
 
@@ -425,7 +434,7 @@ class Chunked:
 
 
 LOSS = {1: "27 to 44", 2: "21 to 39"}  # measured dB of pictures from coarser levels
-SERIES = "bioformats2raw.layout"  # attribute of a group of images, which are 0, 1 and so on
+SERIES = "bioformats2raw.layout"  # attribute of a group of images 0, 1 and so on
 LETTERS = {3: "zyx", 4: "tzyx", 5: "tczyx"}  # of plain arrays, by their dimensions
 
 
@@ -461,7 +470,6 @@ class Zarr:
     ) -> Recording:
         """Open all times and channels; values stay in the file, see `Chunked`."""
         from resample.files.stores.guarding import guard
-        from resample.files.stores.metadata import holes_of
 
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
@@ -542,8 +550,6 @@ class Zarr:
 
 def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
     """Return the metadata of an image, and its location."""
-    from resample.files.stores.opening import open_node, reading_metadata
-
     node = open_node(path)  # the message says what is missing
     import zarr
 
@@ -587,8 +593,6 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
 def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
     """Return the array of a level."""
     import zarr
-
-    from resample.files.stores.opening import reading_metadata
 
     if isinstance(node, zarr.Array):
         return node

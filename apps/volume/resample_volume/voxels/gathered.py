@@ -42,7 +42,14 @@ from resample_volume.classification.value_statistics import counted, survey
 from resample_volume.data.scanning import are_few
 from resample_volume.data.values import require_memory, slabs
 from resample_volume.types import Volume
-from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
+from resample_volume.voxels.shading import (
+    PAD,
+    Light,
+    field_transmittance,
+    lamp_of,
+    numbered,
+    tint_of,
+)
 from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
@@ -73,7 +80,7 @@ BESIDE = 0.1  # fraction of the way between two values that the field of one doe
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 COLUMNS = 4096  # columns of a table of looks; integer values fall on columns
 MOST_COLUMNS = 1 << 16
-MARGIN = 64  # values beyond each end of the robust range whose looks are compared with its ends
+MARGIN = 64  # values compared with each end of the robust range, beyond it
 
 UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 
@@ -273,13 +280,11 @@ def with_shadows(
     clip: Doubles,
     light: Light,
 ) -> list[Gathered]:
-    """Add shadows and ambient occlusion, by all fields of a scene, to each of them.
+    """Add shadows and ambient occlusion by all fields of a scene.
 
     `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
     occludes no light.
     """
-    from resample_volume.voxels.shading import field_transmittance
-
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
     lit = []

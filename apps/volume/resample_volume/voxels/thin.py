@@ -1,4 +1,4 @@
-"""Fields of two values whose thin parts are as thick as their voxels.
+"""Fields of two values, with thin parts as thick as their voxels.
 
 A cubic spline through samples of two values crosses the middle between them where voxels of both
 kinds touch, but it is 1.16 voxels wide across a wall of one voxel, and 1.22 where it overshoots at
@@ -36,7 +36,7 @@ class Levels(NamedTuple):
 
 
 def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
-    """Samples whose spline is as thick as the voxels of the higher of two values.
+    """Samples of a spline as thick as the voxels of the higher of two values.
 
     `values`: (Z, Y, X). `two`: ascending, all that there are.
     """
@@ -136,7 +136,7 @@ def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Th
 
 
 def of_samples(volume: Volume, thin: Thin) -> Volume:
-    """Return the volume whose voxels are a field's samples, without values."""
+    """Return the lattice of a field's samples as a volume without values."""
     if thin.parts == 1:
         return volume
     across = 2 - thin.axis
