@@ -351,7 +351,15 @@ def color_bar(
     ink = ink_on(background)
     axes = blank(page, background)
     if transfer.needs_gradient:
-        _draw_plane(axes, page, transfer, (data_range, steep), ink)
+        # Draw colors by value and gradient
+        end = (transfer.steepest(steep) or steep) * (1.0 if transfer.normalized else 1.25)
+        value, across = page.values(FAIR), round(page.bar[1] - page.bar[0])
+        slope = (np.arange(across) + 0.5) / across * end
+        values, slopes = np.repeat(value, across), np.tile(slope.astype(np.float32), value.size)
+        color, opacity = transfer.classify(values, slopes, data_range, steep)
+        shape = (value.size // FAIR, FAIR, across)
+        _show_over_squares(axes, page, color.reshape(*shape, 3), opacity.reshape(shape), ink)
+        name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
     else:
         # Draw colors by value, and the curve of opacities
         value = page.values(SUBROWS)
@@ -372,25 +380,6 @@ def color_bar(
         name(axes, page, page.curve, ("0", "opacity", "1"), ink)
     draw_scale(axes, page, ink)
     return painted(axes, page, ink)
-
-
-def _draw_plane(
-    axes: "Axes",
-    page: BarLayout,
-    transfer: Transfer,
-    extent: tuple[DataRange, float],
-    ink: str,
-) -> None:
-    """Draw colors by value and gradient."""
-    data_range, steep = extent
-    end = (transfer.steepest(steep) or steep) * (1.0 if transfer.normalized else 1.25)
-    value, across = page.values(FAIR), round(page.bar[1] - page.bar[0])
-    slope = (np.arange(across) + 0.5) / across * end
-    values, slopes = np.repeat(value, across), np.tile(slope.astype(np.float32), value.size)
-    color, opacity = transfer.classify(values, slopes, data_range, steep)
-    shape = (value.size // FAIR, FAIR, across)
-    _show_over_squares(axes, page, color.reshape(*shape, 3), opacity.reshape(shape), ink)
-    name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
 
 
 def _show_over_squares(

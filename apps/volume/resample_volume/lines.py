@@ -91,9 +91,22 @@ def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
         return
     per = ends[:, 2:] if view.perspective else np.ones((2, 1))
     spot = ends[:, :2] / per * view.focal + view.principal
-    row, column = _near(spot, line.width, size)
-    place = np.stack([column + 0.5, row + 0.5], axis=-1)
+    # Rows and columns of the pixels near a line (2, 2) on the screen
     way = spot[1] - spot[0]
+    major = int(abs(way[1]) > abs(way[0]))
+    reach, count = line.width / 2 + 1, (size[1], size[0])
+    points = np.clip([spot[:, major].min() - reach, spot[:, major].max() + reach], -1, 1e9)
+    first, last = max(0, math.floor(points[0])), min(count[major] - 1, math.ceil(points[1]))
+    along = np.arange(first, last + 1)
+    slope = way[1 - major] / way[major] if way[major] else 0.0
+    middle = spot[0, 1 - major] + (along + 0.5 - spot[0, major]) * slope
+    across = np.arange(-math.ceil(1.5 * reach), math.ceil(1.5 * reach) + 1)
+    beside = np.floor(np.clip(middle, -1e9, 1e9)).astype(np.int64)[:, None] + across
+    both = np.broadcast_to(along[:, None], beside.shape)
+    kept = (beside >= 0) & (beside < count[1 - major])
+    row, column = (both, beside) if major else (beside, both)
+    row, column = row[kept], column[kept]
+    place = np.stack([column + 0.5, row + 0.5], axis=-1)
     along = np.clip((place - spot[0]) @ way / max(float(way @ way), 1e-12), 0, 1)
     away = np.linalg.norm(place - spot[0] - along[:, None] * way, axis=-1)
     share = np.clip(line.width / 2 + 0.5 - away, 0, min(1.0, line.width))
@@ -119,26 +132,6 @@ def _cut(ends: Doubles, near: float) -> Doubles:
     ends = ends.copy()
     ends[int(depth[1] < near)] = ends[0] + share * (ends[1] - ends[0])
     return ends
-
-
-def _near(
-    spot: Doubles, width: float, size: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return rows and columns of the pixels near a line (2, 2) on the screen."""
-    way = spot[1] - spot[0]
-    major = int(abs(way[1]) > abs(way[0]))
-    reach, count = width / 2 + 1, (size[1], size[0])
-    ends = np.clip([spot[:, major].min() - reach, spot[:, major].max() + reach], -1, 1e9)
-    first, last = max(0, math.floor(ends[0])), min(count[major] - 1, math.ceil(ends[1]))
-    along = np.arange(first, last + 1)
-    slope = way[1 - major] / way[major] if way[major] else 0.0
-    middle = spot[0, 1 - major] + (along + 0.5 - spot[0, major]) * slope
-    across = np.arange(-math.ceil(1.5 * reach), math.ceil(1.5 * reach) + 1)
-    beside = np.floor(np.clip(middle, -1e9, 1e9)).astype(np.int64)[:, None] + across
-    both = np.broadcast_to(along[:, None], beside.shape)
-    kept = (beside >= 0) & (beside < count[1 - major])
-    row, column = (both, beside) if major else (beside, both)
-    return row[kept], column[kept]
 
 
 def _share(depth: Doubles, first: Doubles, mean: Doubles) -> Doubles:

@@ -90,7 +90,15 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    known = known._replace(parts=parts, is_color=parts > 1, units=units, note=_note(slices, places))
+    # What was assumed of slices, for messages
+    one, lines = slices[0], []
+    if _is_negative(one.dataset) and _units(one.dataset):
+        lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
+    if "ModalityLUTSequence" in one.dataset:
+        lines.append("ModalityLUTSequence is not applied: values are as stored")
+    if not (np.isfinite(places).all() and len(places) > 1) and not _between(*one[1:3]):
+        lines.append("no distance of slices is stated; 1 mm is assumed")
+    known = known._replace(parts=parts, is_color=parts > 1, units=units, note="; ".join(lines))
     pixel = _numbers(first, slices[0].frame, PIXELS, (math.nan,) * 2)
     is_sized = np.isfinite(pixel).all() or first.get("ImagerPixelSpacing") not in (None, "", [])
     known = known._replace(length="mm" if is_sized else VOXEL)
@@ -343,18 +351,6 @@ def _decoder(path: Path, syntax: Any) -> str:
 def _is_negative(dataset: Any) -> bool:
     """Return whether the lowest values are shown white, by the pixels' interpretation."""
     return text(dataset, "PhotometricInterpretation") == "MONOCHROME1"
-
-
-def _note(slices: list[_Slice], places: Doubles) -> str:
-    """Return what was assumed of slices, for messages."""
-    first, lines = slices[0], []
-    if _is_negative(first.dataset) and _units(first.dataset):
-        lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
-    if "ModalityLUTSequence" in first.dataset:
-        lines.append("ModalityLUTSequence is not applied: values are as stored")
-    if not (np.isfinite(places).all() and len(places) > 1) and not _between(*first[1:3]):
-        lines.append("no distance of slices is stated; 1 mm is assumed")
-    return "; ".join(lines)
 
 
 def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:

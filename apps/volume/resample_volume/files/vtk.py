@@ -65,7 +65,18 @@ def _lattice(found: Sections) -> _Lattice:
         known = "nothing that is known; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
         why = OTHERS.get(found.dataset, known)
         raise ValueError(f"{found.name} holds {found.dataset.upper()[:40]!r}, {why}")
-    told, planes = _fields(found)
+    # Read numbers by key, and coordinates of planes
+    told: dict[str, list[float]] = {}
+    planes: dict[str, Doubles] = {}
+    while (words := found.line()) and words[0].lower() not in ("point_data", "cell_data"):
+        word = words[0].lower()
+        if word in AXES:
+            planes[word] = found.coordinates(words)
+        elif word == "field":
+            found.skip_field(words)
+        else:
+            told[word] = found.floats(words[1:])
+    found.back()
     first = np.zeros(3)
     if len(told.get("extent", ())) == 6:
         low, high = np.reshape(told["extent"], (3, 2)).T
@@ -82,22 +93,6 @@ def _lattice(found: Sections) -> _Lattice:
     if missing:
         raise ValueError(f"{found.name} is damaged: it has no {', '.join(missing)}")
     return _Lattice(points, np.ones(3), np.zeros(3), [planes[key] for key in AXES])
-
-
-def _fields(found: Sections) -> tuple[dict[str, list[float]], dict[str, Doubles]]:
-    """Read numbers by key, and coordinates of planes."""
-    told: dict[str, list[float]] = {}
-    planes: dict[str, Doubles] = {}
-    while (words := found.line()) and words[0].lower() not in ("point_data", "cell_data"):
-        key = words[0].lower()
-        if key in AXES:
-            planes[key] = found.coordinates(words)
-        elif key == "field":
-            found.skip_field(words)
-        else:
-            told[key] = found.floats(words[1:])
-    found.back()
-    return told, planes
 
 
 def _header(lattice: _Lattice, array: Array, name: str) -> VolumeHeader:
