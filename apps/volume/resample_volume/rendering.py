@@ -48,7 +48,7 @@ from resample_volume.voxels.framing import (
     FramedVoxels,
     Shifted,
     around_both,
-    ball_around,
+    bounding_sphere,
     centered,
     corners,
     faced,
@@ -270,7 +270,7 @@ class Subject:
         pictures = _pictures(volume, scene.values, appearance, voxels)
         mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:
-            ball = ball_around(around._replace(origin=around.origin - middle))
+            ball = bounding_sphere(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
         def shown() -> Placed | FramedVoxels:
@@ -312,7 +312,7 @@ class Subject:
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
         if fit == "volume":
-            return cls(fields, looks[0], ball_around(scene), place.middle, clip, mesh)
+            return cls(fields, looks[0], bounding_sphere(scene), place.middle, clip, mesh)
         layers = list(zip(volumes, looks, strict=True))
         shown = partial(shown_together, layers, clip, resampler)
         ball = around_both(sphere_around(shown(), scene), mesh.corner)

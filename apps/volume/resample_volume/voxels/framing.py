@@ -325,7 +325,7 @@ def corners(volume: Volume) -> Doubles:
     return np.asarray(volume.origin + index @ lattice_of(volume).T)
 
 
-def ball_around(volume: Volume) -> Sphere:
+def bounding_sphere(volume: Volume) -> Sphere:
     """Return the bounding sphere of all voxels, visible or not."""
     corner = corners(volume)
     center = corner.mean(axis=0)
