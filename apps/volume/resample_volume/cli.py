@@ -402,6 +402,8 @@ def main() -> NoReturn:
 
 def _listed(facts: dict[str, Any]) -> str:
     """Format facts as lines, the histogram as bars."""
+    from resample_volume.classification.scales import edges_of
+
     shown = {key: value for key, value in facts.items() if key not in UNLISTED}
     for key in ("spacing", "origin"):
         shown[key] = f"{facts[key]} {facts['length_unit']}".rstrip()
@@ -414,8 +416,6 @@ def _listed(facts: dict[str, Any]) -> str:
     for n, level in enumerate(facts.get("levels", ())):
         lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
     # Format a histogram as bars on a logarithmic scale, so that rare values show
-    from resample_volume.classification.scales import edges_of
-
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
     low, high = facts["robust_range"] or (0.0, 0.0)
     edges = edges_of((low, high), len(counts), facts["scale"])

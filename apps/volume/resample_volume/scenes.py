@@ -263,10 +263,9 @@ class Scene(AnyScene):
             while len(self._subjects) >= KEPT:
                 del self._subjects[next(iter(self._subjects))]
             self._subjects[key] = found
-            subject = found
-        eye = subject.camera(viewpoint_of(camera), *shape_of(size))
-        warn_of_nothing(subject, [(self.volume, appearance)], paint.projection)
-        return subject, eye, subject.painter(paint)
+        eye = found.camera(viewpoint_of(camera), *shape_of(size))
+        warn_of_nothing(found, [(self.volume, appearance)], paint.projection)
+        return found, eye, found.painter(paint)
 
     def _previewed(self, look: Appearance, paint: Resampler) -> tuple[Volume, Appearance]:
         """Return the volume with fewer voxels, and the look adapted to it."""

@@ -374,6 +374,8 @@ def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
     """Fill missing values with the nearest known; also return which are known, if not all."""
+    from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
+
     if values.dtype.kind != "f":
         return values, np.zeros(0, np.uint8)
     if all(np.isfinite(part).all() for part in slabs(values)):
@@ -396,8 +398,6 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         return nothing, known.reshape(-1)
     inner = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
     # Fill gaps with the nearest known value, plane by plane
-    from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
-
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))
     for z in reversed(range(len(values))):
