@@ -22,7 +22,7 @@ from resample_volume.files.nifti import TO_LPS
 from resample_volume.files.sections import ArrayQuery, cells_between, choose, middles
 from resample_volume.files.source import open_volume
 from resample_volume.files.texts import is_hounsfield
-from resample_volume.files.vti import arrays_of, image_header, points_along
+from resample_volume.files.vtk import arrays_of, image_header, points_along
 from resample_volume.types import Part, Volume
 
 AXES = ("z", "y", "x")
