@@ -214,8 +214,8 @@ class Appearance:
     )
     labels: "Labels | None" = None
     cue: DepthCue | None = None
-    crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
-    clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
+    crop: str | None = None  # ranges of voxels along x, y and z, see `framing.planes`
+    clip: tuple[str, ...] = ()  # planes through the middle, see `framing.planes`
     framing: Transfer | str | None = None  # the camera frames what this shows; None: `transfer`
     meshes: "tuple[SceneMesh, ...]" = ()  # in the volume's scene; not clipped
     planes: "tuple[ImagePlane, ...]" = ()  # show unshaded values; not clipped

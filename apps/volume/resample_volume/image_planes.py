@@ -394,7 +394,7 @@ class Section(NamedTuple):
 
     @property
     def clips(self) -> tuple[str, ...]:
-        """Both planes as `cropping.planes` takes them; none for a slab across the view."""
+        """Both planes as `framing.planes` takes them; none for a slab across the view."""
         if self.normal is None:
             return ()
         near, far = self.center - self.thickness / 2, self.center + self.thickness / 2
@@ -403,7 +403,7 @@ class Section(NamedTuple):
         return f"{toward},{near!r}", f"{back},{-far!r}"
 
     def planes(self, forward: Doubles) -> Doubles:
-        """Return both planes (2, 4) around the scene's origin, as `cropping.planes` does.
+        """Return both planes (2, 4) around the scene's origin, as `framing.planes` does.
 
         `forward`: (3,) direction of the view, used if there is no normal.
         """

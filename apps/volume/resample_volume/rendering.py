@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -81,17 +81,14 @@ Fitted = Fit | Literal["picture", "most"]
 AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
-class Placement(NamedTuple):
-    """Several volumes in a scene, moved around its origin."""
+def placement(
+    media: Sequence[VolumeLayer],
+) -> tuple[list[VolumeLayer], "CommonLattice", Doubles, Doubles]:
+    """Place several volumes in a scene; the first look sets crop and clip.
 
-    media: list[VolumeLayer]
-    lattice: "CommonLattice"  # of all of them
-    middle: Doubles  # (3,) former place of the origin, scene units
-    clip: Doubles  # (M, 4) planes
-
-
-def placement(media: Sequence[VolumeLayer]) -> Placement:
-    """Place several volumes in a scene; the first look sets crop and clip."""
+    Result: the moved volumes, the lattice of all, the former place (3,) of the scene's origin, and
+    clip planes (M, 4).
+    """
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
@@ -102,7 +99,7 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
     first, look = moved[0]
     cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
-    return Placement(moved, whole, middle, np.concatenate(cuts))
+    return moved, whole, middle, np.concatenate(cuts)
 
 
 def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:
@@ -298,25 +295,25 @@ class Subject:
         resampler = resampler or BY_DEFAULT
         check_several(media, resampler)
         media, resampler = decided(media, resampler)
-        place = placement(media)
-        scene, clip, looks = place.lattice.volume(), place.clip, [look for _, look in place.media]
-        volumes = as_arrays([volume for volume, _ in place.media])
+        moved, lattice, middle, clip = placement(media)
+        scene, looks = lattice.volume(), [look for _, look in moved]
+        volumes = as_arrays([volume for volume, _ in moved])
         fields = []
         meshes = [mesh for look in looks for mesh in look.meshes]
         for volume, look in zip(volumes, looks, strict=True):
             transfer = _field_transfer(volume, look, resampler)
             fields.append(gathered(volume, transfer, resampler, look.gradient, look.labels))
-            unmoved = volume._replace(origin=volume.origin + place.middle)
+            unmoved = volume._replace(origin=volume.origin + middle)
             meshes += _pictures(unmoved, volume.values, look, fields[-1])
-        mesh, light = _placed(tuple(meshes), place.middle), looks[0].light
+        mesh, light = _placed(tuple(meshes), middle), looks[0].light
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
         if fit == "volume":
-            return cls(fields, looks[0], bounding_sphere(scene), place.middle, clip, mesh)
+            return cls(fields, looks[0], bounding_sphere(scene), middle, clip, mesh)
         layers = list(zip(volumes, looks, strict=True))
         shown = partial(shown_together, layers, clip, resampler)
         ball = around_both(sphere_around(shown(), scene), mesh.corner)
-        return cls(fields, looks[0], ball, place.middle, clip, mesh, seen=shown)
+        return cls(fields, looks[0], ball, middle, clip, mesh, seen=shown)
 
     def placed(self, volume: Volume) -> Volume:
         """Return one of the volumes, moved around the scene's origin."""

@@ -62,7 +62,7 @@ class Streamer(Protocol):
     """Protocol of readers that read brick by brick."""
 
     def streamed(self, path: Path, check: Check = accept_any) -> Recording:
-        """Open all times and channels; a chosen one has `data.bricks.Bricks`."""
+        """Open all times and channels; a chosen one has `data.values.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
         """Return the file's levels, the finest first: `path`, `shape` and `spacing` of each."""

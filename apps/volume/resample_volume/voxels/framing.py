@@ -208,7 +208,7 @@ def shown_by(
 ) -> FramedVoxels:
     """Return the voxels that are visible when composited, under any projection.
 
-    `planes`: (M, 4) clip planes, as from `cropping.planes`. `radius`: radius of the kernels,
+    `planes`: (M, 4) clip planes, as from `framing.planes`. `radius`: radius of the kernels,
     voxels.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)

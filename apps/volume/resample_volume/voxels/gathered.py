@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
 
 BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface is known
-NOTHING = -1  # in place of an index, see `kernels.filling`
+NOTHING = -1  # in place of an index, see `kernels.voxels`
 BESIDE = 0.1  # fraction of the way between two values that the field of one does not reach
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 COLUMNS = 4096  # columns of a table of looks; integer values fall on columns
