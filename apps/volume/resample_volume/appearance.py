@@ -225,7 +225,7 @@ class Appearance:
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
-        # Refuse objects of another kind than the one that an attribute takes
+        # Check the types of attributes.
         for name in ("transfer", "framing"):
             given = getattr(self, name)
             is_none = given is None and name == "framing"
@@ -495,7 +495,7 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
             "values of one"
         )
     if len(media) > 1:
-        # Reject what rays through several fields cannot show
+        # Reject looks that rays through several fields cannot show.
         if resampler.order.summing is not Summing.RAYS:
             raise ValueError(f"several volumes need the order rays, not {resampler.order}")
         for volume, look in media:

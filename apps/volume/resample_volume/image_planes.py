@@ -139,7 +139,7 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
         plane = replace(plane, window=(low, high))
     if isinstance(where, str):
         if where[0] in AXES:
-            # A plane perpendicular to an axis of voxels
+            # A plane perpendicular to an axis of voxels.
             place = _place(where)
             if place is None:
                 raise ValueError(f"plane {where!r}; {FORM}")

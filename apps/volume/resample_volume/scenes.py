@@ -250,7 +250,7 @@ class Scene(AnyScene):
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
         with memoizing(self._found):
-            # The classified volume, which is cached
+            # Classify the volume, or take it from the cache.
             parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
             key = (appearance, *parts, fit, is_preview)
             found = self._subjects.pop(key, None)

@@ -223,7 +223,7 @@ def to_paint(
     picture, or most of it; the camera of the first is printed.
     """
     if sharing.has_workers:
-        # Reject workers for a picture that they cannot share
+        # Workers can share only rays through chunked volumes.
         for volume, _ in media:
             if not is_streamed(volume):
                 raise ValueError(

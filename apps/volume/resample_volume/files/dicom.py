@@ -90,7 +90,7 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    # What was assumed of slices, for messages
+    # Note what was assumed of the slices.
     one, lines = slices[0], []
     if _is_negative(one.dataset) and _units(one.dataset):
         lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")

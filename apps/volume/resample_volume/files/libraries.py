@@ -179,7 +179,7 @@ class Vdb:
             with library.open(plain(path)) as file:
                 check_items(path.name, file.grid_count, "grids")
                 file.read_grids()
-                # The grid of a name
+                # Find the grid by its name.
                 grids = [file.grid(n) for n in range(file.grid_count)]
                 floats = [grid for grid in grids if grid.type_name.startswith(FLOATS)]
                 found = [grid for grid in floats if grid.name == (self.part or USUAL)]

@@ -371,7 +371,7 @@ class TiffStack(OneOfAll):
             paths, name = [existing_file(path)], stem(path, self.suffixes)
         if not paths:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
-        # All slices, which must be alike
+        # Walk all slices; they must be alike.
         pages = []
         with suppressed_output():
             for page in (page for path in paths for page, _ in _walk(path)):

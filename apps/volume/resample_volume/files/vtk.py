@@ -164,7 +164,7 @@ def check_blocks(path: Path) -> None:
                 unpacked += numbers[0] * numbers[1]
                 check_unpacked(path.name, size, unpacked)
         size = len(content)
-        # Reject arrays for which VTK would allocate far more than the file can fill
+        # Reject arrays far larger than the file: VTK would allocate them.
         needed = places = whole = filled = 0
         for element in every:
             attributes = element.attributes

@@ -554,7 +554,7 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
     import zarr
 
     if isinstance(node, zarr.Array):
-        # An array that is not part of an image
+        # A plain array is no part of an image.
         own = getattr(node.metadata, "dimension_names", None)
         named = own or node.attrs.get("_ARRAY_DIMENSIONS")
         letters = "".join(str(axis).lower()[:1] for axis in named or ())
