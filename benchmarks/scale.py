@@ -158,10 +158,10 @@ def _shared(volume: "Volume", job: Job) -> "Frame":
     from resample.command.workers import at_work
     from resample_volume.appearance import BY_DEFAULT, Appearance
     from resample_volume.command.rendering import SharedScene, painted_by
-    from resample_volume.voxels.framing import ball_around, centered
+    from resample_volume.voxels.framing import bounding_sphere, centered
 
     whole, _ = centered(volume)
-    camera = CAMERA.around(ball_around(whole), SIDE, SIDE)
+    camera = CAMERA.around(bounding_sphere(whole), SIDE, SIDE)
     with at_work(Sharing(workers=job.workers)) as crew:
         if crew is None:
             raise RuntimeError("there are no workers")

@@ -7,7 +7,7 @@ import pytest
 from resample.cameras.calibrations.lens_files import read_lens
 from resample.reading.meshes import check_mesh
 from resample.reading.texts import LONGEST, check_xml, check_xml_file
-from resample_volume.files.vti import Vti, Vtr
+from resample_volume.files.vtk import Vti, Vtr
 
 DEEP = "<a>" * 131_250
 BOMB = '<!DOCTYPE a [<!ENTITY b "lol"><!ENTITY c "&b;&b;&b;">]><a>&c;</a>'

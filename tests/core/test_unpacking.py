@@ -32,7 +32,7 @@ from resample_points.geometry import spacing
 from resample_volume.files.dicom import Dicom
 from resample_volume.files.nrrd import Nrrd
 from resample_volume.files.tiff import TiffStack
-from resample_volume.files.vti import check_blocks
+from resample_volume.files.vtk import check_blocks
 from resample_volume.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
 from tests.deep import read_deep

@@ -108,7 +108,7 @@ def test_a_scale_bar_has_the_unit_of_the_file(unit, words, monkeypatch):
 def test_volumes_of_different_units_share_a_scene():
     one = as_volume(VALUES)._replace(spacing=SPACING, origin=np.ones(3), length="mm")
     other = one._replace(spacing=1000 * SPACING, origin=1000 * np.ones(3), length="µm")
-    (first, _), (second, _) = placement([(one, Appearance()), (other, Appearance())]).media
+    (first, _), (second, _) = placement([(one, Appearance()), (other, Appearance())])[0]
     np.testing.assert_allclose(second.spacing, first.spacing)
     np.testing.assert_allclose(second.origin, first.origin)
     assert unit_of_space(second) == "mm"

@@ -22,8 +22,7 @@ from resample_volume.files.nrrd import Nrrd
 from resample_volume.files.readers import Npy, Raw
 from resample_volume.files.source import describe
 from resample_volume.files.tiff import TiffStack
-from resample_volume.files.vti import Vti
-from resample_volume.files.vtk import Vtk
+from resample_volume.files.vtk import Vti, Vtk
 
 SPACING, ORIGIN = (1.0, 2.0, 3.5), (5.0, 6.0, -7.0)
 ROTATED = ((0, -1, 0), (1, 0, 0), (0, 0, 1))

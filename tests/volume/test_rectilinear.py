@@ -9,7 +9,7 @@ from resample_volume.data import rectilinear as module
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.readers import Npz
 from resample_volume.files.source import describe, open_volume
-from resample_volume.files.vti import Vtr
+from resample_volume.files.vtk import Vtr
 
 X = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
 Y = np.array([-3.0, -2.5, -1.0, 0.0, 2.0, 3.0])

@@ -7,14 +7,20 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.viewpoints import Orbit
 from resample.files.images import read_image
 from resample.types import Frame, Statistics
-from resample_volume import Annotations, annotate, lines, open_volume
-from resample_volume.annotations import AXES, PATIENT, cube_picture, round_length
+from resample_volume import Annotations, annotate, annotations, open_volume
+from resample_volume.annotations import (
+    AXES,
+    PATIENT,
+    Stroke,
+    cube_picture,
+    round_length,
+    with_lines,
+)
 from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.cli import app
 from resample_volume.files.source import write_volume
 from resample_volume.inputs import as_volume
-from resample_volume.lines import Stroke, with_lines
 from resample_volume.rendering import Subject
 from resample_volume.voxels.framing import corners
 
@@ -237,7 +243,7 @@ def test_pixels_near_a_line_are_all_that_it_may_touch(rng, width):
     ends[1] = [[0.2, -3.0], [0.2, 30.0]]
     ends[2] = ends[2, 0]  # of no length
     for spot in ends:
-        rows, columns = lines._near(spot, width, size)
+        rows, columns = annotations._near(spot, width, size)
         found = np.zeros(size, int)
         np.add.at(found, (rows, columns), 1)
         assert found.max(initial=0) <= 1
@@ -251,7 +257,7 @@ def test_pixels_near_a_line_are_all_that_it_may_touch(rng, width):
 @pytest.mark.parametrize("near", [0.5, 1.0, 2.0, 4.0, 5.0])
 def test_lines_are_cut_at_the_near_plane(near):
     for ends in (np.array([[0, 0, 1.0], [3, 6, 4.0]]), np.array([[3, 6, 4.0], [0, 0, 1.0]])):
-        found = lines._cut(ends, near)
+        found = annotations._cut(ends, near)
         if near >= 4.0:
             assert found.shape == (0, 3)
             continue

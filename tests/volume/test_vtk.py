@@ -7,8 +7,7 @@ from resample.reading.limits import SETTING
 from resample_volume.data.recordings import volume_at
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.source import open_volume
-from resample_volume.files.vti import Vti, Vtr
-from resample_volume.files.vtk import Vtk
+from resample_volume.files.vtk import Vti, Vtk, Vtr
 
 NAMES = {
     "unsigned_char": "u1",

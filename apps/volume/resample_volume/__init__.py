@@ -15,7 +15,7 @@ except ModuleNotFoundError as error:
 
 if TYPE_CHECKING:
     from resample.cameras.viewpoints import Orbit
-    from resample_volume.annotations import Annotations, annotate
+    from resample_volume.annotations import Annotations, annotate, measure
     from resample_volume.appearance import Appearance, XRay
     from resample_volume.calls import animate, render
     from resample_volume.classification.presets import load_transfer
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from resample_volume.files.source import open_volume as open  # noqa: A004
     from resample_volume.image_planes import ImagePlane
     from resample_volume.inputs import as_volume
-    from resample_volume.lines import measure
     from resample_volume.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.scenes import Scene
     from resample_volume.types import Volume
@@ -48,7 +47,7 @@ _HOMES = {
     "annotate": "annotations",
     "as_volume": "inputs",
     "load_transfer": "classification.presets",
-    "measure": "lines",
+    "measure": "annotations",
     "open": "files.source:open_volume",
     "open_volume": "files.source",
     "read_mesh": "meshes",

@@ -20,6 +20,7 @@ from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.classification.automatic import BRIGHT, levels
+from resample_volume.classification.labels import MOST_RULES, Labels
 from resample_volume.classification.presets import Window, transfer_for
 from resample_volume.classification.transfer import Transfer
 from resample_volume.classification.value_statistics import Survey, survey
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206
 # at 60 keV and 0.0184 at 80 keV.
 MU_WATER = 0.02
-WATER = 1000.0  # HU from air, which attenuates nothing, to water
+WATER = 1000.0  # HU from air (no attenuation) to water
 LEAST_WINDOW = 1e-6  # white level of line integrals where nothing attenuates
 
 
@@ -213,20 +214,18 @@ class Appearance:
     )
     labels: "Labels | None" = None
     cue: DepthCue | None = None
-    crop: str | None = None  # ranges of voxels along x, y and z, see `cropping.planes`
-    clip: tuple[str, ...] = ()  # planes through the middle, see `cropping.planes`
+    crop: str | None = None  # ranges of voxels along x, y and z, see `framing.planes`
+    clip: tuple[str, ...] = ()  # planes through the middle, see `framing.planes`
     framing: Transfer | str | None = None  # the camera frames what this shows; None: `transfer`
     meshes: "tuple[SceneMesh, ...]" = ()  # in the volume's scene; not clipped
     planes: "tuple[ImagePlane, ...]" = ()  # show unshaded values; not clipped
     surfaces: "tuple[IsoSurface, ...]" = ()  # isosurfaces; not clipped
-    slab: str | None = None  # outside of which nothing is shown, see `Section.of`
-    xray: XRay | None = None  # for the projection xray, which it selects; None: the default
+    slab: str | None = None  # only its inside is shown, see `Section.of`
+    xray: XRay | None = None  # selects the projection xray; None: the default
     invert: bool = False  # swap black and white, for projections of values
 
     def __post_init__(self) -> None:
-        # Refuse objects of another kind than the one that an attribute takes
-        from resample_volume.classification.labels import Labels
-
+        # Check the types of attributes.
         for name in ("transfer", "framing"):
             given = getattr(self, name)
             is_none = given is None and name == "framing"
@@ -255,11 +254,11 @@ class Appearance:
         object.__setattr__(self, "clip", _several_of("clip", self.clip, str))
         for name in ("meshes", "planes", "surfaces"):
             object.__setattr__(self, name, _objects_of(name, getattr(self, name)))
-        _ = self.section  # refuses what is none
+        _ = self.section  # raises an error if it is invalid
 
     @property
     def section(self) -> "Section | None":
-        """Slab outside of which nothing is shown."""
+        """Slab to which the picture is limited."""
         if self.slab is None:
             return None
         from resample_volume.image_planes import Section
@@ -268,7 +267,7 @@ class Appearance:
 
     @property
     def cuts(self) -> tuple[str, ...]:
-        """Clip planes, and those of a slab across a scene direction, see `cropping.planes`."""
+        """Clip planes, and the two of a slab across a scene direction, see `framing.planes`."""
         return self.clip if self.section is None else (*self.clip, *self.section.clips)
 
     @property
@@ -331,7 +330,7 @@ class SceneObjects(NamedTuple):
     surfaces: "tuple[IsoSurface, ...]"
 
     def within(self, span: tuple[float, float]) -> "SceneObjects":
-        """Return a copy in which planes without a window get one of these values."""
+        """Return a copy; planes without a window get one of these values."""
         return self._replace(planes=tuple(plane.within(span) for plane in self.planes))
 
     def beside(self, look: Appearance) -> Appearance:
@@ -349,7 +348,7 @@ def transfer_of(
 def named_or_own(
     given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
 ) -> Transfer:
-    """Return the transfer function, which may be given by name."""
+    """Return the transfer function, also one given by name."""
     if isinstance(given, str):
         return named_transfer(given, volume, projection)
     return given
@@ -496,9 +495,7 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
             "values of one"
         )
     if len(media) > 1:
-        # Reject what rays through several fields cannot show
-        from resample_volume.classification.labels import MOST_RULES
-
+        # Reject looks that rays through several fields cannot show.
         if resampler.order.summing is not Summing.RAYS:
             raise ValueError(f"several volumes need the order rays, not {resampler.order}")
         for volume, look in media:

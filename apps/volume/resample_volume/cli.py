@@ -12,10 +12,11 @@ from resample.command import flags
 from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
-from resample.command.session import run
+from resample.command.session import Session, require_picture, run
 from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
 from resample.command.settings_files import with_settings
-from resample.console import linear_color
+from resample.console import linear_color, progress_bar, say
+from resample.files.writing import check_targets, write_json
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
@@ -89,10 +90,8 @@ def render(
     volume
         A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb.
     """
-    from resample.command.session import Session, require_picture
     from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
-    from resample.files.writing import check_targets, write_json
     from resample_volume.command.inputs import media, require_values, with_objects
     from resample_volume.command.rendering import (
         BYTES_PER_PIXEL,
@@ -181,7 +180,6 @@ def animate(
         Number of threads at most; pixels do not depend on it. [default: all cores]
     """
     from resample.command.films import write_shared
-    from resample.command.session import require_picture
     from resample.command.workers import worker_pools
     from resample.files.animations import check_film
     from resample_volume.command import animation
@@ -301,7 +299,6 @@ def generate(name: str, /, *, output: flags.Output) -> None:
     output
         Written to: .nrrd, .mha, .nii or .nii.gz; or .npy, which keeps the values alone.
     """
-    from resample.files.writing import check_targets
     from resample_volume.files.source import check_suffix, write_volume
     from resample_volume.files.source import generate as generated
 
@@ -346,7 +343,6 @@ def convert(
     levels
         Write coarser levels, too.
     """
-    from resample.console import progress_bar, say
     from resample_volume.command.inputs import note_assumed, stored
     from resample_volume.files.zarr_writing import Layered, bricks_of, check_store, write_store
 
@@ -407,6 +403,8 @@ def main() -> NoReturn:
 
 def _listed(facts: dict[str, Any]) -> str:
     """Format facts as lines, the histogram as bars."""
+    from resample_volume.classification.scales import edges_of
+
     shown = {key: value for key, value in facts.items() if key not in UNLISTED}
     for key in ("spacing", "origin"):
         shown[key] = f"{facts[key]} {facts['length_unit']}".rstrip()
@@ -419,13 +417,11 @@ def _listed(facts: dict[str, Any]) -> str:
     for n, level in enumerate(facts.get("levels", ())):
         lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
     # Format a histogram as bars on a logarithmic scale, so that rare values show
-    from resample_volume.classification.scales import edges_of
-
     counts, (two, three) = facts["histogram"], facts["thresholds"].values()
     low, high = facts["robust_range"] or (0.0, 0.0)
     edges = edges_of((low, high), len(counts), facts["scale"])
     longest = math.log1p(max(*counts, 1))
-    lines = ["values from   voxels; logarithmic bars"]
+    bars = ["values from   voxels; logarithmic bars"]
     for n, count in enumerate(counts):
         bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
         marks = [
@@ -434,5 +430,5 @@ def _listed(facts: dict[str, Any]) -> str:
             if any(edges[n] < limit <= edges[n + 1] for limit in limits)
         ]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
-        lines.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
-    return "\n".join([*lines, *facts["findings"], *lines]) + "\n"
+        bars.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
+    return "\n".join([*lines, *facts["findings"], *bars]) + "\n"

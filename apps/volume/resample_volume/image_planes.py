@@ -57,7 +57,7 @@ class ImagePlane:
     def __post_init__(self) -> None:
         if isinstance(self.where, str):
             if self.where[:1].isdigit() or self.where[:1] in ("-", "+", "."):
-                planes(UNIT, None, (self.where,), "plane")  # refuses what is none of any volume
+                planes(UNIT, None, (self.where,), "plane")  # raises an error if no volume has it
             elif _place(self.where) is None:
                 raise ValueError(f"plane {self.where!r}; {FORM}")
         elif len(self.where) != 4 or not np.isfinite(self.where).all() or not any(self.where[:3]):
@@ -139,7 +139,7 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
         plane = replace(plane, window=(low, high))
     if isinstance(where, str):
         if where[0] in AXES:
-            # A plane perpendicular to an axis of voxels
+            # A plane perpendicular to an axis of voxels.
             place = _place(where)
             if place is None:
                 raise ValueError(f"plane {where!r}; {FORM}")
@@ -296,7 +296,17 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
     check_iso(value, volume, finite_range(volume.values))
     require_memory(BYTES_PER_VOXEL * volume.values.size, f"a surface of {volume.name}")
     place, face = _corners(volume.values, value)
-    place, slope = _onto(place, field, value)
+    # Move points onto the field's isosurface; also return slopes (V, 3), per voxel
+    place = np.where(np.isfinite(place), place, 0.0)
+    last = np.array(field.spline.shape[::-1]) - 0.5
+    slope = _slope(place, field, last)
+    steep = np.maximum((slope**2).sum(axis=1, keepdims=True), 1e-30)
+    for _ in range(TURNS):
+        move = (value - values_at(field, place))[:, np.newaxis] * slope / steep
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        move *= np.minimum(1.0, FARTHEST / np.maximum(length, 1e-30))
+        place = np.clip(place + move, -0.5, last)
+    slope = _slope(place, field, last)
     lattice = lattice_of(volume)
     corner = np.asarray(volume.origin, np.float64) + place @ lattice.T
     normal = slope @ np.linalg.inv(lattice)
@@ -345,20 +355,6 @@ def _beside_known(padded: NDArray[np.float32], place: Doubles) -> NDArray[np.boo
     return known
 
 
-def _onto(place: Doubles, field: Gathered, value: float) -> tuple[Doubles, Doubles]:
-    """Move points onto the field's isosurface; also return slopes (V, 3), per voxel."""
-    place = np.where(np.isfinite(place), place, 0.0)
-    last = np.array(field.spline.shape[::-1]) - 0.5
-    slope = _slope(place, field, last)
-    steep = np.maximum((slope**2).sum(axis=1, keepdims=True), 1e-30)
-    for _ in range(TURNS):
-        move = (value - values_at(field, place))[:, np.newaxis] * slope / steep
-        length = np.linalg.norm(move, axis=1, keepdims=True)
-        move *= np.minimum(1.0, FARTHEST / np.maximum(length, 1e-30))
-        place = np.clip(place + move, -0.5, last)
-    return place, _slope(place, field, last)
-
-
 def _slope(place: Doubles, field: Gathered, last: Doubles) -> Doubles:
     """Return the slopes (V, 3) of a field, per voxel."""
     found = np.empty_like(place)
@@ -398,7 +394,7 @@ class Section(NamedTuple):
 
     @property
     def clips(self) -> tuple[str, ...]:
-        """Both planes as `cropping.planes` takes them; none for a slab across the view."""
+        """Both planes as `framing.planes` takes them; none for a slab across the view."""
         if self.normal is None:
             return ()
         near, far = self.center - self.thickness / 2, self.center + self.thickness / 2
@@ -407,7 +403,7 @@ class Section(NamedTuple):
         return f"{toward},{near!r}", f"{back},{-far!r}"
 
     def planes(self, forward: Doubles) -> Doubles:
-        """Return both planes (2, 4) around the scene's origin, as `cropping.planes` does.
+        """Return both planes (2, 4) around the scene's origin, as `framing.planes` does.
 
         `forward`: (3,) direction of the view, used if there is no normal.
         """

@@ -22,7 +22,7 @@ from resample_volume.files.nifti import TO_LPS
 from resample_volume.files.sections import ArrayQuery, cells_between, choose, middles
 from resample_volume.files.source import open_volume
 from resample_volume.files.texts import is_hounsfield
-from resample_volume.files.vti import arrays_of, image_header, points_along
+from resample_volume.files.vtk import arrays_of, image_header, points_along
 from resample_volume.types import Part, Volume
 
 AXES = ("z", "y", "x")
@@ -116,7 +116,7 @@ def _planes(given: Any, dim: str, count: int) -> Doubles:
 
 
 def of_grid(given: Any, part: Any, name: str) -> Volume:
-    """Convert a field, whose values are at the centers of cells.
+    """Convert a field of values at the centers of cells.
 
     `given`: it has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z)
     by name.
@@ -138,7 +138,7 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
 
 
 def of_dataset(given: Any, part: Any, name: str) -> Volume:
-    """Convert a data set; errors are those of readers of such files.
+    """Convert a data set; errors as in readers of such files.
 
     `given`: `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or
     unstructured grid, or blocks of any of these.
@@ -266,12 +266,7 @@ def _checked(given: Volume) -> Volume:
                 f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}"
             )
         made = given if values is given.values else given._replace(values=values)
-    check_place(given)
-    return made
-
-
-def check_place(given: Volume) -> None:
-    """Reject an invalid or absurd spacing, origin or direction."""
+    # Reject an invalid or absurd spacing, origin or direction
     spacing, origin, direction = (np.asarray(part) for part in given[1:4])
     shapes = (spacing.shape, origin.shape, direction.shape)
     kinds = {part.dtype.kind for part in (spacing, origin, direction)}
@@ -284,6 +279,7 @@ def check_place(given: Volume) -> None:
         raise ValueError(f"{given.name}: spacing {spacing.tolist()} must be above 0")
     check_lattice(direction * spacing, f"{given.name}: its lattice")
     check_places(origin, f"{given.name}: its origin")
+    return made
 
 
 def _array(given: Any) -> NDArray[Any]:

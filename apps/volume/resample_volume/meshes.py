@@ -94,7 +94,8 @@ def scene_mesh(
     colors = np.broadcast_to(np.asarray(color, np.float64), (len(corner), 3))
     whole = trimesh.Trimesh(corner, face, process=False)
     whole.vertex_attributes["color"] = colors
-    first = _same(corner)
+    _, first, back = np.unique(corner, axis=0, return_index=True, return_inverse=True)
+    first = np.asarray(first[back.reshape(-1)], np.int64)
     joined = trimesh.Trimesh(corner, first[face], process=False)
     parts = trimesh.graph.connected_components(
         joined.face_adjacency[joined.face_adjacency_angles <= np.radians(smooth)],
@@ -104,27 +105,17 @@ def scene_mesh(
     group = np.empty(len(face), np.int64)
     for number, part in enumerate(parts):
         group[part] = number
-    normal = _normals(joined, first[face], group)
-    corners = corner[face].reshape(-1, 3)
-    count = np.arange(len(corners)).reshape(-1, 3)
-    return SceneMesh(corners, normal, colors[face].reshape(-1, 3), count, opacity)
-
-
-def _same(corner: Doubles) -> NDArray[np.int64]:
-    """Return for each vertex the first one at the same point."""
-    _, first, back = np.unique(corner, axis=0, return_index=True, return_inverse=True)
-    return np.asarray(first[back.reshape(-1)], np.int64)
-
-
-def _normals(mesh: Any, face: NDArray[np.int64], group: NDArray[np.int64]) -> Doubles:
-    """Return normals (3 T, 3) of triangles' corners: means over a smoothing group around them."""
-    triangle = np.asarray(mesh.triangles, np.float64)
+    # Normals (3 T, 3) of triangles' corners: means over a smoothing group around them
+    triangle = np.asarray(joined.triangles, np.float64)
     normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
-    key = np.stack([face.reshape(-1), np.repeat(group, 3)], axis=1)
+    key = np.stack([first[face].reshape(-1), np.repeat(group, 3)], axis=1)
     _, place = np.unique(key, axis=0, return_inverse=True)
     place, each = place.reshape(-1), np.repeat(normal, 3, axis=0)
     total = np.stack([np.bincount(place, each[:, axis]) for axis in range(3)], axis=1)
-    return np.asarray(total[place])
+    normal = np.asarray(total[place])
+    corners = corner[face].reshape(-1, 3)
+    count = np.arange(len(corners)).reshape(-1, 3)
+    return SceneMesh(corners, normal, colors[face].reshape(-1, 3), count, opacity)
 
 
 def read_mesh(text: str) -> SceneMesh:
@@ -225,7 +216,7 @@ def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
 
 
 def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
-    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
+    """Return all meshes for ray casting, with `middle` as the scene's origin."""
     if not meshes:
         return NO_TRIANGLES
     corner, normal, color, face = _joined(meshes)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -48,7 +48,7 @@ from resample_volume.voxels.framing import (
     FramedVoxels,
     Shifted,
     around_both,
-    ball_around,
+    bounding_sphere,
     centered,
     corners,
     faced,
@@ -59,7 +59,14 @@ from resample_volume.voxels.framing import (
     sphere_around,
 )
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
-from resample_volume.voxels.shading import Light, cue_range, cued, shade, viewer_of
+from resample_volume.voxels.shading import (
+    Light,
+    cue_range,
+    cued,
+    shade,
+    viewer_of,
+    voxel_transmittance,
+)
 from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
@@ -67,24 +74,21 @@ if TYPE_CHECKING:
     from resample_volume.series import CommonLattice
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
-Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # what a renderer gets
+Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # input of a renderer
 Fit = Literal["visible", "volume"]  # what cameras orbit
 # As `visible`, then zoomed and panned to fill the picture, or most of it.
 Fitted = Fit | Literal["picture", "most"]
-AROUND = 0.04  # of what is visible, left free where no camera is asked for
+AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
-class Placement(NamedTuple):
-    """Several volumes in a scene, moved around its origin."""
+def placement(
+    media: Sequence[VolumeLayer],
+) -> tuple[list[VolumeLayer], "CommonLattice", Doubles, Doubles]:
+    """Place several volumes in a scene; the first look sets crop and clip.
 
-    media: list[VolumeLayer]
-    lattice: "CommonLattice"  # of all of them
-    middle: Doubles  # (3,) former place of the origin, scene units
-    clip: Doubles  # (M, 4) planes
-
-
-def placement(media: Sequence[VolumeLayer]) -> Placement:
-    """Place several volumes in a scene; crop and clip are those of the first look."""
+    Result: the moved volumes, the lattice of all, the former place (3,) of the scene's origin, and
+    clip planes (M, 4).
+    """
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
@@ -95,7 +99,7 @@ def placement(media: Sequence[VolumeLayer]) -> Placement:
     moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
     first, look = moved[0]
     cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
-    return Placement(moved, whole, middle, np.concatenate(cuts))
+    return moved, whole, middle, np.concatenate(cuts)
 
 
 def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:
@@ -130,7 +134,7 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
 
 
 def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler) -> Transfer:
-    """Return the transfer function of a field, which its projection can show."""
+    """Return the transfer function of a field, checked against its projection."""
     projection = resampler.projection
     if volume.colors is not None and projection is not Projection.COMPOSITE:
         raise ValueError(
@@ -176,8 +180,6 @@ def _shadowed(
         )
     if isinstance(voxels, Gathered):
         return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
-    from resample_volume.voxels.shading import voxel_transmittance
-
     return voxels._replace(reached=voxel_transmittance(voxels, light))
 
 
@@ -197,7 +199,7 @@ def _pictures(
 
 
 def _placed(meshes: "tuple[SceneMesh, ...]", middle: Doubles) -> Triangles:
-    """Return all meshes for ray casting, in a scene whose origin was moved to `middle`."""
+    """Return all meshes for ray casting, with `middle` as the scene's origin."""
     if not meshes:
         return NO_TRIANGLES
     from resample_volume.meshes import placed
@@ -265,11 +267,11 @@ class Subject:
         pictures = _pictures(volume, scene.values, appearance, voxels)
         mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:
-            ball = ball_around(around._replace(origin=around.origin - middle))
+            ball = bounding_sphere(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
         def shown() -> Placed | FramedVoxels:
-            """Return what is visible, for cameras to fit."""
+            """Return the visible voxels, for cameras to fit."""
             if not isinstance(voxels, Gathered):
                 return voxels
             return shown_together([(scene, appearance)], clip, resampler)
@@ -293,25 +295,25 @@ class Subject:
         resampler = resampler or BY_DEFAULT
         check_several(media, resampler)
         media, resampler = decided(media, resampler)
-        place = placement(media)
-        scene, clip, looks = place.lattice.volume(), place.clip, [look for _, look in place.media]
-        volumes = as_arrays([volume for volume, _ in place.media])
+        moved, lattice, middle, clip = placement(media)
+        scene, looks = lattice.volume(), [look for _, look in moved]
+        volumes = as_arrays([volume for volume, _ in moved])
         fields = []
         meshes = [mesh for look in looks for mesh in look.meshes]
         for volume, look in zip(volumes, looks, strict=True):
             transfer = _field_transfer(volume, look, resampler)
             fields.append(gathered(volume, transfer, resampler, look.gradient, look.labels))
-            unmoved = volume._replace(origin=volume.origin + place.middle)
+            unmoved = volume._replace(origin=volume.origin + middle)
             meshes += _pictures(unmoved, volume.values, look, fields[-1])
-        mesh, light = _placed(tuple(meshes), place.middle), looks[0].light
+        mesh, light = _placed(tuple(meshes), middle), looks[0].light
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
         if fit == "volume":
-            return cls(fields, looks[0], ball_around(scene), place.middle, clip, mesh)
+            return cls(fields, looks[0], bounding_sphere(scene), middle, clip, mesh)
         layers = list(zip(volumes, looks, strict=True))
         shown = partial(shown_together, layers, clip, resampler)
         ball = around_both(sphere_around(shown(), scene), mesh.corner)
-        return cls(fields, looks[0], ball, place.middle, clip, mesh, seen=shown)
+        return cls(fields, looks[0], ball, middle, clip, mesh, seen=shown)
 
     def placed(self, volume: Volume) -> Volume:
         """Return one of the volumes, moved around the scene's origin."""
@@ -362,7 +364,7 @@ class Subject:
 
     @property
     def lattice(self) -> Doubles:
-        """Lattice (3, 3) of its voxels; of several fields that of the finest."""
+        """Lattice (3, 3) of its voxels, or of the finest of several fields."""
         if not isinstance(self.voxels, list):
             return self.voxels.lattice
         every = [field.lattice for field in self.voxels]
@@ -436,7 +438,7 @@ def pictured(
 def filled(
     viewpoint: Viewpoint, subject: Subject, size: tuple[int, int], around: float = 0.0
 ) -> Orbit:
-    """Fit the camera so that everything visible fills the picture; `around`: as of `filling`."""
+    """Zoom and pan until everything visible fills the picture; `around`: see `filling`."""
     if not isinstance(viewpoint, Orbit):
         raise ValueError(
             "zoom-in needs a camera that orbits the volume, such as 30,20,1; leave it out for a "
@@ -541,7 +543,7 @@ def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
 
 
 def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
-    """Write a deep picture of `count` slabs; parameters as of `slabs` and `depths`."""
+    """Write a deep picture of `count` slabs; see `slabs` and `depths`."""
     write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 
 

@@ -43,7 +43,7 @@ class CommonLattice(NamedTuple):
         return self.origin + self.steps @ (self.size - 1.0) / 2
 
     def volume(self) -> Volume:
-        """A volume of zeros on it, which takes no memory."""
+        """A volume of zeros on it, without memory."""
         spacing = np.linalg.norm(self.steps, axis=0)
         nothing = np.broadcast_to(np.uint8(0), tuple(self.size[::-1]))
         return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
@@ -92,7 +92,7 @@ def _as_it_is(volume: Volume) -> Volume:
 class Series:
     """The volumes of a recording, one per time, with statistics over all times."""
 
-    recording: Recording  # with times first; of a store `Chunked`, which is read time by time
+    recording: Recording  # with times first; of a store `Chunked`, read time by time
     known: Survey  # of all values
     together: Volume | None = None  # all times without padding, in bricks with statistics
     ready: Ready = _as_it_is

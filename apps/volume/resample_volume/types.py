@@ -33,7 +33,7 @@ class Volume(NamedTuple):
     """
 
     # (Z, Y, X) uint8/16, int8/16/32, float32/64; NaN is "no value here". Where a caller asked for
-    # values that stay in their file, these are `data.bricks.Bricks` instead.
+    # values that stay in their file, these are `data.values.Bricks` instead.
     values: NDArray[Any]
     spacing: Doubles = np.ones(3)  # (3,) x, y, z; scene units between neighbours, > 0
     origin: Doubles = np.zeros(3)  # (3,) x, y, z; scene position of values[0, 0, 0]
@@ -44,7 +44,7 @@ class Volume(NamedTuple):
     note: str = ""  # how a file's values were changed, for messages
     space: str = ""  # lps: a patient's, in mm, whose left, back and head x, y and z point to
     thickness: float = 0.0  # scene units that opacities refer to; 0: cube root of a voxel's volume
-    scale: str = ""  # scale of the values, see `looks.scales`; empty: linear, as measured
+    scale: str = ""  # scale of the values, see `classification.scales`; empty: linear, as measured
     length: str = ""  # scene unit: mm, µm, ... of `resample.lengths`; or one of `ASSUMED`
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.memory import available_memory
 from resample.reading.native import suppressed_output
 from resample.types import Doubles
-from resample_volume.files.vti import points_along
+from resample_volume.files.vtk import points_along
 
 MOST = 1 << 28  # voxels that are made unless steps are given
 MOST_ALONG = 1 << 20  # voxels along a side, if steps are given

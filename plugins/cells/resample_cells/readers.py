@@ -28,7 +28,7 @@ from resample_volume.files.sections import (
     check_part,
 )
 from resample_volume.files.texts import Numbers, steps_of
-from resample_volume.files.vti import UNSTRUCTURED, grid_of
+from resample_volume.files.vtk import UNSTRUCTURED, grid_of
 from resample_volume.types import Recording
 
 Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners

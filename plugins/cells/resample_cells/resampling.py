@@ -19,7 +19,7 @@ from resample_cells.lattice import (
 )
 from resample_volume.files.headers import Check, check_shape, header, recording
 from resample_volume.files.sections import ArrayQuery, Named, choose, of_parts, part_of
-from resample_volume.files.vti import arrays_of, points_along
+from resample_volume.files.vtk import arrays_of, points_along
 from resample_volume.types import Recording
 
 ANY = -1  # number of corners

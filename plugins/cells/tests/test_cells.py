@@ -10,8 +10,7 @@ from resample_volume import as_volume
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.sections import Sections
 from resample_volume.files.source import describe, open_volume
-from resample_volume.files.vti import check_blocks
-from resample_volume.files.vtk import Vtk
+from resample_volume.files.vtk import Vtk, check_blocks
 
 pytest.importorskip("vtkmodules", reason="VTK, the extra vtk, is not installed")
 

@@ -118,7 +118,7 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
         points += [(start, CLAY, VEIL), *((max(start, v), c, o) for v, c, o in _points(dense)[1:])]
         return from_points(points, normalized=True)
     if (body := _body(volume, known, limit)) is not None:
-        # Hot spots in a body that is a veil as deep as it is large
+        # Hot spots in a body; the body is a veil as deep as it is large.
         low, high = known.span
         before, peak, _ = ((value - low) / (high - low) for value in body)
         across = np.cbrt(

@@ -149,8 +149,8 @@ class Names:
                     transfer = change(transfer, changes[key])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-        found = transfer
-        return found if base == "auto" and not found.normalized else self._placed(found, name)
+        is_placed = base == "auto" and not transfer.normalized
+        return transfer if is_placed else self._placed(transfer, name)
 
     def _placed(self, transfer: Transfer, name: str) -> Transfer:
         """Rescale fractions to the window, or to the robust range."""

@@ -108,7 +108,20 @@ class RegionTransfer:
             slope = slopes[part].astype(np.float64)
             if self.normalized:
                 slope = np.minimum(slope / max(steep, TINY), 1)
-            color[part], opacity[part] = self._mixed(place, slope)
+            # Combine color and opacity of all regions
+            transparency, weight = np.ones(place.shape), np.zeros(place.shape)
+            mixed = np.zeros((*place.shape, 3))
+            for region in self.regions:
+                limits = (0.0, 1.0 if self.normalized else math.inf)
+                inside = self._share_by_value(region, place) * _share(
+                    slope, region.gradient, region.softness[1], limits
+                )
+                share = region.opacity * inside
+                transparency *= 1 - share
+                weight += share
+                mixed += share[:, np.newaxis] * from_srgb(np.array(region.color))
+            mixed /= np.maximum(weight, TINY)[:, np.newaxis]
+            color[part], opacity[part] = mixed, 1 - transparency
         return color, opacity
 
     def steepest(self, steep: float) -> float:
@@ -135,22 +148,6 @@ class RegionTransfer:
         if not low < high:
             return np.where(np.isnan(place), np.nan, 1.0)
         return np.clip((place - low) / (high - low), 0, 1)
-
-    def _mixed(self, place: Doubles, slope: Doubles) -> tuple[Doubles, Doubles]:
-        """Combine color and opacity of all regions."""
-        transparency, weight = np.ones(place.shape), np.zeros(place.shape)
-        color = np.zeros((*place.shape, 3))
-        for region in self.regions:
-            limits = (0.0, 1.0 if self.normalized else math.inf)
-            inside = self._share_by_value(region, place) * _share(
-                slope, region.gradient, region.softness[1], limits
-            )
-            opacity = region.opacity * inside
-            transparency *= 1 - opacity
-            weight += opacity
-            color += opacity[:, np.newaxis] * from_srgb(np.array(region.color))
-        color /= np.maximum(weight, TINY)[:, np.newaxis]
-        return color, 1 - transparency
 
     def _share_by_value(self, region: Region, place: Doubles) -> Doubles:
         limits = (0.0, 1.0) if self.normalized else (-math.inf, math.inf)

@@ -75,7 +75,7 @@ class LogScale:
         low, high = self.value(np.array(span)).tolist()
         found: dict[float, float] = {}
         for mantissas in MANTISSAS:
-            # Positions of round values in a range, and the values
+            # Positions of round values in the range.
             least = low if self.linear is None else self.linear
             largest = max(abs(low), abs(high))
             powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)

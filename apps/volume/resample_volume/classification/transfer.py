@@ -93,7 +93,24 @@ class TransferFunction:
             array = np.array(getattr(self, name), np.float64)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        _check(self)
+        value, color, opacity = self.value, self.color, self.opacity
+        if value.ndim != 1 or not value.size or opacity.shape != value.shape:
+            raise ValueError(
+                f"{value.shape} values do not fit {opacity.shape} opacities, (K,) each"
+            )
+        if color.shape != (value.size, 3):
+            raise ValueError(f"{value.size} points need colors of the shape ({value.size}, 3)")
+        if self.opacity_unit is not None and not 0 < self.opacity_unit < np.inf:
+            raise ValueError(f"opacity_unit: must be greater than 0 (got {self.opacity_unit})")
+        _check_shares("color", color)
+        _check_shares("opacity", opacity)
+        if self.normalized:
+            _check_shares("value", value, " where normalized")
+        for n in range(value.size):
+            if not np.isfinite(value[n]) or value[n] < value[max(n - 1, 0)]:
+                raise ValueError(
+                    f"points.{n}.value: must be finite and not descend (got {value[n]})"
+                )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, TransferFunction) and self._identity() == other._identity()
@@ -279,23 +296,6 @@ def from_points(
     """Make a transfer function of control points: value, color, opacity."""
     value, color, opacity = (np.array(part) for part in zip(*points, strict=True))
     return TransferFunction(value, color, opacity, opacity_unit, normalized)
-
-
-def _check(transfer: TransferFunction) -> None:
-    value, color, opacity = transfer.value, transfer.color, transfer.opacity
-    if value.ndim != 1 or not value.size or opacity.shape != value.shape:
-        raise ValueError(f"{value.shape} values do not fit {opacity.shape} opacities, (K,) each")
-    if color.shape != (value.size, 3):
-        raise ValueError(f"{value.size} points need colors of the shape ({value.size}, 3)")
-    if transfer.opacity_unit is not None and not 0 < transfer.opacity_unit < np.inf:
-        raise ValueError(f"opacity_unit: must be greater than 0 (got {transfer.opacity_unit})")
-    _check_shares("color", color)
-    _check_shares("opacity", opacity)
-    if transfer.normalized:
-        _check_shares("value", value, " where normalized")
-    for n in range(value.size):
-        if not np.isfinite(value[n]) or value[n] < value[max(n - 1, 0)]:
-            raise ValueError(f"points.{n}.value: must be finite and not descend (got {value[n]})")
 
 
 def _check_shares(name: str, array: Doubles, when: str = "") -> None:

@@ -348,7 +348,7 @@ def _levels(stored: Stored) -> tuple[Histogram, int]:
 
 @memoized(lambda values: values)
 def counted(values: Stored) -> Histogram:
-    """Count each of few possible values, see `bricks.are_few`."""
+    """Count each of few possible values, see `scanning.are_few`."""
     bits, size = values.dtype.itemsize * 8, 1 << (values.dtype.itemsize * 8)
     total = values_of(values).codes()
     if values.dtype.kind == "i":

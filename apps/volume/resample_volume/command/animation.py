@@ -35,7 +35,7 @@ from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, told
 from resample.resampler import Resampler
 from resample.types import Floats
-from resample_volume.annotations import Annotations, annotated
+from resample_volume.annotations import Annotations, annotated, bar_of
 from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
 from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
@@ -68,27 +68,7 @@ SPLATS, POINTS = 2.0, 0.03  # px between neighbouring voxels at the ends of `thr
 
 @dataclass(frozen=True)
 class Flight:
-    """A path that starts at an orbit of the volume and keeps looking at its center.
-
-    Parameters
-    ----------
-    path
-        `orbit`: once around at the start's elevation; the film loops without a seam.
-        `zoom`: away, until everything appears at 1/16 of its size.
-        `threshold`: away, at its own zooms: from voxels 2 px apart, all of which are splats, to
-        voxels 0.03 px apart, all of which are points, by the paper's threshold and by ours. Both go
-        away by the same factor from frame to frame. `still`: no motion; for volumes that change
-        over time.
-    frames
-        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
-    start
-        Camera of the first frame, except for the zoom of `threshold`.
-
-    Raises
-    ------
-    ValueError
-        The path is unknown, or there are too few or too many frames.
-    """
+    """A path that starts at an orbit of the volume and keeps looking at its center."""
 
     path: str = "orbit"
     frames: int = FRAMES
@@ -103,13 +83,7 @@ class Flight:
         check_count(self.frames)
 
     def viewpoints(self, spacing: float) -> list[Viewpoint]:
-        """Return the viewpoint of each frame.
-
-        Parameters
-        ----------
-        spacing
-            Distance of neighbouring voxels at the center of the volume at zoom 1, px.
-        """
+        """Return the viewpoint of each frame."""
         start = self.start
         if self.path == "orbit":
             angles = start.azimuth + 360.0 * np.arange(self.frames) / self.frames
@@ -124,15 +98,7 @@ class Flight:
 
 
 def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Flight | Tour:
-    """Return the path given by a name or a file; it does not depend on the volume.
-
-    Parameters
-    ----------
-    frames
-        Number of frames; None: `FRAMES`, or as the keyframes' times in seconds require.
-    fps
-        Frames per second.
-    """
+    """Return the path given by a name or a file; it does not depend on the volume."""
     if is_file_of_path(path, PATHS):
         return tour_of(Path(path), frames, fps, getattr(start, "fov", Orbit.fov))
     if not isinstance(start, Orbit):
@@ -151,19 +117,7 @@ def over_time(flight: Flight | Tour, frames: int | None, times: int) -> Flight |
 
 
 class Course:
-    """The subject at each time, all times framed alike.
-
-    Parameters
-    ----------
-    times
-        Number of times.
-    subject
-        Prepares one time.
-    progress
-        Called with the fraction of times scanned, 0 to 1.
-    sphere
-        Bounding sphere of everything visible, if known.
-    """
+    """The subject at each time, all times framed alike."""
 
     def __init__(
         self,
@@ -232,13 +186,7 @@ def shots(
     about: Mapping[str, Any] | None = None,
     facts: Mapping[str, Any] | None = None,
 ) -> Shots:
-    """Return the frames of a volume, and everything that they depend on.
-
-    Parameters
-    ----------
-    cameras
-        One per frame; see `cameras_of`.
-    """
+    """Return the frames of a volume, and everything that they depend on."""
     overlay = paint.drawing
     numbers = [np.concatenate([np.ravel(part) for part in each.view()]) for each in cameras]
     job = {
@@ -349,12 +297,10 @@ def film_of(
 def _overlay(
     script: Script, shown: Sequence[VolumeLayer], subject: Subject, paint: FrameOptions
 ) -> FrameOverlay | None:
-    """Return what is drawn into all frames and beside them, if anything is."""
+    """Return the annotations and color bars of all frames; None without any."""
     given, bars = script.beside.annotations(paint.background), list[Floats]()
     if script.beside.color_bar:
         require_values(shown[0][0], "a color bar")
-        from resample_volume.annotations import bar_of
-
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]
     is_any = given.is_any or bars
@@ -502,7 +448,7 @@ def again(
 
 
 def _decided(script: Script, film: ReadyFilm) -> Script:
-    """Resolve `auto`, which a worker with less memory might resolve otherwise."""
+    """Resolve `auto` here: a worker with less memory might choose otherwise."""
     look, resampling = script.appearance, script.resampling
     if look.classify != "auto":
         return script

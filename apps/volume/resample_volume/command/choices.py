@@ -310,13 +310,7 @@ class AppearanceChoices(Choices):
         return self if self.classify == "post" else self.model_copy(update={"classify": "pre"})
 
     def renderer(self, resampling: Resampling, scale: str = "") -> "Resampler":
-        """Return the renderer for this look, of values on a scale.
-
-        Raises
-        ------
-        ValueError, LookupError
-            A choice is unknown or not allowed, or two exclude each other.
-        """
+        """Return the renderer for this look, of values on a scale."""
         from resample_volume.appearance import Classification, check_together
         from resample_volume.classification.scales import scale_named
 
@@ -345,13 +339,7 @@ class AppearanceChoices(Choices):
         return resampler
 
     def appearance(self, volume: "Volume", resampler: "Resampler | None" = None) -> "Appearance":
-        """Return the look of the voxels for a renderer; None: one that composites.
-
-        Raises
-        ------
-        ValueError
-            A choice is unknown or not allowed.
-        """
+        """Return the look of the voxels for a renderer; None: one that composites."""
         from resample.painting.choices import MEASURING, Projection
         from resample_volume.appearance import (
             MU_WATER,
@@ -512,13 +500,7 @@ class Beside(Choices):
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
     def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
-        """Read meshes and planes for a renderer that shows them.
-
-        Raises
-        ------
-        ValueError, OSError
-            The renderer shows none, or a file cannot be read.
-        """
+        """Read meshes and planes for a renderer that shows them."""
         from resample_volume.appearance import (
             Classification,
             SceneObjects,
@@ -581,7 +563,7 @@ class BesidePicture(BesideFilm):
         if self.zoom_in:
             return "picture"
         is_free = look.camera == FROM_ABOVE and look.fit == "visible"
-        return "most" if is_free and not self.annotations().is_any else look.fit
+        return "most" if is_free and not self.is_annotated else look.fit
 
     def check(self, output: "Path", resampler: "Resampler", height: int) -> None:
         """Reject an impossible color bar or deep picture before any work is done."""
@@ -593,7 +575,7 @@ class BesidePicture(BesideFilm):
 
         check_deep(output)
         check_slabs(self.deep, resampler)
-        if self.color_bar or self.annotations().is_any:
+        if self.color_bar or self.is_annotated:
             raise ValueError(
                 "deep pictures hold only slabs; leave out axes, box, cube, scale-bar and color-bar"
             )

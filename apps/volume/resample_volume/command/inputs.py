@@ -57,9 +57,6 @@ if TYPE_CHECKING:
 Opened = TypeVar("Opened", Volume, Recording)
 Found = TypeVar("Found")
 
-if TYPE_CHECKING:
-    from resample.command.workers import StartWorkers
-
 
 def opened(
     source: ReadOptions,
@@ -222,7 +219,7 @@ def channels_of(source: ReadOptions, name: str, *, streamed: bool) -> Recording:
 
 
 def held(source: ReadOptions, name: str) -> Recording:
-    """Read all times and channels of a name; errors as of `opened`."""
+    """Read all times and channels of a name."""
     allowed = allowed_memory(source)
     if allowed is not None:
         allow(allowed)
@@ -335,7 +332,7 @@ def require_values(volume: Volume, what: str) -> None:
 
 
 KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "transfer")
-START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # of what is said of a file
+START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # before the settings of a file
 HIDDEN = "none"
 LABELS = "--labels FILE --label 1:color=red colors them"
 
@@ -422,7 +419,7 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     values = recording.values
     if source.channel is not None:
         if 1 in values.shape[:2]:
-            return None  # channels alone, of which one is chosen, or times that are meant by them
+            return None  # a single channel is chosen, or the channels are times
         volume_at(recording, 0, source.channel)  # refuses what there is not
         at = source.channel % values.shape[1]
         in_file = chunked(recording)
@@ -459,7 +456,7 @@ def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appe
 def _channels(
     source: ReadOptions, name: str, look: AppearanceChoices, text: str | None, resampler: Resampler
 ) -> list[VolumeLayer]:
-    """Return the channels of a file, each with its look; without a text with those of the file."""
+    """Return the channels of a file, each with its look from the text or the file."""
     if source.channel is not None:
         raise ValueError(
             "channels sets the looks of all channels and channel shows one; give one of both"

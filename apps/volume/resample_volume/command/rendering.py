@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 
 class SharedScene(NamedTuple):
-    """What workers paint: volumes that each of them reads by itself."""
+    """The scene that workers paint; each reads the volumes itself."""
 
     media: Sequence[VolumeLayer]
     resampler: Resampler
@@ -57,23 +57,8 @@ class SharedScene(NamedTuple):
     size: tuple[int, int]  # height and width, px
 
 
-def check_workers(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
-    """Reject workers for a picture that they cannot share."""
-    for volume, _ in media:
-        if not is_streamed(volume):
-            raise ValueError(
-                f"workers read chunks of a volume, and {volume.name} is in memory as a whole; "
-                "convert it to OME-Zarr, or leave workers out"
-            )
-    if decided(media, resampler)[1].order.summing is not Summing.RAYS:
-        raise ValueError(
-            "workers share rays through volumes, and this look paints voxels; leave classify pre, "
-            "the method and the gradient sobel out, or the workers"
-        )
-
-
 def painted_by(crew: WorkerPool, scene: SharedScene) -> Frame:
-    """Paint a picture by workers, a band of rows each; the bits are those of this process."""
+    """Paint a picture by workers, a band of rows each, bit-identical to this process."""
     whole = bricks_of(scene.media[0][0]).memory
     share = whole if whole is None or not crew.is_local else whole // (1 + crew.tasks)
     share = share if crew.memory is None else min(crew.memory, share or crew.memory)
@@ -149,7 +134,7 @@ def scene_of(
 def say_missed(
     media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> None:
-    """Warn if a slab is empty; parameters as of `slab_missed`."""
+    """Warn if a slab is empty; see `slab_missed`."""
     if missed := slab_missed(media, subject, camera):
         say(missed)
 
@@ -157,13 +142,7 @@ def say_missed(
 def slab_missed(
     media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> str | None:
-    """Return the message about an empty slab; None if it is not empty, or of the other kind.
-
-    Parameters
-    ----------
-    camera
-        For slabs across the view; None: check those across a scene direction.
-    """
+    """Return the message about an empty slab; None if it is not empty, or of the other kind."""
     section = media[0][1].section
     if section is None or (section.normal is None) != (camera is not None):
         return None
@@ -244,7 +223,18 @@ def to_paint(
     picture, or most of it; the camera of the first is printed.
     """
     if sharing.has_workers:
-        check_workers(media, resampler)
+        # Workers can share only rays through chunked volumes.
+        for volume, _ in media:
+            if not is_streamed(volume):
+                raise ValueError(
+                    f"workers read chunks of a volume, and {volume.name} is in memory as a whole; "
+                    "convert it to OME-Zarr, or leave workers out"
+                )
+        if decided(media, resampler)[1].order.summing is not Summing.RAYS:
+            raise ValueError(
+                "workers share rays through volumes, and this look paints voxels; leave classify "
+                "pre, the method and the gradient sobel out, or the workers"
+            )
     around: Fit = "volume" if fit == "volume" else "visible"
     subject = scene_of(session, media, resampler, around, size)
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
@@ -307,15 +297,7 @@ def check_memory(
     subject: Subject | None = None,
     fit: Fit = "visible",
 ) -> None:
-    """Reject a picture that does not fit in memory, and log (DEBUG) what it needs.
-
-    Parameters
-    ----------
-    size
-        Height and width of the picture, px.
-    subject
-        Their visible voxels, once known.
-    """
+    """Reject a picture that does not fit in memory, and log (DEBUG) what it needs."""
     volumes = [volume for volume, _ in media]
     if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):
         return

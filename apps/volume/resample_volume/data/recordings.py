@@ -93,7 +93,7 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
         colors = np.moveaxis(chosen.values[at], 0, -1)
         return in_color(colors, volume_of(chosen, colors[..., 0], chosen.name))
     values = chosen.values[at, _number(chosen, 1, channel)]
-    # The suffix of a volume's name
+    # The time and the channel follow the name.
     times, parts = recording.values.shape[:2]
     words = [] if time is None or times * parts == 1 else [f"time {time}"]
     words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]
@@ -137,7 +137,7 @@ def in_color(values: NDArray[Any], volume: Volume) -> Volume:
 
 
 def linear_colors(colors: NDArray[Any]) -> Floats:
-    """Convert colors as of `in_color` to linear light (N, 3), without opacity."""
+    """Convert colors (see `in_color`) to linear light (N, 3), without opacity."""
     if colors.dtype.kind == "f":
         return np.nan_to_num(np.asarray(colors[..., :3], np.float32))
     most = np.iinfo(colors.dtype).max

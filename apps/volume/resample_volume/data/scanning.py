@@ -44,7 +44,7 @@ class _Layers(NamedTuple):
     infinite: int
     missing: int
     some: NDArray[Any]
-    sides: list[NDArray[Any]]  # two along each axis; of others than the outermost layers none of z
+    sides: list[NDArray[Any]]  # two along each axis; along z only in the outermost layers
     codes: NDArray[np.int64] | None
     reads: int
 
@@ -95,7 +95,7 @@ def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
         values, box = own.brick(index), own.box(index)
         at = (index[0] - first, *index[1:])
         least[at], greatest[at], infinite, missing = extent(values)
-        # Copy a brick's values into a regular sample, which begins at a plane
+        # Copy a brick's values into a regular sample that begins at a plane
         starts = [-(-part.start // step) for part in box]
         firsts = [n * step - part.start for n, part in zip(starts, box, strict=True)]
         found = values[tuple(slice(first, None, step) for first in firsts)]

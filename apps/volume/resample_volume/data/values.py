@@ -37,7 +37,7 @@ def require_memory(count: int, what: str) -> None:
 
 
 def require_beside(values: NDArray[Any], count: int, what: str) -> None:
-    """Reject what needs `count` bytes beside values, of which those in a file have a limit."""
+    """Reject `count` bytes beside values if memory is short; mapped values have a limit."""
     most = most_of(values)
     if most is not None and count > most:
         raise ValueError(
@@ -123,7 +123,7 @@ class StatisticsCache(Protocol):
         """Return the stored statistics; None if there are none that are valid."""
 
     def state(self) -> str | None:
-        """Return the state of the file, which shows changes; None if changes may go unnoticed."""
+        """Return the state of the file, to notice changes; None if they may go unnoticed."""
 
     def keep(self, bricks: "Bricks", found: BrickStats, state: str | None) -> None:
         """Store the statistics of a file in a state."""
@@ -181,7 +181,7 @@ class Bricks(BrickArray):
         return {name: part for name, part in state.items() if name != "statistics"}
 
     def without(self, padding: Sequence[float], by: Any, _: str = "", /) -> "Bricks":
-        """Return a copy in which values for missing ones, and infinite ones, are replaced."""
+        """Return a copy with missing and infinite values replaced."""
         return replace(self.anew(), replaced=(np.array(padding), by), found={})
 
     @cached_property
@@ -250,7 +250,7 @@ class Bricks(BrickArray):
 
 LOG = logging.getLogger("resample")
 
-Stored = NDArray[Any] | Bricks  # what a volume holds
+Stored = NDArray[Any] | Bricks  # values of a volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,7 +347,7 @@ def is_streamed(volume: Volume) -> bool:
 
 
 def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
-    """Do as `as_array` for the volumes of a scene, which share the memory limit by their sizes."""
+    """Do `as_array` for the volumes of a scene; they share the memory limit by size."""
     sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
     found = []
     for volume, size in zip(volumes, sizes, strict=True):

@@ -87,25 +87,18 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
         parts, kind, units = _parts(first), _kind(slices), _units(first)
         sizes = (whole(first, "Columns"), whole(first, "Rows"), len(slices))
         places = np.array([each.place for each in slices])
-        # Spacing (3,) and direction (3, 3)
-        dataset, frame = slices[0].dataset, slices[0].frame
-        row, column = slices[0].axes
-        key = "ImagerPixelSpacing"
-        given = dataset.get(key)
-        imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
-        down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
-        normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
-        if len(slices) > 1 and np.isfinite(places).all():
-            way = (places[-1] - places[0]) / (len(slices) - 1)
-            length = float(np.linalg.norm(way))
-            if length > 0:
-                step = length
-                if np.linalg.norm(way / length - normal) > TILTED:
-                    normal = way / length
-        spacing, direction = np.array([across, down, step]), np.column_stack([row, column, normal])
+        spacing, direction = _lattice(slices, places)
     origin = places[0] if np.isfinite(places).all() else np.zeros(3)
     known = header(sizes, kind, name, spacing=spacing, origin=origin, direction=direction)
-    known = known._replace(parts=parts, is_color=parts > 1, units=units, note=_note(slices, places))
+    # Note what was assumed of the slices.
+    one, lines = slices[0], []
+    if _is_negative(one.dataset) and _units(one.dataset):
+        lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
+    if "ModalityLUTSequence" in one.dataset:
+        lines.append("ModalityLUTSequence is not applied: values are as stored")
+    if not (np.isfinite(places).all() and len(places) > 1) and not _between(*one[1:3]):
+        lines.append("no distance of slices is stated; 1 mm is assumed")
+    known = known._replace(parts=parts, is_color=parts > 1, units=units, note="; ".join(lines))
     pixel = _numbers(first, slices[0].frame, PIXELS, (math.nan,) * 2)
     is_sized = np.isfinite(pixel).all() or first.get("ImagerPixelSpacing") not in (None, "", [])
     known = known._replace(length="mm" if is_sized else VOXEL)
@@ -167,7 +160,7 @@ def _read_dataset(path: Path, *, is_whole: bool = False) -> Any:
 
 
 class _Watched(BufferedReader):
-    """A file that limits reads of all remaining bytes, which only deflated files need."""
+    """A file with a limit on reads of all remaining bytes, for deflated files."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(FileIO(path))
@@ -360,18 +353,6 @@ def _is_negative(dataset: Any) -> bool:
     return text(dataset, "PhotometricInterpretation") == "MONOCHROME1"
 
 
-def _note(slices: list[_Slice], places: Doubles) -> str:
-    """Return what was assumed of slices, for messages."""
-    first, lines = slices[0], []
-    if _is_negative(first.dataset) and _units(first.dataset):
-        lines.append("MONOCHROME1: low values are meant to be white, --invert shows projections so")
-    if "ModalityLUTSequence" in first.dataset:
-        lines.append("ModalityLUTSequence is not applied: values are as stored")
-    if not (np.isfinite(places).all() and len(places) > 1) and not _between(*first[1:3]):
-        lines.append("no distance of slices is stated; 1 mm is assumed")
-    return "; ".join(lines)
-
-
 def _interpolated(found: Volume, places: Doubles, gaps: Doubles) -> Volume:
     """Interpolate slices at uneven distances along one line to even ones."""
     uneven = (
@@ -437,7 +418,7 @@ def _shown(given: Any) -> str:
 
 
 def check_frames(dataset: Any, name: str) -> None:
-    """Reject compressed frames whose own size differs from the header's."""
+    """Reject compressed frames of another size than the header's."""
     from pydicom.encaps import generate_frames
 
     wanted = (int(dataset.Rows), int(dataset.Columns))
@@ -449,6 +430,25 @@ def check_frames(dataset: Any, name: str) -> None:
                 f"{name} holds a picture of {size[1]} x {size[0]} pixels and says that it has "
                 f"{wanted[1]} x {wanted[0]}; get it again"
             )
+
+
+def _lattice(slices: list[_Slice], places: Doubles) -> tuple[Doubles, Doubles]:
+    """Return spacing (3,) and direction (3, 3)."""
+    dataset, frame = slices[0].dataset, slices[0].frame
+    row, column = slices[0].axes
+    key = "ImagerPixelSpacing"
+    given = dataset.get(key)
+    imager = np.ones(2) if given in (None, "", []) else numbers(given, key, 2)
+    down, across = np.resize(_numbers(dataset, frame, PIXELS, imager), 2)
+    normal, step = np.cross(row, column), _between(dataset, frame) or 1.0
+    if len(slices) > 1 and np.isfinite(places).all():
+        way = (places[-1] - places[0]) / (len(slices) - 1)
+        length = float(np.linalg.norm(way))
+        if length > 0:
+            step = length
+            if np.linalg.norm(way / length - normal) > TILTED:
+                normal = way / length
+    return np.array([across, down, step]), np.column_stack([row, column, normal])
 
 
 @dataclass(frozen=True)

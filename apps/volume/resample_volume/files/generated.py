@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.files.public import download, place_of
 from resample.files.writing import replacing
 from resample.types import Doubles, Floats
 from resample_volume.data.values import require_memory
@@ -195,6 +194,8 @@ def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None =
     unknown. Raises ValueError: the download differs from what the collection lists. It is not kept.
     Raises OSError: the server cannot be reached, or refuses; or the folder cannot be written.
     """
+    from resample.files.public import download, place_of
+
     known = available()
     if name not in known:
         raise LookupError(f"unknown volume {name!r}; known are {', '.join(known)}")
@@ -205,9 +206,11 @@ def fetch(name: str, *, folder: str | Path | None = None, base_url: str | None =
         url = f"{base_url.rstrip('/')}/{file}"
     size = math.prod(known[name]["size"]) * np.dtype(known[name]["type"]).itemsize
     download(url, place / file, size, known[name]["sha512"])
-    path = place / f"{name}.nhdr"
-    entry = known[name]
-    # Write a NRRD header beside a raw file, in one step
+    return _header(place / f"{name}.nhdr", known[name], file)
+
+
+def _header(path: Path, entry: dict[str, Any], file: str) -> Path:
+    """Write a NRRD header beside a raw file, in one step."""
     text = NRRD.format(
         **entry,
         sizes=" ".join(map(str, entry["size"])),

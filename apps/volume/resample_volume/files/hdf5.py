@@ -272,7 +272,7 @@ class NetCdf(OneOfAll):
 
 
 def _variables(path: Path, file: Any) -> dict[str, _Variable]:
-    """Return the variables of a file of version 4, whose axes are named by scales."""
+    """Return the variables of a version 4 file; scales name their axes."""
     found = {}
     for name, one in hard_members(path, file).items():
         if not hasattr(one, "dims") or one.dtype.kind not in "iuf" or not one.shape:

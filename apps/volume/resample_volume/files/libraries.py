@@ -33,7 +33,7 @@ from resample_volume.types import VOXEL, ChannelLook, Recording, Volume
 
 CELESTIAL = re.compile("RA|DEC|[GESH]L(ON|AT)|..L[NT]")  # names of axes in degrees
 TYPES = {8: "u1", 16: "i2", 32: "i4", 64: "i8", -32: "f4", -64: "f8"}  # by BITPIX
-BLOCK, MOST_AXES = 2880, 999  # bytes of a header's block, in the first of which NAXIS is
+BLOCK, MOST_AXES = 2880, 999  # bytes of a header's block (NAXIS is in the first); axes
 AXES = re.compile(rb"NAXIS +=\s+([+-]?\d+)")
 FITS_PACKED = (".gz", ".fz", ".bz2")
 
@@ -91,7 +91,7 @@ class Fits(OneOfAll):
 
 
 def _check_axes(path: Path) -> None:
-    """Refuse more axes than there can be, each of which astropy would look for."""
+    """Reject absurd numbers of axes: astropy would look for each."""
     count = path.stat().st_size // BLOCK
     if not count:
         return
@@ -124,7 +124,7 @@ def _image_of(held: Any, chosen: str, name: str) -> Any:
 
 
 def _shape_of(hdu: Any) -> tuple[int, ...]:
-    """Return the shape of an image; () of a table, and of what a damaged header leaves unknown."""
+    """Return the shape of an image; () for a table or a damaged header."""
     shape: Any = getattr(hdu, "shape", None) if hdu.is_image else None
     is_known = isinstance(shape, tuple) and all(isinstance(size, int) for size in shape)
     return shape if is_known else ()
@@ -179,7 +179,7 @@ class Vdb:
             with library.open(plain(path)) as file:
                 check_items(path.name, file.grid_count, "grids")
                 file.read_grids()
-                # The grid of a name
+                # Find the grid by its name.
                 grids = [file.grid(n) for n in range(file.grid_count)]
                 floats = [grid for grid in grids if grid.type_name.startswith(FLOATS)]
                 found = [grid for grid in floats if grid.name == (self.part or USUAL)]
@@ -341,7 +341,7 @@ class Neuro(OneOfAll):
 
 
 def _check_minc(path: Path) -> None:
-    """Refuse MINC-2 files whose image is in another file."""
+    """Reject MINC-2 files with the image in another file."""
     with path.open("rb") as raw:
         if raw.read(len(SIGNATURE)) != SIGNATURE:
             return

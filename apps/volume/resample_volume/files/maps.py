@@ -71,7 +71,7 @@ class Mrc(OneOfAll):
 
     def read(self, path: Path, name: str, check: Check) -> Recording:
         fields = _fields(first_bytes(path, LENGTH), path.name)
-        # What is known of voxels, and which of x, y, z columns, rows and sections are of
+        # Type and shape of the voxels, and the axes of columns, rows and sections.
         kind = _type(fields, path.name)
         order = tuple(map(int, fields["order"]))
         axes = tuple(axis - 1 for axis in order) if any(order) else (0, 1, 2)
@@ -219,7 +219,7 @@ def _header(file: BinaryIO, path: Path, name: str) -> VolumeHeader:
         if len(line.split()) != 5:
             raise ValueError(f"{path.name}: an atom has five numbers, not {line[:60].split()}")
     if atoms < 0:
-        # The number of orbitals, and skip their indices
+        # Read the number of orbitals, and skip their indices.
         words = _words(file)
         count = whole(path, words[0].decode("latin-1")) if words else 0
         check_items(path.name, count, "orbitals")

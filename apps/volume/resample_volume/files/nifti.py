@@ -78,7 +78,7 @@ TO_LPS = np.diag([-1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Nifti(OneOfAll):
-    """NIfTI-1 or -2 in a single file; slope and intercept are applied, which gives floats.
+    """NIfTI-1 or -2 in a single file; slope and intercept are applied and give floats.
 
     Its coordinates are RAS; they are converted to LPS, like those of other formats.
     """

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from resample.reading.arrays import DamageError, read_npy, read_npz
 from resample_volume.data.recordings import is_color
-from resample_volume.data.rectilinear import rectilinear
 from resample_volume.files.headers import (
     Check,
     OneOfAll,
@@ -52,7 +51,7 @@ class Reader(Protocol):
 
 @runtime_checkable
 class Recorder(Protocol):
-    """Protocol of readers whose format may hold more than one volume."""
+    """Protocol of readers of formats with several times or channels."""
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         """Read all times and channels; `check` may reject the header before values are read."""
@@ -60,10 +59,10 @@ class Recorder(Protocol):
 
 @runtime_checkable
 class Streamer(Protocol):
-    """Protocol of readers whose files can be read brick by brick."""
+    """Protocol of readers that read brick by brick."""
 
     def streamed(self, path: Path, check: Check = accept_any) -> Recording:
-        """Open all times and channels; a chosen one has `data.bricks.Bricks`."""
+        """Open all times and channels; a chosen one has `data.values.Bricks`."""
 
     def levels(self, path: Path) -> list[dict[str, Any]]:
         """Return the file's levels, the finest first: `path`, `shape` and `spacing` of each."""
@@ -96,17 +95,6 @@ class Raw(OneOfAll):
             raise ValueError(f"offset is a number of bytes from 0 on, not {self.offset}")
 
     def read(self, path: Path, name: str, check: Check) -> Recording:
-        known = self._header(path, name)
-        check(known)
-        if path.suffix.lower() == ".gz":
-            return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
-        given = path.stat().st_size - self.offset
-        if given != known.size:
-            raise wrong_size(path.name, max(0, given), known.size)
-        shape = (known.times, *known.shape[::-1])
-        return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
-
-    def _header(self, path: Path, name: str) -> VolumeHeader:
         found = re.fullmatch(r"(.+)_(\d+x\d+x\d+(?:x\d+)?)_(\w+)", name)
         if not (found or (self.shape and self.dtype)):
             raise ValueError(
@@ -119,7 +107,15 @@ class Raw(OneOfAll):
         spacing, length = spacing_of(self.spacing)
         dtype, name = _type(kind, self.endian), found[1] if found else name
         known = header(every[:3], dtype, name, spacing=spacing)
-        return known._replace(times=math.prod(every[3:]), length=length)
+        known = known._replace(times=math.prod(every[3:]), length=length)
+        check(known)
+        if path.suffix.lower() == ".gz":
+            return recording(voxels(VoxelData([path], 0, "gzip", self.offset), known), known)
+        given = path.stat().st_size - self.offset
+        if given != known.size:
+            raise wrong_size(path.name, max(0, given), known.size)
+        shape = (known.times, *known.shape[::-1])
+        return recording(np.memmap(path, known.dtype, "r", self.offset, shape), known)
 
 
 @dataclass(frozen=True)
@@ -173,6 +169,8 @@ class Npz(OneOfAll):
         if not set(AXES) <= held.keys():
             return recording_of(values, name, check=check)
         check(header(values.shape[::-1], values.dtype, name))
+        from resample_volume.data.rectilinear import rectilinear
+
         made = rectilinear(values, held["x"], held["y"], held["z"], name)
         found = Recording(made.values[None, None], *made[1:5], note=made.note)
         return found._replace(length=UNKNOWN)

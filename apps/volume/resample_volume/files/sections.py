@@ -15,7 +15,7 @@ from resample_volume.files.headers import VolumeHeader
 from resample_volume.files.texts import numbers, skip_numbers
 
 PARTS = ("", "magnitude")
-ROWS = 1 << 18  # vectors whose lengths are computed at a time
+ROWS = 1 << 18  # vectors converted to lengths at a time
 HIDDEN = "vtkGhost"  # begins names of arrays that VTK keeps for itself
 Numbers = NDArray[Any]
 LONGEST = 4096  # bytes of a line
@@ -200,7 +200,7 @@ class Sections:
         return np.asarray(self.block(words, 1, self.word(words, 2)), np.float64)
 
     def block(self, words: list[str], place: int, kind: str, parts: int = 1) -> Numbers:
-        """Read the numbers after a line, one of whose words is their count.
+        """Read the numbers after a line; one of its words is their count.
 
         `parts`: numbers per counted item.
         """

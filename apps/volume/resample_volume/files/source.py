@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resample import registry
-from resample.files.stores.opening import Address, is_address
+from resample.files.stores.opening import Address, is_address, is_store
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
@@ -18,9 +18,6 @@ from resample_volume.data.scanning import otsu
 from resample_volume.data.values import as_array, bricks_of, is_streamed, values_of
 from resample_volume.files.generated import GENERATED
 from resample_volume.files.headers import KEPT
-from resample_volume.files.metaimage import write_metaimage
-from resample_volume.files.nifti import write_nifti
-from resample_volume.files.nrrd import write_nrrd
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.types import Recording, Volume
 
@@ -29,7 +26,7 @@ if TYPE_CHECKING:
 
 LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
-OF_LABELS = 4  # memory limit of a volume over that of its labels
+OF_LABELS = 4  # ratio of the memory limits of a volume and its labels
 OWN = {  # suffixes of readers that are imported only for such files
     "bioio": (".czi", ".lif", ".nd2", ".lsm", ".oib", ".oif", ".dv"),
     "cube": (".cube", ".cub"),
@@ -126,7 +123,7 @@ def open_recording(name: str | Path, reader: Reader | None = None) -> Recording:
 
 
 def open_streamed(name: str | Path, reader: Reader | None = None) -> Recording | None:
-    """Open a recording whose values stay in their file; None if it must be read as a whole."""
+    """Open a recording and leave its values in the file; None if the format cannot."""
     place, found = _located(name, reader)
     return found.streamed(place) if isinstance(found, Streamer) else None
 
@@ -173,8 +170,6 @@ def find_reader(path: str | Path) -> Reader:
     path = Path(path)
     readers, broken = _readers()
     if path.is_dir():
-        from resample.files.stores.opening import is_store
-
         suffix = ".zarr" if is_store(path) else _folder_suffix(path, readers)
     else:
         suffix = _suffix(path.name, readers)
@@ -333,10 +328,16 @@ def write_volume(path: Path, volume: Volume) -> None:
         if volume.values.ndim != 3 or volume.values.dtype.name not in KEPT:
             raise OSError(f"{path}: {volume.values.dtype} {volume.values.shape} is no volume")
         if suffix == ".nrrd":
+            from resample_volume.files.nrrd import write_nrrd
+
             write_nrrd(temporary, volume)
         elif suffix == ".mha":
+            from resample_volume.files.metaimage import write_metaimage
+
             write_metaimage(temporary, volume)
         else:
+            from resample_volume.files.nifti import write_nifti
+
             write_nifti(temporary, volume, is_packed=suffix == ".nii.gz")
 
 

@@ -219,7 +219,16 @@ def _cut(name: str, given: str, count: int) -> ValueError:
 def _batches(file: BinaryIO, count: int, name: str) -> Iterator[list[bytes]]:
     left, held = count, list[bytes]()
     while left > 0:
-        piece = _piece(file)
+        # Read a line, or a piece of a long one that ends with a word
+        piece = file.readline(PIECE)
+        if len(piece) == PIECE:
+            rest = bytearray()
+            while len(rest) < LONGEST_WORD and not (piece + rest)[-1:].isspace():
+                letter = file.read(1)
+                if not letter:
+                    break
+                rest += letter
+            piece += bytes(rest)
         if not piece:
             raise _cut(name, f"there are {count - left}", count)
         words = piece.split()
@@ -232,20 +241,6 @@ def _batches(file: BinaryIO, count: int, name: str) -> Iterator[list[bytes]]:
                 )
             yield held
             held = []
-
-
-def _piece(file: BinaryIO) -> bytes:
-    """Read a line, or a piece of a long one that ends with a word."""
-    piece = file.readline(PIECE)
-    if len(piece) == PIECE:
-        rest = bytearray()
-        while len(rest) < LONGEST_WORD and not (piece + rest)[-1:].isspace():
-            letter = file.read(1)
-            if not letter:
-                break
-            rest += letter
-        piece += bytes(rest)
-    return piece
 
 
 def _converted(words: list[bytes], dtype: np.dtype[Any], name: str) -> NDArray[Any]:

@@ -247,7 +247,7 @@ def _in_first(units: Sequence[str], lengths: Iterable[float]) -> tuple[float, ..
 
 
 def _of_tags(page: Page) -> StackFacts:
-    """Tell of resolutions, which say nothing of the third axis."""
+    """Report resolutions; they do not cover the third axis."""
     x, y = page.resolution
     per = COMMON.get(page.unit)
     if not per or not min(x, y) > 0 or (x == y and x * (2.54 if per == "cm" else 1) in USUAL):
@@ -276,34 +276,6 @@ def natural(path: Path) -> list[tuple[int, str]]:
     """Return a sort key that puts `slice9` before `slice10`."""
     pieces = re.split(r"(\d+)", path.name)
     return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in pieces]
-
-
-def files_with(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    """Return a folder's visible files with one of the suffixes, in natural order."""
-    found = (file for file in folder.iterdir() if file.suffix.lower() in suffixes)
-    return sorted((file for file in found if not file.name.startswith(".")), key=natural)
-
-
-def stack_pages(paths: list[Path]) -> list[SlicePage]:
-    """Return all slices of picture files, which must be alike."""
-    pages = []
-    with suppressed_output():
-        for page in (page for path in paths for page, _ in _walk(path)):
-            pages.append(page)
-            check_items(paths[0].name, len(pages), "slices")
-    first = pages[0]
-    for page in pages:
-        if page.channels not in (1, 3, 4):
-            raise ValueError(
-                f"{page.name} has {page.channels} channels; slices have one number per pixel, or "
-                "colors: convert it to gray"
-            )
-        if page[1:5] != first[1:5]:
-            raise ValueError(
-                f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
-                f"{first.width} x {first.height} {first.dtype}; slices must be alike"
-            )
-    return pages
 
 
 def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage]) -> NDArray[Any]:
@@ -355,7 +327,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
-    """Undo premultiplied alpha, which some files have."""
+    """Undo premultiplied alpha, if the file has it."""
     if spec.nchannels != 4 or spec.get_int_attribute("oiio:UnassociatedAlpha"):
         return pixels
     alpha, most = pixels[..., 3:].astype(np.float64), 1.0
@@ -392,12 +364,31 @@ class TiffStack(OneOfAll):
 
     def recorded(self, path: Path, check: Check = accept_any) -> Recording:
         if path.is_dir():
-            paths, name = files_with(path, self.suffixes), path.resolve().name
+            files = (file for file in path.iterdir() if file.suffix.lower() in self.suffixes)
+            paths = sorted((file for file in files if not file.name.startswith(".")), key=natural)
+            name = path.resolve().name
         else:
             paths, name = [existing_file(path)], stem(path, self.suffixes)
         if not paths:
             raise ValueError(f"{path} holds no slices; known are {', '.join(self.suffixes)}")
-        pages = stack_pages(paths)
+        # Walk all slices; they must be alike.
+        pages = []
+        with suppressed_output():
+            for page in (page for path in paths for page, _ in _walk(path)):
+                pages.append(page)
+                check_items(paths[0].name, len(pages), "slices")
+        first = pages[0]
+        for page in pages:
+            if page.channels not in (1, 3, 4):
+                raise ValueError(
+                    f"{page.name} has {page.channels} channels; slices have one number per pixel, "
+                    "or colors: convert it to gray"
+                )
+            if page[1:5] != first[1:5]:
+                raise ValueError(
+                    f"{page.name} is {page.width} x {page.height} {page.dtype}, {first.name} is "
+                    f"{first.width} x {first.height} {first.dtype}; slices must be alike"
+                )
         first, count = pages[0], len(pages)
         facts = stack_facts(first.told, count, first.channels, name, is_alone=len(paths) == 1)
         own = (facts.spacing, facts.length)

@@ -1,16 +1,23 @@
-"""Legacy files of VTK (`.vtk`), text or binary: image data, rectilinear grids, grids of cells.
+"""VTK's files: legacy ones as text or binary, and XML (.vti, .vtr), with checks that VTK needs."""
 
-The form is that of "VTK File Formats" (docs.vtk.org): numbers of binary files are big-endian.
-"""
-
+import base64
 import math
+import re
+import struct
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
+from math import prod
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from resample.reading.limits import check_size
+from resample.reading.limits import check_ratio, check_size, check_unpacked
+from resample.reading.native import plain, suppressed_output
+from resample.reading.texts import check_xml_file
 from resample.registry import load, missing
 from resample.types import Doubles
 from resample_volume.data.recordings import alone
@@ -21,14 +28,18 @@ from resample_volume.files.headers import (
     OneOfAll,
     VolumeHeader,
     VoxelData,
+    accept_any,
     check_shape,
+    existing_file,
     header,
     recording,
+    stem,
     voxels,
 )
 from resample_volume.files.sections import (
     Array,
     ArrayQuery,
+    Named,
     Sections,
     cells_between,
     check_part,
@@ -39,7 +50,463 @@ from resample_volume.files.sections import (
     part_of,
 )
 from resample_volume.files.texts import Numbers, numbers, steps_of
-from resample_volume.types import Recording
+from resample_volume.types import Recording, Volume
+
+BLOCK = 1 << 16  # bytes parsed at a time
+APPENDED = "AppendedData"  # what follows its beginning is no XML
+WHOLE = ("ImageData", "RectilinearGrid", "StructuredGrid")  # elements that pieces fill
+ARRAYS = ("DataArray", "Array")
+NUMBER = re.compile(r"-?\d{1,12}", re.ASCII)
+LARGEST = 1 << 40  # largest plausible count
+WIDEST = 32  # bytes of an empty text
+WIDTHS = {"8": 1, "6": 2, "2": 4, "4": 8}  # bytes of a number, by the last digit of its type
+LETTERS = 32  # of base64 for three numbers of 64 bits
+LETTER = re.compile(rb"[A-Za-z0-9+/]*")
+KEPT = ("version", "byte_order", "header_type", "compressor")  # of the whole file
+NAME = "offsets"
+POLYHEDRA = ("faceoffsets", "face_offsets", "polyhedron_offsets", "faces")
+BYTES = 8  # of a corner's number in memory
+
+
+class _NotXmlError(Exception):
+    """The XML part of the file has ended."""
+
+
+@dataclass
+class Element:
+    """An element and its location."""
+
+    name: str
+    attributes: dict[str, str]
+    start: int  # byte of its tag
+    data: int = -1  # byte of its first non-blank character; -1: none
+    end: int = -1  # byte of its end; -1: it has none
+
+
+def elements_of(content: mmap) -> list[Element]:
+    """Return all elements in order, as far as a file is XML; appended data is the last."""
+    from xml.parsers import expat
+
+    parser, seen = expat.ParserCreate(), _Tracker()
+    seen.parser = parser
+    parser.StartElementHandler, parser.EndElementHandler = seen.begun, seen.ended
+    try:
+        for start in range(0, len(content), BLOCK):
+            parser.Parse(content[start : start + BLOCK], False)
+    except (expat.ExpatError, LookupError, _NotXmlError):  # look-ups are of encodings
+        pass
+    return seen.every
+
+
+def data_start(content: mmap, appended: Element) -> int:
+    """Return the byte after the underscore of appended data; -1: there is none."""
+    place = content.find(b">", appended.start) + 1
+    while place and content[place : place + 1].isspace():
+        place += 1
+    return place + 1 if place and content[place : place + 1] == b"_" else -1
+
+
+class _Tracker:
+    """Parser state: finished elements, and the open ones."""
+
+    def __init__(self) -> None:
+        self.every: list[Element] = []
+        self.around: list[Element] = []
+        self.parser: Any = None
+
+    def begun(self, name: str, attributes: dict[str, str]) -> None:
+        """Enter an element."""
+        self.every.append(Element(name, attributes, self.parser.CurrentByteIndex))
+        if name == APPENDED:
+            raise _NotXmlError
+        self.around.append(self.every[-1])
+        self.parser.CharacterDataHandler = self.text
+
+    def ended(self, _: str) -> None:
+        """Leave an element."""
+        self.around.pop().end = self.parser.CurrentByteIndex
+        is_open = bool(self.around) and self.around[-1].data < 0
+        self.parser.CharacterDataHandler = self.text if is_open else None
+
+    def text(self, text: str) -> None:
+        """Record where an element's data begin."""
+        if self.around and text.strip():
+            before = len(text) - len(text.lstrip())
+            self.around[-1].data = self.parser.CurrentByteIndex + before
+            self.parser.CharacterDataHandler = None
+
+
+def check_blocks(path: Path) -> None:
+    """Reject sizes beyond what the file can hold: VTK would end the process."""
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        every = elements_of(content)
+        if not every:
+            raise ValueError(f"{path.name} is damaged: it is no XML")
+        size, attributes = len(content), every[0].attributes
+        number = "<Q" if attributes.get("header_type") == "UInt64" else "<I"
+        if attributes.get("byte_order") == "BigEndian":
+            number = number.replace("<", ">")
+        is_packed = "compressor" in attributes
+        if every[-1].name == APPENDED and data_start(content, every[-1]) < 0:
+            raise ValueError(f"{path.name} is damaged: its data do not begin with an underscore")
+        unpacked = 0
+        for begin in _begins(content, every):
+            numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
+            if not numbers or (is_packed and numbers[0] and len(numbers) < 2):
+                raise ValueError(f"{path.name} is damaged: data do not begin with their size")
+            if numbers[0] > size:
+                raise ValueError(
+                    f"{path.name} is damaged: {numbers[0]} bytes or blocks are not there"
+                )
+            if is_packed and len(numbers) > 1:
+                if numbers[0] and not numbers[1]:  # VTK divides by it
+                    raise ValueError(f"{path.name} is damaged: blocks of data have no size")
+                unpacked += numbers[0] * numbers[1]
+                check_unpacked(path.name, size, unpacked)
+        size = len(content)
+        # Reject arrays far larger than the file: VTK would allocate them.
+        needed = places = whole = filled = 0
+        for element in every:
+            attributes = element.attributes
+            if element.name == "Piece":
+                counts = [
+                    count_of(attributes.get(key, "1"))
+                    for key in ("NumberOfPoints", "NumberOfCells")
+                ]
+                places = max(1, _inside(attributes.get("Extent", "")), *counts)
+                filled += places
+                needed += places
+            elif element.name in WHOLE:
+                whole = _inside(attributes.get("WholeExtent", ""))
+            elif element.name in ARRAYS:
+                rows = max(places, count_of(attributes.get("NumberOfTuples", "0")))
+                width = WIDTHS.get(attributes.get("type", "")[-1:], WIDEST)
+                needed += rows * count_of(attributes.get("NumberOfComponents", "1")) * width
+            check_ratio(path.name, size, needed)
+        if whole > filled:
+            raise ValueError(f"{path.name} is damaged: its pieces hold {filled} of {whole} points")
+        require_memory(needed, path.name)
+
+
+def count_of(text: str) -> int:
+    """Parse a count; an invalid one counts as large."""
+    number = _number(text)
+    return LARGEST if number < 0 else number
+
+
+def _inside(extent: str) -> int:
+    """Return the points within an extent; 0 for an invalid one."""
+    ends = [_number(end) for end in extent.split()]
+    if len(ends) != 6:
+        return 0
+    return prod(max(0, b - a + 1) for a, b in zip(ends[::2], ends[1::2], strict=True))
+
+
+def _number(text: str) -> int:
+    """Parse an integer; an invalid one counts as large."""
+    known = NUMBER.fullmatch(text.strip())
+    return int(text) if known else LARGEST
+
+
+def _begins(content: mmap, every: list[Element]) -> Iterator[bytes]:
+    """Return the first bytes of each array's data."""
+    appended = every[-1] if every[-1].name == APPENDED else None
+    start = -1 if appended is None else data_start(content, appended)
+    for element in every:
+        attributes = element.attributes
+        if attributes.get("format") == "binary" and element.data >= 0:
+            yield _decoded(content[element.data : element.data + LETTERS])
+        elif appended is not None and (attributes.get("offset") or "-").strip().isdecimal():
+            place = start + count_of(attributes["offset"])
+            begin = content[place : place + LETTERS]
+            yield _decoded(begin) if appended.attributes.get("encoding") == "base64" else begin
+
+
+def _decoded(letters: bytes) -> bytes:
+    """Decode base64 up to the first invalid character or padding."""
+    known = LETTER.match(letters)
+    found = known[0] if known else b""
+    found = found[: len(found) - (len(found) % 4 == 1)]
+    return base64.b64decode(found + b"=" * (-len(found) % 4))
+
+
+def _whole(begin: bytes, number: str) -> bytes:
+    """Return the bytes of two numbers, or of fewer at the end."""
+    width = struct.calcsize(number)
+    return begin[: min(2, len(begin) // width) * width]
+
+
+class _Ends(NamedTuple):
+    """An array of cell offsets."""
+
+    cells: int
+    attributes: dict[str, str]  # of the array
+    data: bytes  # within its element, or appended
+
+
+def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
+    """Return all arrays of offsets, one per piece."""
+    first = data_start(content, every[-1]) if every[-1].name == APPENDED else -1
+    starts = sorted({count_of(each.attributes.get("offset", "")) for each in every})
+    cells = 0
+    for element in every:
+        attributes, label = element.attributes, element.attributes.get("Name", "").lower()
+        if element.name == "Piece":
+            cells = count_of(attributes.get("NumberOfCells", "0"))
+        elif label in POLYHEDRA:
+            raise ValueError(
+                f"{name} has polyhedra, which are not read from files; cut their cells "
+                "(ParaView's Tetrahedralize), or give the grid to as_volume in Python"
+            )
+        elif label == NAME and cells:
+            if attributes.get("format") != "appended":
+                yield _Ends(cells, attributes, content[element.data : element.end] or b" ")
+            elif first >= 0:
+                start = count_of(attributes.get("offset", ""))
+                following = [each for each in starts if each > start]
+                end = first + min(following[0] if following else len(content), len(content))
+                yield _Ends(cells, attributes, content[first + start : end])
+
+
+def _table(about: dict[str, str], form: str, ends: _Ends) -> bytes:
+    """Return the file of a table with only that column."""
+    is_apart = ends.attributes.get("format") == "appended"
+    attributes = {key: ends.attributes.get(key, "") for key in ("type", "format")}
+    about, rows = {"type": "Table", **about}, {"NumberOfCols": "1", "NumberOfRows": str(ends.cells)}
+    column = f"<DataArray{_attributes({'Name': NAME, **attributes})}"
+    head = f'<?xml version="1.0"?><VTKFile{_attributes(about)}><Table><Piece{_attributes(rows)}>'
+    head += f"<RowData>{column}"
+    foot = "</RowData></Piece></Table>"
+    if not is_apart:
+        return f"{head}>".encode() + ends.data + f"</DataArray>{foot}</VTKFile>".encode()
+    head += f' offset="0"/>{foot}<AppendedData{_attributes({"encoding": form})}>_'
+    end = b"</AppendedData></VTKFile>"
+    return head.encode() + ends.data.partition(b"</AppendedData")[0] + end
+
+
+def _attributes(attributes: dict[str, str]) -> str:
+    from xml.sax.saxutils import quoteattr
+
+    return "".join(f" {key}={quoteattr(text)}" for key, text in attributes.items())
+
+
+def _last(name: str, table: bytes) -> int:
+    """Return the largest offset."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    failures: list[str] = []
+    reader: Any = import_module("vtkmodules.vtkIOXML").vtkXMLTableReader()
+    reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
+    with tempfile.TemporaryDirectory(prefix="resample-offsets-") as folder:
+        place = Path(folder, "a.vtt")
+        place.write_bytes(table)
+        reader.SetFileName(str(place))
+        with suppressed_output():
+            reader.Update()
+    column = reader.GetOutput().GetRowData().GetArray(NAME)
+    if failures or column is None or not column.GetNumberOfTuples():
+        raise ValueError(f"{name} is damaged: where its cells end cannot be read")
+    found = vtk_to_numpy(column)
+    if found.min() < 0:
+        raise ValueError(f"{name} is damaged: cells end before they begin")
+    return int(found.max())
+
+
+UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
+BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
+
+
+def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = accept_any) -> Recording:
+    """Read one array at points or cells; components are channels, or a color."""
+    image = grid_of(path, "vtkXMLImageDataReader")
+    chosen, every, values = _values(image, wanted, path.name)
+    with path.open("rb") as file:  # as written: VTK makes it (1, 1, 1) if it is not a number
+        found = re.search(rb"<ImageData[^>]*\bSpacing=\"([^\"]*)\"", file.read(1 << 16))
+    spacing = [float(text) for text in found[1].split()] if found else None
+    known = image_header(image, values.dtype, spacing, name, is_of_cells=chosen.is_of_cells)
+    known = of_parts(known, chosen, every, wanted)
+    check(known)
+    return recording(part_of(values, chosen, wanted, name), known)
+
+
+def read_vtr(path: Path, wanted: ArrayQuery, name: str) -> Volume:
+    """Read one array of a rectilinear grid; parameters as of `read_vti`."""
+    grid = grid_of(path, "vtkXMLRectilinearGridReader")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    chosen, every, values = _values(grid, wanted, path.name)
+    points = grid.GetDimensions()
+    shape = cells_between(points) if chosen.is_of_cells else points
+    known = of_parts(header(shape, values.dtype, name), chosen, every, wanted)
+    check_single(known, path.name)
+    axes = (grid.GetXCoordinates(), grid.GetYCoordinates(), grid.GetZCoordinates())
+    x, y, z = (middles(vtk_to_numpy(axis), of_cells=chosen.is_of_cells) for axis in axes)
+    values = part_of(values, chosen, wanted, name)
+    made = rectilinear(values.reshape(known.shape[::-1]), x, y, z, name)
+    return made._replace(length=known.length)
+
+
+def points_along(data: Any) -> tuple[int, ...]:
+    """Return points along x, y, z of a structured grid, in a way that all VTK versions support."""
+    first, last = np.reshape(data.GetExtent(), (3, 2)).T.tolist()
+    return tuple(b - a + 1 for a, b in zip(first, last, strict=True))
+
+
+def grid_of(path: Path, reader_name: str) -> Any:
+    """Read a file by a reader of VTK's."""
+    try:
+        forms = import_module("vtkmodules.vtkIOXML")
+    except ImportError:
+        raise ValueError(
+            f"{path.name}: {path.suffix} is read by VTK; pip install 'hybrid-resample[vtk]'"
+        ) from None
+    _check_end(path)
+    check_xml_file(path, "AppendedData")
+    check_blocks(path)
+    if reader_name == UNSTRUCTURED:
+        # Reject cells with far more corners than the file can hold
+        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+            every = elements_of(content)
+            about = {key: told for key, told in every[0].attributes.items() if key in KEPT}
+            form = every[-1].attributes.get("encoding", "") if every[-1].name == APPENDED else ""
+            for ends in _ends(path.name, content, every):
+                corners = _last(path.name, _table(about, form, ends))
+                check_unpacked(path.name, len(content), BYTES * corners)
+    failures: list[str] = []
+    reader = getattr(forms, reader_name)()
+    reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
+    reader.SetFileName(plain(path))
+    with suppressed_output():
+        reader.UpdateInformation()
+        _refuse(failures, path.name)
+        _require_memory(reader, path)
+        reader.Update()
+        _refuse(failures, path.name)
+    return reader.GetOutput()
+
+
+def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[Named, list[Named], Any]:
+    """Return the chosen array, all arrays, and the values (N,), or (N, C) with components."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    every = arrays_of(grid)
+    names = [named for named, _ in every]
+    chosen = choose(names, wanted, name)
+    return (
+        chosen,
+        names,
+        vtk_to_numpy(every[names.index(chosen)][1]),
+    )  # holds a reference to VTK's memory
+
+
+def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
+    """Return the numeric arrays at the points and cells of a data set of VTK's."""
+    return [
+        (
+            Named(
+                str(held.GetArrayName(n)),
+                held.GetArray(n).GetNumberOfComponents(),
+                of_cells,
+                held.GetArray(n) is held.GetScalars(),
+            ),
+            held.GetArray(n),
+        )
+        for of_cells, held in ((False, grid.GetPointData()), (True, grid.GetCellData()))
+        for n in range(held.GetNumberOfArrays())
+        if held.GetArray(n)  # texts are none
+    ]
+
+
+def image_header(
+    image: Any, dtype: Any, spacing: Any, name: str, *, is_of_cells: bool
+) -> VolumeHeader:
+    """Return the header of image data; its first voxel may have any index.
+
+    `spacing`: replaces the image's; None: the image's. `is_of_cells`: whether voxels are its cells.
+    """
+    points = image.GetDimensions()
+    known = header(
+        cells_between(points) if is_of_cells else points,
+        dtype,
+        name,
+        spacing=image.GetSpacing() if spacing is None else spacing,
+        origin=image.GetOrigin(),
+        direction=np.reshape(image.GetDirectionMatrix().GetData(), (3, 3)),
+    )
+    first = known.spacing * (np.array(image.GetExtent()[::2]) + is_of_cells / 2)
+    return known._replace(origin=known.origin + known.direction @ first)
+
+
+def _require_memory(reader: Any, path: Path) -> None:
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+
+    attributes = reader.GetOutputInformation(0)
+    if not attributes.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
+        return  # not a grid; the caller rejects it
+    extent = attributes.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
+    first, last = np.reshape(extent, (3, 2)).T.tolist()
+    count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
+    require_memory(count, path.name)  # at least a byte per voxel
+    check_unpacked(path.name, path.stat().st_size, count)
+
+
+def _check_end(path: Path) -> None:
+    """Reject truncated files and invalid base64: VTK would read forever."""
+    with path.open("rb") as file:
+        head = re.search(rb'<AppendedData\s+encoding="base64"\s*>\s*_', file.read(1 << 16))
+        file.seek(max(0, path.stat().st_size - 1024))
+        last = file.read()
+        if b"</VTKFile" not in last:
+            _refuse(["its end is missing"], path.name)
+        if head is None:
+            return
+        file.seek(head.end())
+        while block := file.read(1 << 20):
+            content, end, _ = block.partition(b"<")
+            if not BASE64.fullmatch(content):
+                _refuse(["letters that are none of base64"], path.name)
+            if end:
+                return
+
+
+def _refuse(failures: list[str], name: str) -> None:
+    if failures:
+        raise ValueError(f"{name} is damaged or not what its suffix says; get the file again")
+
+
+@dataclass(frozen=True)
+class Vti(OneOfAll):
+    """VTK image data, at points or cells. Components are channels, or a color."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vti",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+
+    def read(self, path: Path, name: str, check: Check) -> Recording:
+        wanted = ArrayQuery(self.array, self.part, "vti")
+        return read_vti(path, wanted, name, check)
+
+
+@dataclass(frozen=True)
+class Vtr:
+    """VTK rectilinear grid; values at points, or at the cells between planes."""
+
+    array: str = ""  # name of the array; empty: the active one, or the only one of scalars
+    part: str = ""  # magnitude: lengths of the array's vectors
+
+    suffixes: ClassVar[tuple[str, ...]] = (".vtr",)
+
+    def __post_init__(self) -> None:
+        check_part(self.part)
+
+    def __call__(self, path: Path) -> Volume:
+        wanted = ArrayQuery(self.array, self.part, "vtr")
+        return read_vtr(existing_file(path), wanted, stem(path, self.suffixes))
+
 
 OTHERS = {
     "polydata": "a surface; write it as PLY or STL and show it with --mesh beside a volume",
@@ -58,51 +525,6 @@ class _Lattice(NamedTuple):
     planes: list[Doubles]  # coordinates along x, y, z if uneven; otherwise none
 
 
-def read_vtk(
-    path: Path, wanted: ArrayQuery, spacing: tuple[float, ...], name: str, check: Check
-) -> Recording:
-    """Read one array, at points or cells; components are channels, or a color.
-
-    Spacing is for grids of cells, which are resampled; by `hybrid-resample-cells`.
-    """
-    with path.open("rb") as file:
-        found = Sections(file, path.name)
-        if found.is_text:
-            check_size(path.name, path.stat().st_size)
-        if found.dataset in GRIDS:
-            if absent := missing("readers", "vtu"):
-                raise ValueError(f"{found.name} holds a grid of cells; {absent}")
-            grids: Any = load("readers", "vtu")
-            read: Recording = grids.of_sections(found, wanted, spacing, name, check)
-            return read
-        if spacing:
-            raise ValueError(
-                f"{found.name} is no grid of cells, which spacing of the reader {wanted.reader} is "
-                "for: leave it out, or give --spacing, which takes the place of the file's"
-            )
-        lattice = _lattice(found)
-        points = lattice.points
-        arrays = found.arrays(math.prod(points), math.prod(cells_between(points)))
-        chosen = choose([each.named for each in arrays], wanted, path.name)
-        array = next(each for each in arrays if each.named == chosen)
-        bare = _header(lattice, array, name)
-        known = of_parts(bare, chosen, [each.named for each in arrays], wanted)
-        if lattice.planes:
-            check_single(known, path.name)
-        check(known)
-        stored = bare._replace(parts=chosen.parts)
-        if found.is_text:
-            require_memory(stored.size, name)
-            file.seek(array.start)
-            values = numbers(file, array.size, array.dtype, path.name)
-            if array.is_shade:
-                values = np.rint(255 * np.clip(np.nan_to_num(values), 0, 1)).astype(np.uint8)
-        else:
-            values = voxels(VoxelData([path], array.start, is_exact=False), stored)
-    every = recording(part_of(values, chosen, wanted, name), known)
-    return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every
-
-
 @np.errstate(all="ignore")  # absurd numbers are rejected, without warnings
 def _lattice(found: Sections) -> _Lattice:
     """Read the header of the lattice, up to the first array of points or cells."""
@@ -110,7 +532,18 @@ def _lattice(found: Sections) -> _Lattice:
         known = "nothing that is known; known are STRUCTURED_POINTS, RECTILINEAR_GRID and grids"
         why = OTHERS.get(found.dataset, known)
         raise ValueError(f"{found.name} holds {found.dataset.upper()[:40]!r}, {why}")
-    told, planes = _fields(found)
+    # Read numbers by key, and coordinates of planes
+    told: dict[str, list[float]] = {}
+    planes: dict[str, Doubles] = {}
+    while (words := found.line()) and words[0].lower() not in ("point_data", "cell_data"):
+        word = words[0].lower()
+        if word in AXES:
+            planes[word] = found.coordinates(words)
+        elif word == "field":
+            found.skip_field(words)
+        else:
+            told[word] = found.floats(words[1:])
+    found.back()
     first = np.zeros(3)
     if len(told.get("extent", ())) == 6:
         low, high = np.reshape(told["extent"], (3, 2)).T
@@ -127,22 +560,6 @@ def _lattice(found: Sections) -> _Lattice:
     if missing:
         raise ValueError(f"{found.name} is damaged: it has no {', '.join(missing)}")
     return _Lattice(points, np.ones(3), np.zeros(3), [planes[key] for key in AXES])
-
-
-def _fields(found: Sections) -> tuple[dict[str, list[float]], dict[str, Doubles]]:
-    """Read numbers by key, and coordinates of planes."""
-    told: dict[str, list[float]] = {}
-    planes: dict[str, Doubles] = {}
-    while (words := found.line()) and words[0].lower() not in ("point_data", "cell_data"):
-        key = words[0].lower()
-        if key in AXES:
-            planes[key] = found.coordinates(words)
-        elif key == "field":
-            found.skip_field(words)
-        else:
-            told[key] = found.floats(words[1:])
-    found.back()
-    return told, planes
 
 
 def _header(lattice: _Lattice, array: Array, name: str) -> VolumeHeader:
@@ -184,4 +601,42 @@ class Vtk(OneOfAll):
 
     def read(self, path: Path, name: str, check: Check) -> Recording:
         wanted = ArrayQuery(self.array, self.part, "vtk")
-        return read_vtk(path, wanted, steps_of(self.spacing), name, check)
+        spacing = steps_of(self.spacing)
+        # Read one array, at points or cells; components are channels, or a color
+        with path.open("rb") as file:
+            found = Sections(file, path.name)
+            if found.is_text:
+                check_size(path.name, path.stat().st_size)
+            if found.dataset in GRIDS:
+                if absent := missing("readers", "vtu"):
+                    raise ValueError(f"{found.name} holds a grid of cells; {absent}")
+                grids: Any = load("readers", "vtu")
+                read: Recording = grids.of_sections(found, wanted, spacing, name, check)
+                return read
+            if spacing:
+                raise ValueError(
+                    f"{found.name} is no grid of cells, which spacing of the reader "
+                    f"{wanted.reader} is for: leave it out, or give --spacing, which takes the "
+                    "place of the file's"
+                )
+            lattice = _lattice(found)
+            points = lattice.points
+            arrays = found.arrays(math.prod(points), math.prod(cells_between(points)))
+            chosen = choose([each.named for each in arrays], wanted, path.name)
+            array = next(each for each in arrays if each.named == chosen)
+            bare = _header(lattice, array, name)
+            known = of_parts(bare, chosen, [each.named for each in arrays], wanted)
+            if lattice.planes:
+                check_single(known, path.name)
+            check(known)
+            stored = bare._replace(parts=chosen.parts)
+            if found.is_text:
+                require_memory(stored.size, name)
+                file.seek(array.start)
+                values = numbers(file, array.size, array.dtype, path.name)
+                if array.is_shade:
+                    values = np.rint(255 * np.clip(np.nan_to_num(values), 0, 1)).astype(np.uint8)
+            else:
+                values = voxels(VoxelData([path], array.start, is_exact=False), stored)
+        every = recording(part_of(values, chosen, wanted, name), known)
+        return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every

@@ -18,8 +18,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.files.stores.metadata import SPACE, Holes, Layout, Level, layout_of, moved, values_of
-from resample.files.stores.opening import Address, Place, reading
+from resample.files.stores.metadata import (
+    SPACE,
+    Holes,
+    Layout,
+    Level,
+    holes_of,
+    layout_of,
+    moved,
+    values_of,
+)
+from resample.files.stores.opening import Address, Place, open_node, reading, reading_metadata
 from resample.files.writing import load_arrays, store_arrays
 from resample.memory.mapped import folder
 from resample.outofcore.bricks import Box, Step
@@ -44,7 +53,7 @@ from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording, Volume
 if TYPE_CHECKING:
     import zarr
 
-RECENT = 2.0  # seconds within which a file may change without a new timestamp
+RECENT = 2.0  # seconds in which a file may change without a new timestamp
 SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
 BATCH_SIZE = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
@@ -92,22 +101,6 @@ def state_of_files(store: Path, array: str) -> State | None:
             digest.update(os.fsencode(stamp))
         return State(digest.hexdigest(), newest < before)
     return None
-
-
-def state_of_server(portion: Portion) -> State | None:
-    """Return the state of a part of a remote array; None if its server does not tell enough.
-
-    Object stores list chunks with tags, which change with each write. A web server gets a HEAD
-    request for every chunk of the part: it must return a strong tag or a time for each; with times,
-    the state is settled an hour after the last.
-    """
-    import obstore
-
-    place = portion.array.store.within.store  # of a `GuardedStore`
-    if isinstance(place, obstore.store.HTTPStore):
-        return _state(portion, _request_metadata(place, portion), is_web=True)
-    listed = _state(portion, _listed(place, portion), is_web=False)
-    return listed or _state(portion, _request_metadata(place, portion), is_web=False)
 
 
 def _state(portion: Portion, chunks: Iterator[ChunkMetadata], *, is_web: bool) -> State | None:
@@ -227,7 +220,17 @@ class StoredStatistics:
     def _state(self) -> State | None:
         """State at the first call."""
         if isinstance(self.store, Address):
-            return state_of_server(self.portion)
+            # Object stores list chunks with tags, which change with each write. A web server gets a
+            # HEAD request for every chunk: it must return a strong tag or a time for each; with
+            # times, the state is settled an hour after the last.
+            import obstore
+
+            place = self.portion.array.store.within.store  # of a `GuardedStore`
+            if isinstance(place, obstore.store.HTTPStore):
+                return _state(self.portion, _request_metadata(place, self.portion), is_web=True)
+            listed = _state(self.portion, _listed(place, self.portion), is_web=False)
+            asked = _request_metadata(place, self.portion)  # one request for each chunk
+            return listed or _state(self.portion, asked, is_web=False)
         return state_of_files(self.store, self.portion.array.path)
 
     @property
@@ -351,7 +354,7 @@ class Chunked:
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels read together; None: by chunks
-    store: Place | None = None  # folder, zip file or address whose statistics are cached
+    store: Place | None = None  # folder, zip file or address, to cache statistics by
     alone: tuple[str, int] | None = None  # the only time or channel
     holes: Holes | None = None  # what is missing of the array
 
@@ -431,7 +434,7 @@ class Chunked:
 
 
 LOSS = {1: "27 to 44", 2: "21 to 39"}  # measured dB of pictures from coarser levels
-SERIES = "bioformats2raw.layout"  # attribute of a group of images, which are 0, 1 and so on
+SERIES = "bioformats2raw.layout"  # attribute of a group of images 0, 1 and so on
 LETTERS = {3: "zyx", 4: "tzyx", 5: "tczyx"}  # of plain arrays, by their dimensions
 
 
@@ -465,24 +468,8 @@ class Zarr:
     def streamed(
         self, path: Place, check: Check = accept_any, brick: Step | None = None
     ) -> Recording:
-        """Open all times and channels; values stay in the file, see `Chunked`.
-
-        Parameters
-        ----------
-        path
-            Folder or zip file, or address.
-        check
-            May reject the header.
-        brick
-            Voxels along z, y and x that are read together; None: by chunks.
-
-        Raises
-        ------
-        ValueError, OSError
-            It cannot be read, or holds no such level.
-        """
+        """Open all times and channels; values stay in the file, see `Chunked`."""
         from resample.files.stores.guarding import guard
-        from resample.files.stores.metadata import holes_of
 
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
@@ -563,13 +550,23 @@ class Zarr:
 
 def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
     """Return the metadata of an image, and its location."""
-    from resample.files.stores.opening import open_node, reading_metadata
-
     node = open_node(path)  # the message says what is missing
     import zarr
 
     if isinstance(node, zarr.Array):
-        return _plain(node, name), node
+        # A plain array is no part of an image.
+        own = getattr(node.metadata, "dimension_names", None)
+        named = own or node.attrs.get("_ARRAY_DIMENSIONS")
+        letters = "".join(str(axis).lower()[:1] for axis in named or ())
+        if not (set(letters) >= set(SPACE) and set(letters) <= set("tczyx")):
+            letters = LETTERS.get(node.ndim, "")
+        if len(letters) != node.ndim or len(set(letters)) < len(letters):
+            raise ValueError(
+                f"{name} has {node.ndim} dimensions; a volume has 3 (z, y, x), or 4 or 5 with "
+                "times and channels before them"
+            )
+        level = Level("", np.ones(node.ndim), np.zeros(node.ndim), is_placed=True)
+        return Layout(letters, (level,), VOXEL), node
     attributes = dict(node.attrs)
     told = attributes.get("ome", attributes)
     if isinstance(told, dict) and SERIES in told and "multiscales" not in told:
@@ -593,26 +590,9 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
     return layout, node
 
 
-def _plain(array: "zarr.Array[Any]", name: str) -> Layout:
-    """Return an array that is not part of an image."""
-    named = getattr(array.metadata, "dimension_names", None) or array.attrs.get("_ARRAY_DIMENSIONS")
-    letters = "".join(str(axis).lower()[:1] for axis in named or ())
-    if not (set(letters) >= set(SPACE) and set(letters) <= set("tczyx")):
-        letters = LETTERS.get(array.ndim, "")
-    if len(letters) != array.ndim or len(set(letters)) < len(letters):
-        raise ValueError(
-            f"{name} has {array.ndim} dimensions; a volume has 3 (z, y, x), or 4 or 5 with times "
-            "and channels before them"
-        )
-    count = array.ndim
-    return Layout(letters, (Level("", np.ones(count), np.zeros(count), is_placed=True),), VOXEL)
-
-
 def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
     """Return the array of a level."""
     import zarr
-
-    from resample.files.stores.opening import reading_metadata
 
     if isinstance(node, zarr.Array):
         return node

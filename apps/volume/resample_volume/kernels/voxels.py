@@ -15,7 +15,7 @@ CHUNK = 64  # rays that a thread takes at a time
 STEPS = 4  # of a ray through a field, per voxel
 MOST = 1 << 14  # voxels in a queue
 NONE = -1  # no voxel
-COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # what is picked in a field
+COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # projections of a field
 
 Size = tuple[int, int, int]
 Found = tuple[int, float]  # flat index of a voxel, and the transmittance behind it

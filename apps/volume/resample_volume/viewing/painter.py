@@ -29,7 +29,7 @@ from resample.view.views import (
     keyframes_as_toml,
     projection_of,
 )
-from resample_volume.annotations import annotated, bar_of
+from resample_volume.annotations import annotated, bar_of, measure
 from resample_volume.appearance import Appearance, VolumeLayer, named_transfer, transfer_of
 from resample_volume.classification.scales import value_at
 from resample_volume.classification.transfer import Transfer
@@ -43,7 +43,6 @@ from resample_volume.command.animation import (
 )
 from resample_volume.command.choices import AppearanceChoices, BesideFilm
 from resample_volume.editing import points_of, spelled
-from resample_volume.lines import measure
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene

@@ -208,7 +208,7 @@ def shown_by(
 ) -> FramedVoxels:
     """Return the voxels that are visible when composited, under any projection.
 
-    `planes`: (M, 4) clip planes, as from `cropping.planes`. `radius`: radius of the kernels,
+    `planes`: (M, 4) clip planes, as from `framing.planes`. `radius`: radius of the kernels,
     voxels.
     """
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
@@ -254,7 +254,7 @@ def shown_by(
 
 
 class Counting(NamedTuple):
-    """Cells of a volume in which visible voxels count for a camera."""
+    """Cells of a volume with the visible voxels that count for a camera."""
 
     cells: NDArray[np.bool_]  # (Z, Y, X)
     side: int  # voxels
@@ -296,7 +296,7 @@ def _body(volume: Volume) -> Counting | None:
 
 
 def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
-    """Return all but the small parts of what is visible, by flat indices of voxels.
+    """Return the large visible parts, by flat indices of voxels.
 
     None: small parts are too many to be left out.
     """
@@ -325,7 +325,7 @@ def corners(volume: Volume) -> Doubles:
     return np.asarray(volume.origin + index @ lattice_of(volume).T)
 
 
-def ball_around(volume: Volume) -> Sphere:
+def bounding_sphere(volume: Volume) -> Sphere:
     """Return the bounding sphere of all voxels, visible or not."""
     corner = corners(volume)
     center = corner.mean(axis=0)
@@ -508,7 +508,7 @@ def bounds(position: Floats) -> tuple[Doubles, Doubles]:
 
 @dataclass(frozen=True, eq=False)
 class Shifted:
-    """A camera in a scene whose origin was moved to `origin`, (3,) in the camera's own scene."""
+    """A camera for a scene moved so that `origin`, (3,) in the camera's scene, is its origin."""
 
     camera: AnyCamera
     origin: Doubles

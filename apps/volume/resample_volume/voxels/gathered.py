@@ -42,7 +42,14 @@ from resample_volume.classification.value_statistics import counted, survey
 from resample_volume.data.scanning import are_few
 from resample_volume.data.values import require_memory, slabs
 from resample_volume.types import Volume
-from resample_volume.voxels.shading import PAD, Light, lamp_of, numbered, tint_of
+from resample_volume.voxels.shading import (
+    PAD,
+    Light,
+    field_transmittance,
+    lamp_of,
+    numbered,
+    tint_of,
+)
 from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
@@ -68,12 +75,12 @@ if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
 
 BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface is known
-NOTHING = -1  # in place of an index, see `kernels.filling`
+NOTHING = -1  # in place of an index, see `kernels.voxels`
 BESIDE = 0.1  # fraction of the way between two values that the field of one does not reach
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
 COLUMNS = 4096  # columns of a table of looks; integer values fall on columns
 MOST_COLUMNS = 1 << 16
-MARGIN = 64  # values beyond each end of the robust range whose looks are compared with its ends
+MARGIN = 64  # values compared with each end of the robust range, beyond it
 
 UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 
@@ -273,13 +280,11 @@ def with_shadows(
     clip: Doubles,
     light: Light,
 ) -> list[Gathered]:
-    """Add shadows and ambient occlusion, by all fields of a scene, to each of them.
+    """Add shadows and ambient occlusion by all fields of a scene.
 
     `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
     occludes no light.
     """
-    from resample_volume.voxels.shading import field_transmittance
-
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
     lit = []
@@ -369,6 +374,8 @@ def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
 
 def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Flags]:
     """Fill missing values with the nearest known; also return which are known, if not all."""
+    from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
+
     if values.dtype.kind != "f":
         return values, np.zeros(0, np.uint8)
     if all(np.isfinite(part).all() for part in slabs(values)):
@@ -389,14 +396,12 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         nothing = array_like(values, values.shape, np.float32, FIELD)
         nothing[...] = 0
         return nothing, known.reshape(-1)
-    known = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
+    inner = known[PAD:-PAD, PAD:-PAD, PAD:-PAD]
     # Fill gaps with the nearest known value, plane by plane
-    from resample_volume.kernels.voxels import nearest_in_columns, nearest_in_rows
-
     filled = array_like(values, values.shape, values.dtype, FIELD)
     behind, down, across = (np.full(values.shape[1:], NOTHING, np.int32) for _ in range(3))
     for z in reversed(range(len(values))):
-        is_known, front = known[z] > 0, deep[z]
+        is_known, front = inner[z] > 0, deep[z]
         behind[is_known] = z
         filled[z] = values[z]
         if is_known.all():

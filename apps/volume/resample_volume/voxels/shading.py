@@ -49,7 +49,7 @@ class Light:
 
     direction: tuple[float, float, float] | None = None  # toward the light; None: at the eye
     ambient: float = 0.3  # ambient share of the voxel's color, >= 0
-    diffuse: float = 0.7  # diffuse share, which depends on the angle to the light, >= 0
+    diffuse: float = 0.7  # diffuse share (depends on the angle to the light), >= 0
     specular: float = 0.2  # strength of the specular highlight, white, >= 0
     shininess: float = 32.0  # the greater, the smaller the highlight, > 0
     shadows: bool = False  # whether voxels cast shadows; needs a direction
@@ -78,12 +78,12 @@ class Light:
 
 @dataclass(frozen=True)
 class DepthCue:
-    """Fading of light with depth, which makes near parts stand out.
+    """Fading of light with depth, so that near parts stand out.
 
     Raises ValueError: the fraction is not between 0 and 1.
     """
 
-    share: float = 0.5  # fraction of light lost at the far end of what is visible, 0..1
+    share: float = 0.5  # fraction of light lost at the far end of the visible part, 0..1
 
     def __post_init__(self) -> None:
         if not 0 <= self.share <= 1:
@@ -91,7 +91,7 @@ class DepthCue:
 
 
 def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
-    """Return the depths where cueing begins and ends, scene units: those of a sphere.
+    """Return the depths of a sphere's ends, scene units, where cueing begins and ends.
 
     Cueing begins at the near plane at the earliest.
     """
@@ -286,7 +286,7 @@ FINEST = (
 )
 COARSE = 128  # the same for ambient light, which varies slowly
 AROUND = 32  # directions of ambient light
-REACH = 0.12  # of the visible diagonal: what is farther away occludes no ambient light
+REACH = 0.12  # of the visible diagonal: matter farther away occludes no ambient light
 OPEN = 0.5  # fraction of all directions visible from a flat surface
 BYTES_PER_CELL = 24
 
@@ -409,7 +409,7 @@ def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
 def field_transmittance(
     scene: Volume, parts: Sequence[tuple[Volume, Extinctions]], clip: Doubles, light: Light
 ) -> list[Reached]:
-    """Return the light that reaches the points of fields, dimmed by all of them.
+    """Return the light at the points of fields, dimmed by all of them.
 
     `scene`: covers all of them. `parts`: each volume, and its optical depths per scene unit of
     some slices at a time, in order. `clip`: (M, 4) planes; what they cut away takes no light.
@@ -438,7 +438,7 @@ def _moved(
     grid: tuple[int, ...],
     mode: str,
 ) -> NDArray[Any]:
-    """Interpolate values of a volume's cells at those of another one; beyond them as of `mode`."""
+    """Interpolate one volume's cell values at the cells of another; `mode`: beyond its border."""
     (given, per), (wanted, other) = of, to
     to_cell = np.linalg.inv(per * lattice_of(given))
     middles = [v.origin + lattice_of(v) @ np.full(3, (n - 1) / 2) for v, n in (of, to)]

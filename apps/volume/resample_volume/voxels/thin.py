@@ -1,4 +1,4 @@
-"""Fields of two values whose thin parts are as thick as their voxels.
+"""Fields of two values, with thin parts as thick as their voxels.
 
 A cubic spline through samples of two values crosses the middle between them where voxels of both
 kinds touch, but it is 1.16 voxels wide across a wall of one voxel, and 1.22 where it overshoots at
@@ -36,7 +36,7 @@ class Levels(NamedTuple):
 
 
 def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
-    """Samples whose spline is as thick as the voxels of the higher of two values.
+    """Samples of a spline as thick as the voxels of the higher of two values.
 
     `values`: (Z, Y, X). `two`: ascending, all that there are.
     """
@@ -50,19 +50,15 @@ def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
         behind = values[z + 1] == two[1] if z + 1 < len(values) else here
         thin = ((here != before) & (here != behind)).astype(np.uint8)
         for axis in (0, 1):
-            thin += _is_thin(here, axis)
+            # Voxels that differ from both neighbours along an axis; at its ends none do
+            line, is_thin = np.moveaxis(here, axis, 0), np.zeros(here.shape, bool)
+            differs = line[1:] != line[:-1]
+            np.moveaxis(is_thin, axis, 0)[1:-1] = differs[1:] & differs[:-1]
+            thin += is_thin
         level[z] = table[here.view(np.uint8), thin]
         before, here = here, behind
     span = float(two[1] - two[0])
     return Levels(level, float(two[0]) + zero * span, scale * span)
-
-
-def _is_thin(plane: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
-    """Which of a plane differ from both neighbours along an axis; at its ends none do."""
-    line, thin = np.moveaxis(plane, axis, 0), np.zeros(plane.shape, bool)
-    differs = line[1:] != line[:-1]
-    np.moveaxis(thin, axis, 0)[1:-1] = differs[1:] & differs[:-1]
-    return thin
 
 
 BYTES_PER_THIN = 8  # bytes of a sample between thick slices, besides its field
@@ -136,7 +132,7 @@ def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Th
 
 
 def of_samples(volume: Volume, thin: Thin) -> Volume:
-    """Return the volume whose voxels are a field's samples, without values."""
+    """Return the lattice of a field's samples as a volume without values."""
     if thin.parts == 1:
         return volume
     across = 2 - thin.axis
@@ -232,7 +228,7 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
     """Write the thin slices of a group of thick ones."""
     last = len(slices.value) - 1
     # Flows (Y, X, 2) from a slice to the next and back, samples, by the first slice of the pair.
-    ways: dict[int, tuple[Plane, Plane]] = {}
+    flows: dict[int, tuple[Plane, Plane]] = {}
     for before in range(first, min(first + GROUP, last + 1)):
         start = max(0, _first_after(before, parts))
         end = min(len(found), _first_after(before + 1, parts))
@@ -242,11 +238,11 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
             found[start:end] = [_spline_at(slices, one) for one in at]
             continue
         for pair in range(max(0, before - 1), min(last, before + 2)):
-            if pair not in ways:
-                ways[pair] = _ways(slices, pair)
-        for pair in [pair for pair in ways if pair < before - 1]:
-            del ways[pair]
-        _put_between(slices, found[start:end], at, before, ways)
+            if pair not in flows:
+                flows[pair] = _flows(slices, pair)
+        for pair in [pair for pair in flows if pair < before - 1]:
+            del flows[pair]
+        _put_between(slices, found[start:end], at, before, flows)
 
 
 def _put_between(
@@ -254,12 +250,12 @@ def _put_between(
     found: Floats,
     at: list[float],
     before: int,
-    ways: dict[int, tuple[Plane, Plane]],
+    flows: dict[int, tuple[Plane, Plane]],
 ) -> None:
     """Write thin slices at some positions between a thick one and the next."""
-    on, back = ways[before]
-    _, back_before = ways.get(before - 1, (None, None))
-    on_next, _ = ways.get(before + 1, (None, None))
+    on, back = flows[before]
+    _, back_before = flows.get(before - 1, (None, None))
+    on_next, _ = flows.get(before + 1, (None, None))
     paths = (
         _Path(on, back, _flow_mismatch(on, back_before), is_back=False),
         _Path(back, on, _flow_mismatch(back, on_next), is_back=True),
@@ -335,7 +331,7 @@ def _fit(slices: _Slices, error: Plane, factor: float) -> Plane:
     return np.asarray((share + np.float32(SLACK)) ** -SHARP)
 
 
-def _ways(slices: _Slices, before: int) -> tuple[Plane, Plane]:
+def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     """Compute the flow (Y, X, 2) from a slice to the next, and back, samples."""
     import cv2
 

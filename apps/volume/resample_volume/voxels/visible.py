@@ -158,7 +158,7 @@ def finite_range(values: Stored) -> DataRange:
 
 
 def lattice_of(volume: Volume) -> Doubles:
-    """Return the matrix whose columns are the steps along x, y and z, scene units."""
+    """Return the lattice matrix: its columns are the steps along x, y and z, scene units."""
     return np.ascontiguousarray(volume.direction * volume.spacing, np.float64)
 
 
