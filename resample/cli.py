@@ -146,7 +146,7 @@ def schema(application: str, command: str, /) -> None:
     command
         One of its commands, such as render.
     """
-    from resample.command.settings_files import schema_of
+    from resample.command.settings import schema_of
 
     written = schema_of(*command_now(application.removeprefix("resample-"), command))
     sys.stdout.write(json.dumps(written, indent=2, ensure_ascii=False) + "\n")

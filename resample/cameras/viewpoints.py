@@ -155,10 +155,7 @@ Spelled: TypeAlias = Viewpoint | Sequence[float] | str | None
 def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -> AnyCamera:
     """Camera of a viewpoint for a picture of a size in px.
 
-    Parameters
-    ----------
-    height, width
-        Size of the picture, px.
+    `height`, `width`: size of the picture, px.
     """
     if isinstance(viewpoint, Orbit):
         return viewpoint.around(sphere, height, width)
@@ -170,12 +167,9 @@ def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -
 def viewpoint_of(given: Spelled) -> Viewpoint:
     """Convert a user's argument to a viewpoint.
 
-    Parameters
-    ----------
-    given
-        A camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally with a
-        zoom and a pan to the right and up, also as a text `30,20,1.5`; a name of `NAMED`; None:
-        `Orbit()`.
+    `given`: a camera or viewpoint, returned as it is; (azimuth, elevation) in degrees, optionally
+    with a zoom and a pan to the right and up, also as a text `30,20,1.5`; a name of `NAMED`; None:
+    `Orbit()`.
 
     Examples
     --------

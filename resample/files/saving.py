@@ -31,7 +31,7 @@ from resample.files.metadata.fields import (
     describe,
     exif_of,
 )
-from resample.files.metadata.provenance import state
+from resample.files.metadata.tags import state
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing

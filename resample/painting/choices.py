@@ -18,7 +18,7 @@ from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import LatticeField, Samples
 
 if TYPE_CHECKING:
-    from resample.painting.scenes.painters import SamplePainter
+    from resample.painting.scenes.scene import SamplePainter
 
 PAPER_FILTER = Gaussian(0.4, 1.2, lowered=True)  # see `resample.hybrid.points`
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point

@@ -43,10 +43,9 @@ from resample.types import (
 )
 
 if TYPE_CHECKING:
-    from resample.engine.rays.classifiers import SummedClassifier
     from resample.engine.rays.extremes import Blocks, Extreme
     from resample.engine.rays.marching import BrickBounds
-    from resample.engine.rays.media import Medium
+    from resample.engine.rays.media import Medium, SummedClassifier
     from resample.engine.rays.meshes import Way
     from resample.engine.rays.painting import Output
 
@@ -119,8 +118,7 @@ class RayPainter:
         rows: tuple[int, int],
     ) -> tuple[PaintTarget, Statistics]:
         """Paint rows of a picture (height, width) of fields; meshes are those of the first."""
-        from resample.engine.rays.adaptive_sampling import Evenness
-        from resample.engine.rays.painting import Output
+        from resample.engine.rays.painting import Evenness, Output
 
         clock, style = Clock(), self.style
         fields, media = _visible_fields(fields, [_medium(field, view, self) for field in fields])
@@ -564,7 +562,7 @@ def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
 
 
 def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier":
-    from resample.engine.rays.classifiers import SummedClassifier
+    from resample.engine.rays.media import SummedClassifier
 
     table = np.ascontiguousarray(classifier.table)
     most = table[0] if len(table) == 1 else _most(table)

@@ -31,8 +31,7 @@ from resample.files.metadata.tags import (
     text,
     text_tag,
 )
-from resample.reading.displayed import exif_block
-from resample.reading.pictures import is_avif
+from resample.reading.pictures import exif_block, is_avif
 from resample.types import Doubles
 
 JPEG, TIFF, PNG = (".jpg", ".jpeg"), (".tif", ".tiff"), (".png",)

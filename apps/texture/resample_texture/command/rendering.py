@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.cameras.calibrations.lens_files import Calibration, pinhole_of, read_calibration
+from resample.cameras.calibrations import Calibration, pinhole_of, read_calibration
 from resample.colors import from_srgb, to_srgb
 from resample.command.session import OTHERS, Session, bytes_written, libraries, require_picture
 from resample.files import pictures

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.windows.boxes import FEW, SPARE, Plate
-from resample.engine.windows.filtering import Filters, filter_plate
+from resample.engine.windows.separable import Filters, filter_plate
 from resample.profiles.interpolation import Interpolation, prefilter
 from resample.types import Floats
 from resample_texture.geometry import shifts

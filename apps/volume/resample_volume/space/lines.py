@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.engine.compositing import VISIBLE
+from resample.engine.lookup import VISIBLE
 from resample.types import Doubles, Frame, View
 from resample_volume.data.spacings import unit_of_space
 from resample_volume.picking import Picked

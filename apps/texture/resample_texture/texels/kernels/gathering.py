@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.cells.boxes import Batch, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel
 from resample.engine.roles import plays
-from resample.engine.windows.edges import TRANSPARENT, mapped
+from resample.engine.windows.boxes import TRANSPARENT, mapped
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import Integers
 from resample_texture.texels.kernels.gather import FARTHEST, steps

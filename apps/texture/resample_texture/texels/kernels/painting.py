@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.boxes import Batch, new_batch
+from resample.engine.cells.bands import Batch, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel

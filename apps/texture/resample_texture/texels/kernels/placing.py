@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.cells.boxes import Batch, beyond, length
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, beyond, length
 from resample.engine.jit import inner_kernel
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import START, Integers
