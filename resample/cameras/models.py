@@ -54,7 +54,17 @@ class Distortion(NamedTuple):
         lies on the axis's side of the fold.
         """
         x, y = project(np.asarray(np.linalg.inv(self.tilt), np.float64), np.ravel(x), np.ravel(y))
-        u, v = _start(self, x, y)
+        # Initial guesses that invert only the radial part, read from a table.
+        radius, fold = np.hypot(x, y), float(np.sqrt(self.fold))
+        farthest = float(np.max(radius, initial=0.0, where=np.isfinite(radius)))
+        reach = min(farthest, fold)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            while reach < min(fold, FARTHEST) and not _radial(self, np.array(reach)) >= farthest:
+                reach = min(2.0 * reach, fold)
+            table = np.linspace(0.0, reach, TABLE, endpoint=False)
+            found = np.interp(radius, _radial(self, table), table)
+            scale = np.where(radius > 0.0, found / radius, 1.0)
+        u, v = x * scale, y * scale
         is_found, left = np.zeros(x.shape, bool), np.arange(x.size)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for _ in range(STEPS):
@@ -104,20 +114,6 @@ def _least(roots: NDArray[Any], most: float) -> float:
     root = np.asarray(roots, np.complex128)
     is_real = (np.abs(root.imag) <= 1e-9 * np.abs(root)) & (root.real > 0.0)
     return float(np.min(root.real[is_real], initial=most))
-
-
-def _start(lens: Distortion, x: Doubles, y: Doubles) -> Points:
-    """Initial guesses that invert only the radial part, read from a table."""
-    radius, fold = np.hypot(x, y), float(np.sqrt(lens.fold))
-    farthest = float(np.max(radius, initial=0.0, where=np.isfinite(radius)))
-    reach = min(farthest, fold)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        while reach < min(fold, FARTHEST) and not _radial(lens, np.array(reach)) >= farthest:
-            reach = min(2.0 * reach, fold)
-        table = np.linspace(0.0, reach, TABLE, endpoint=False)
-        found = np.interp(radius, _radial(lens, table), table)
-        scale = np.where(radius > 0.0, found / radius, 1.0)
-    return x * scale, y * scale
 
 
 def _radial(lens: Distortion, radius: Doubles) -> Doubles:
@@ -320,7 +316,22 @@ class Camera:
     model: AnyLens = LensModel.PINHOLE
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "matrix", _intrinsics(self.matrix))
+        # Intrinsics as a checked matrix.
+        matrix = np.array(self.matrix, np.float64)
+        if matrix.shape != (3, 3):
+            raise ValueError(f"intrinsics have shape (3, 3), not {matrix.shape}")
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"intrinsics are finite numbers, not {matrix.tolist()}")
+        if matrix[1, 0] or not np.array_equal(matrix[2], [0.0, 0.0, 1.0]):
+            raise ValueError(
+                f"intrinsics are [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], not {matrix.tolist()}"
+            )
+        if matrix[0, 0] == 0 or matrix[1, 1] == 0:
+            raise ValueError(
+                f"intrinsics with fx {matrix[0, 0]:g} and fy {matrix[1, 1]:g} are singular; "
+                "neither can be 0"
+            )
+        object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
         if self.model not in tuple(LensModel):
             raise ValueError(f"unknown lens model {self.model!r}; known: {', '.join(LensModel)}")
@@ -524,25 +535,6 @@ class Orthographic:
     def view(self) -> View:
         focal, principal = (self.sx, self.sy), (self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=False)
-
-
-def _intrinsics(given: ArrayLike) -> Doubles:
-    """Intrinsics as a checked matrix."""
-    matrix = np.array(given, np.float64)
-    if matrix.shape != (3, 3):
-        raise ValueError(f"intrinsics have shape (3, 3), not {matrix.shape}")
-    if not np.isfinite(matrix).all():
-        raise ValueError(f"intrinsics are finite numbers, not {matrix.tolist()}")
-    if matrix[1, 0] or not np.array_equal(matrix[2], [0.0, 0.0, 1.0]):
-        raise ValueError(
-            f"intrinsics are [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], not {matrix.tolist()}"
-        )
-    if matrix[0, 0] == 0 or matrix[1, 1] == 0:
-        raise ValueError(
-            f"intrinsics with fx {matrix[0, 0]:g} and fy {matrix[1, 1]:g} are singular; neither can"
-            " be 0"
-        )
-    return matrix
 
 
 def _coefficients(given: ArrayLike | None, model: str) -> Doubles | None:

@@ -301,25 +301,21 @@ def _frame_entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry
     name, pose = str(facts.get("file_path", "")), from_opengl(facts["transform_matrix"])
     try:
         with naming(place):
-            return _shot(folder, name, pose, facts)
+            # Frame with its camera, if the file has one.
+            model, names = _lens(facts)
+            if "h" in facts and "w" in facts:
+                shape: tuple[int, int] | None = (int(facts["h"]), int(facts["w"]))
+            else:
+                shape = _size(folder / name) if name else None
+            matrix = _matrix(facts, shape)
+            if matrix is None:
+                return PosedPicture(name, pose)
+            coefficients = [float(facts.get(key, 0.0)) for key in names]
+            return PosedPicture(
+                name, pose, Camera(matrix, pose, np.array(coefficients), model=model), shape
+            )
     except ValueError as error:
         return Refused(name, str(error), pose)
-
-
-def _shot(folder: Path, name: str, pose: Doubles, facts: Facts) -> PosedPicture:
-    """Frame with its camera, if the file has one."""
-    model, names = _lens(facts)
-    if "h" in facts and "w" in facts:
-        shape: tuple[int, int] | None = (int(facts["h"]), int(facts["w"]))
-    else:
-        shape = _size(folder / name) if name else None
-    matrix = _matrix(facts, shape)
-    if matrix is None:
-        return PosedPicture(name, pose)
-    coefficients = [float(facts.get(key, 0.0)) for key in names]
-    return PosedPicture(
-        name, pose, Camera(matrix, pose, np.array(coefficients), model=model), shape
-    )
 
 
 def _lens(facts: Facts) -> tuple[LensModel, tuple[str, ...]]:

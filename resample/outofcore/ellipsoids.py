@@ -58,7 +58,11 @@ def paint_parts(
 
     def bounds(window: Window) -> WindowTask | None:
         """Return the task of a window; None if it shows more than fits."""
-        count = held.count if window == whole else _shown(scene, window)
+        count = (
+            held.count
+            if window == whole
+            else sum(len(in_window(records, window)) for records in scene.projected())
+        )
         if count <= most:
             return WindowTask(window, NOTHING, np.array([count], np.int32))
         if max(window[2] - window[0], window[3] - window[1]) > scene.tile():
@@ -99,11 +103,6 @@ class Held:
         else:
             self.records = None
         return whole
-
-
-def _shown(scene: ShapedScene, window: Window) -> int:
-    """Count the ellipsoids that a window shows."""
-    return sum(len(in_window(records, window)) for records in scene.projected())
 
 
 class WindowTask(NamedTuple):

@@ -331,18 +331,22 @@ def _check_parts(source: Path, told: dict[str, Any]) -> None:
             for each in told.get("accessors", [])
         ]
         meshes = [
-            sum(sizes[n] for part in mesh["primitives"] for n in _numbers_of(part))
+            sum(
+                sizes[n]
+                for part in mesh["primitives"]
+                for n in (
+                    [
+                        *part["attributes"].values(),
+                        *([part["indices"]] if "indices" in part else []),
+                    ]
+                )
+            )
             for mesh in told.get("meshes", [])
         ]
         shown = [meshes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
         unpacked = max(sum(shown), sum(meshes))
     files = [source, *(file for file, _ in _named(source) if file.is_file())]
     check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
-
-
-def _numbers_of(part: dict[str, Any]) -> list[int]:
-    """Accessors of a primitive."""
-    return [*part["attributes"].values(), *([part["indices"]] if "indices" in part else [])]
 
 
 def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:

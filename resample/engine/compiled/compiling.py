@@ -183,7 +183,8 @@ class KernelCache(NullCache):  # type: ignore[misc]
         path = self.path(signature)
         entry = None if path is None else read(path)
         if path is None or entry is None:
-            _say_that_it_compiles(self._name)
+            _say_that_it_takes_long()
+            LOG.debug("compiling %s", self._name)
             self._began = time.thread_time()
             return None
         LOG.debug("%s: taken from %s", self._name, path)
@@ -235,11 +236,6 @@ def in_turn(path: Path) -> Iterator[None]:
 @cache
 def _say_that_it_takes_long() -> None:
     LOG.info("compiling kernels, once per installation: about 20 seconds")
-
-
-def _say_that_it_compiles(name: str) -> None:
-    _say_that_it_takes_long()
-    LOG.debug("compiling %s", name)
 
 
 def _keep(compiled: Any, called: Any) -> None:

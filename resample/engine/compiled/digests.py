@@ -97,7 +97,10 @@ class _Walk:
     def _called(self, value: Any) -> str:
         """Text of a kernel, a role, an intrinsic, or a function that numba has an overload for."""
         options = getattr(value, "options", getattr(value, "targetoptions", {}))
-        flags = sorted(f"{key} {_flag(each)}" for key, each in options.items())
+        flags = sorted(
+            f"{key} {sorted(each) if isinstance(each, set) else each!s}"
+            for key, each in options.items()
+        )
         told = f"{_name(value)} {flags}"
         if hasattr(value, "bodies"):
             if value.bodies not in self._roles:
@@ -156,10 +159,6 @@ def _name(value: Any) -> str:
 
 def _is_foreign(module: str) -> bool:
     return module.partition(".")[0] in FOREIGN
-
-
-def _flag(value: Any) -> str:
-    return str(sorted(value) if isinstance(value, set) else value)
 
 
 def _overloads(function: FunctionType) -> list[FunctionType]:
