@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from resample.cameras.poses import look_at, orbit
     from resample.cameras.viewpoints import Orbit
     from resample.jobs import open, render, resize, stereo, warp  # noqa: A004
-    from resample.library.particles import particles
-    from resample.library.scattering import Scatter, Scattering
+    from resample.library import Scatter, Scattering, particles
     from resample.painting.choices import Footprint, Opacity, Primitive
     from resample.progress import Cancel, CancelledError, cancellable
     from resample.resampler import Resampler
@@ -33,13 +32,13 @@ _HOMES = {
     "Primitive": "painting.choices",
     "Resampler": "resampler",
     "Samples": "types",
-    "Scatter": "library.scattering",
-    "Scattering": "library.scattering",
+    "Scatter": "library",
+    "Scattering": "library",
     "cancellable": "progress",
     "look_at": "cameras.poses",
     "open": "jobs",
     "orbit": "cameras.poses",
-    "particles": "library.particles",
+    "particles": "library",
     "render": "jobs",
     "resize": "jobs",
     "sample": "samples.finding",

@@ -7,7 +7,7 @@ import sys
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 from cyclopts import App, Parameter
 
@@ -16,9 +16,6 @@ from resample.command.applications import Words, command_now, launcher
 from resample.command.help_formatter import CommandLine
 from resample.command.session import run
 from resample.lazy import installed_version
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 app = CommandLine(
     name="resample",
@@ -92,9 +89,21 @@ def compare(
         captions = {str(row["picture"]): f"PSNR {row['psnr']:.2f} dB" for row in rows}
         comparison.contact_sheet(images, output, captions=captions)
     if as_json:
-        sys.stdout.write(json.dumps([_json(row) for row in rows], indent=2) + "\n")
+        sys.stdout.write(
+            json.dumps(
+                [
+                    ({key: None if value == math.inf else value for key, value in row.items()})
+                    for row in rows
+                ],
+                indent=2,
+            )
+            + "\n"
+        )
     elif sys.stdout.isatty():
-        _show(comparison.table(rows))
+        grid = comparison.table(rows)
+        from rich.console import Console
+
+        Console().print(grid)
     else:
         sys.stdout.write(comparison.plain(rows))
 
@@ -146,7 +155,7 @@ def schema(application: str, command: str, /) -> None:
     command
         One of its commands, such as render.
     """
-    from resample.command.settings_files import schema_of
+    from resample.command.settings import schema_of
 
     written = schema_of(*command_now(application.removeprefix("resample-"), command))
     sys.stdout.write(json.dumps(written, indent=2, ensure_ascii=False) + "\n")
@@ -171,17 +180,6 @@ def _notes(plugin: Any) -> list[str]:
         return [str(plugin.help).partition("\n")[0]]
     summary = (plugin.__doc__ or "no description").strip().partition("\n")[0]
     return [summary, registry.described(plugin)]
-
-
-def _json(row: dict[str, object]) -> dict[str, object]:
-    """Replace infinity, which JSON cannot hold, by null."""
-    return {key: None if value == math.inf else value for key, value in row.items()}
-
-
-def _show(grid: "Table") -> None:
-    from rich.console import Console
-
-    Console().print(grid)
 
 
 for _name in registry.names("apps"):

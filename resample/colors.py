@@ -49,10 +49,7 @@ def over(rgba: Floats, background: Background) -> Floats:
 def mapped(name: str, share: Doubles) -> Floats:
     """Look up fractions (N,) from 0 to 1 in a matplotlib colormap; linear colors (N, 3).
 
-    Raises
-    ------
-    ValueError
-        The colormap is unknown.
+    Raises ValueError: the colormap is unknown.
     """
     check_colormap(name)
     import matplotlib
@@ -62,13 +59,7 @@ def mapped(name: str, share: Doubles) -> Floats:
 
 
 def check_colormap(name: str) -> None:
-    """Reject a colormap that matplotlib does not know.
-
-    Raises
-    ------
-    ValueError
-        The name is unknown; the message suggests similar ones.
-    """
+    """Reject a colormap that matplotlib does not know, and suggest similar ones."""
     import matplotlib
 
     if name not in matplotlib.colormaps:

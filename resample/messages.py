@@ -55,10 +55,7 @@ def choices_in(text: str) -> list[tuple[str, str]]:
 def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
     """Parse finite numbers separated by commas, or as `parts_of` takes them.
 
-    Raises
-    ------
-    ValueError
-        There is something else, or a different count.
+    Raises ValueError: there is something else, or a different count.
     """
     try:
         numbers = [float(part) for part in parts_of(text)]

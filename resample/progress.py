@@ -116,12 +116,8 @@ def watched_cancel() -> Cancel | None:
 def told(progress: Progress | None, shares: Doubles | None = None) -> Iterator[None]:
     """Report the progress of the one kernel called in this block.
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the work that is done, 0 to 1; may raise to stop.
-    shares
-        (N,) fraction of the work done after each task, ascending to 1; None: equal steps.
+    `progress`: called with the fraction of the work that is done, 0 to 1; may raise to stop.
+    `shares`: (N,) fraction of the work done after each task, ascending to 1; None: equal steps.
     """
     token = _watch.set(_Watch(_watch.get().cancel, progress, shares))
     try:
@@ -171,10 +167,7 @@ def is_watched() -> bool:
 def report(taken: int, count: int) -> None:
     """Report the number of a kernel's tasks that were taken.
 
-    Raises
-    ------
-    CancelledError
-        The work was cancelled.
+    Raises CancelledError: the work was cancelled.
     """
     watch = _watch.get()
     if watch.cancel is not None and watch.cancel.is_cancelled:
@@ -217,13 +210,7 @@ class WorkerPool(NamedTuple):
 def shared_out(executor: Executor | None, job: Callable[[P], R], parts: Iterable[P]) -> Iterator[R]:
     """Results of a job for parts, in order; without an executor they are computed here in turn.
 
-    Parameters
-    ----------
-    executor
-        Of threads, processes or machines. For the latter two the job and parts must pickle.
-    job
-        May be repeated for a part if its worker ended.
-    parts
-        Arguments of the job.
+    `executor`: of threads, processes or machines. For the latter two the job and parts must pickle.
+    `job`: may be repeated for a part if its worker ended. `parts`: arguments of the job.
     """
     yield from map(job, parts) if executor is None else executor.map(job, list(parts))

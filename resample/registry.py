@@ -65,19 +65,8 @@ REQUIRED = inspect.Parameter.empty  # marks a parameter without a default
 def names(group: str) -> list[str]:
     """Sorted names of a group's plugins.
 
-    Parameters
-    ----------
-    group
-        One of `GROUPS`.
-
-    Returns
-    -------
-    Names accepted by `load` and `build`; `distribution/name` where two packages use one name.
-
-    Raises
-    ------
-    LookupError
-        The group does not exist.
+    `group`: one of `GROUPS`. Returns names accepted by `load` and `build`; `distribution/name`
+    where two packages use one name. Raises LookupError: the group does not exist.
     """
     return sorted(_entries(group))
 
@@ -99,19 +88,9 @@ def distribution(group: str, name: str) -> str:
 def load(group: str, name: str) -> Any:
     """Import one plugin and no other.
 
-    Parameters
-    ----------
-    group, name
-        As listed by `names`.
-
-    Returns
-    -------
-    The object of the entry point: in most groups a class whose parameters are the user's choices.
-
-    Raises
-    ------
-    LookupError
-        The name is unknown or claimed by two packages, or the plugin cannot be imported.
+    `group`, `name`: as listed by `names`. Returns the object of the entry point: in most groups a
+    class whose parameters are the user's choices. Raises LookupError: the name is unknown or
+    claimed by two packages, or the plugin cannot be imported.
     """
     entry = _entry(group, name)
     try:
@@ -127,24 +106,11 @@ def load(group: str, name: str) -> Any:
 def build(group: str, spec: str) -> Any:
     """Create a plugin object from a specification.
 
-    Parameters
-    ----------
-    group
-        One of `GROUPS`.
-    spec
-        `name` or `name:parameter=value,parameter=value`. Values are integers, numbers, `true`,
-        `false` or text; a parameter whose default is text takes its value literally.
-
-    Returns
-    -------
-    The plugin called with the parameters: `gaussian:sigma=0.6` gives `Gaussian(sigma=0.6)`.
-
-    Raises
-    ------
-    LookupError
-        As in `load`.
-    ValueError
-        A parameter is unknown, malformed, missing or rejected by the plugin.
+    `group`: one of `GROUPS`. `spec`: `name` or `name:parameter=value,parameter=value`. Values are
+    integers, numbers, `true`, `false` or text; a parameter whose default is text takes its value
+    literally. Returns the plugin called with the parameters: `gaussian:sigma=0.6` gives
+    `Gaussian(sigma=0.6)`. Raises LookupError: as in `load`. Raises ValueError: a parameter is
+    unknown, malformed, missing or rejected by the plugin.
     """
     name, colon, text = spec.partition(":")
     plugin = load(group, name)
@@ -167,15 +133,7 @@ def build(group: str, spec: str) -> Any:
 def check(group: str, specs: Iterable[str]) -> None:
     """Reject plugins that `build` would reject, before any work is done.
 
-    Parameters
-    ----------
-    group, specs
-        As in `build`.
-
-    Raises
-    ------
-    LookupError, ValueError
-        As in `build`.
+    `group`, `specs`: as in `build`. Raises LookupError, ValueError: as in `build`.
     """
     for spec in specs:
         build(group, spec)

@@ -141,7 +141,9 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         check_call(camera, height, width, threads)
         if isinstance(samples, Ellipsoids):
             with limited(threads):
-                return self._shaped(samples, camera, (height, width), clip, progress)
+                size = (height, width)
+                style = ShapedStyle(order_of_shapes(self, clip), self.subpixels)
+                return frame_of(paint_ellipsoids(samples, camera, size, style, progress=progress))
         check_sort_of(self, samples)
         if isinstance(samples, LatticeField | list):
             fields = samples if isinstance(samples, list) else [samples]
@@ -242,18 +244,6 @@ class Resampler(PaintChoices):  # a dataclass by inheritance: mypy would lose wh
         if rows is not None:
             painted = painted.cut((0, rows[0], size[1], rows[1]))
         return self._developed(painted, counts)
-
-    def _shaped(
-        self,
-        shapes: Ellipsoids,
-        camera: AnyCamera,
-        size: tuple[int, int],
-        clip: ArrayLike | None,
-        progress: Progress | None,
-    ) -> Frame:
-        """Picture of ellipsoids that have a shape each."""
-        style = ShapedStyle(order_of_shapes(self, clip), self.subpixels)
-        return frame_of(paint_ellipsoids(shapes, camera, size, style, progress=progress))
 
     def _developed(self, painted: PaintTarget, statistics: Statistics) -> Frame:
         film, value = painted.film, painted.value if self.projection in MEASURING else None

@@ -24,8 +24,10 @@ from resample.cameras.trajectories import (
     read_log,
     read_matrices,
     read_open3d,
+    read_toml,
     read_trained,
     read_tum,
+    read_viewpoint,
 )
 from resample.cameras.viewpoints import NAMED, Calibrated, Orbit, Spot, Viewpoint, orbit_of
 from resample.types import Doubles
@@ -48,11 +50,11 @@ KINDS: Mapping[str, Read] = {
     "tum": read_tum,
     "icl": read_icl,
     "log": read_log,
-    "nerf": _from("calibrations.nerf", "read_nerf"),
+    "nerf": _from("reconstructions", "read_nerf"),
     "open3d": read_open3d,
     "trained": read_trained,
-    "colmap": _from("calibrations.colmap", "read_colmap"),
-    "toml": _from("tables", "read_toml"),
+    "colmap": _from("reconstructions", "read_colmap"),
+    "toml": read_toml,
 }
 SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
 
@@ -149,8 +151,6 @@ def viewpoint(text: str, fov: float = Orbit.fov, up: UpAxis = Orbit.up) -> Viewp
     if (angles := orbit_of(text, fov, up)) is not None:
         return angles
     if text.lower().endswith(".toml"):
-        from resample.cameras.tables import read_viewpoint
-
         return read_viewpoint(Path(text))
     file = Path(file_and_frame(text)[0] if text else "")
     named = Path(re.sub(r":\w+$", "", text))  # without a frame

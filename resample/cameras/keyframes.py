@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from resample.cameras.files import left_out, read_shots
 from resample.cameras.models import Camera
-from resample.cameras.tables import viewpoint_of
+from resample.cameras.trajectories import viewpoint_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
 from resample.messages import naming
 from resample.reading.texts import text_of, toml_of
@@ -76,7 +76,7 @@ def read_keyframes(path: Path) -> Keyframes:
     """Read keyframes from a TOML file.
 
     Each has a table `[[camera]]` with its `time` and a camera as in
-    `resample.cameras.tables.read_viewpoint`::
+    `resample.cameras.trajectories.read_viewpoint`::
 
         [[camera]]
         time = 0

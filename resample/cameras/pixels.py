@@ -8,9 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from resample.cameras.lens import Distortion, Fisheye, Points, fisheye, project
-from resample.cameras.lens import distortion as distorting
-from resample.cameras.models import Camera, LensModel
+from resample.cameras.models import Camera, Distortion, Fisheye, LensModel, Points, fisheye, project
+from resample.cameras.models import distortion as distorting
 from resample.types import Doubles
 
 TOLERANCE = 1e-7  # px, for the position distorted again

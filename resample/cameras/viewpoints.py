@@ -156,10 +156,7 @@ Spelled: TypeAlias = Viewpoint | Sequence[float] | Sequence[Sequence[float]] | s
 def camera_from(viewpoint: Viewpoint, sphere: Sphere, height: int, width: int) -> AnyCamera:
     """Camera of a viewpoint for a picture of a size in px.
 
-    Parameters
-    ----------
-    height, width
-        Size of the picture, px.
+    `height`, `width`: size of the picture, px.
     """
     if isinstance(viewpoint, Orbit):
         return viewpoint.around(sphere, height, width)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from cyclopts.argument import Argument
     from pydantic import BaseModel
 
-    from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.calibrations import Calibration
     from resample.cameras.models import AnyConvention
     from resample.cameras.poses import UpAxis
     from resample.cameras.viewpoints import Viewpoint
@@ -67,7 +67,7 @@ Mark = OptionTopic | Inline
 Marks = Mapping[str, Mark | None]  # marks of options, by name
 
 ANGLES = Inline(rule="resample.cameras.viewpoints:is_file")
-LENS = Inline(rule="resample.cameras.calibrations.lens_files:is_file")
+LENS = Inline(rule="resample.cameras.calibrations:is_file")
 
 FULL = "--help"
 DEFAULT = re.compile(r"\s*\[default: (.*)\]\s*$", re.DOTALL)  # at the end of a help text
@@ -270,7 +270,7 @@ def check_intrinsics(name: str, text: str) -> None:
 
 def with_intrinsics(name: str, text: str, convention: "AnyConvention") -> "Calibration":
     """Read intrinsics from numbers, or from a file in its own program's convention."""
-    from resample.cameras.calibrations.lens_files import Calibration, is_file, read_intrinsics
+    from resample.cameras.calibrations import Calibration, is_file, read_intrinsics
     from resample.cameras.models import Camera
 
     if is_file(text):

@@ -189,7 +189,7 @@ class AddedCommand(CommandSpec):
         Raises LookupError: the package is not installed, or cannot be imported.
         """
         if self._resolved is None:
-            from resample.command.settings_files import keeping_settings
+            from resample.command.settings import keeping_settings
 
             function = registry.load("commands", self.import_path)
             owner = copy(parent_app)

@@ -58,7 +58,23 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
         return visible(f"Unknown option: {given}. {remedy}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
-        return _of_missing(error)
+        # Describe a missing value, or a missing option or input.
+        argument = error.argument
+        assert argument is not None
+        # The first clause of an argument's help says enough.
+        text = re.split(r"[;.](?:\s|$)", described(argument)[0].removeprefix("Written to: "))[0]
+        if error.keyword is not None:
+            return visible(f"{error.keyword} needs a value{': ' * bool(text)}{text}")
+        name = argument.names[0]
+        left = list(error.unused_tokens or ())
+        wrong = [word for word in left if word.startswith("-")]
+        if wrong and meant(wrong[0].partition("=")[0].lstrip("-"), [name.lstrip("-")]):
+            return visible(f"Unknown option: {wrong[0]}. Did you mean {name}?")
+        if name == "--output" and len(left) == 1:
+            return visible(f"{_command(error)} needs --output; did you mean -o {left[0]}?")
+        shown = "--output (-o)" if name == "--output" else name
+        example = f"{_command(error)} -h shows examples"
+        return visible(f"{_command(error)} needs {shown}{': ' * bool(text)}{text}; {example}")
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{visible(', '.join(map(repr, error.unused_tokens)))}: {_of_too_many(error)}"
     return one_line(error)
@@ -116,26 +132,6 @@ def _within(error: IsADirectoryError) -> str:
     except (OSError, TypeError):
         return ""
     return f", such as {visible(str(there[0]))}" if there else " (it holds none)"
-
-
-def _of_missing(error: MissingArgumentError) -> str:
-    """Describe a missing value, or a missing option or input."""
-    argument = error.argument
-    assert argument is not None
-    # The first clause of an argument's help says enough.
-    text = re.split(r"[;.](?:\s|$)", described(argument)[0].removeprefix("Written to: "))[0]
-    if error.keyword is not None:
-        return visible(f"{error.keyword} needs a value{': ' * bool(text)}{text}")
-    name = argument.names[0]
-    left = list(error.unused_tokens or ())
-    wrong = [word for word in left if word.startswith("-")]
-    if wrong and meant(wrong[0].partition("=")[0].lstrip("-"), [name.lstrip("-")]):
-        return visible(f"Unknown option: {wrong[0]}. Did you mean {name}?")
-    if name == "--output" and len(left) == 1:
-        return visible(f"{_command(error)} needs --output; did you mean -o {left[0]}?")
-    shown = "--output (-o)" if name == "--output" else name
-    example = f"{_command(error)} -h shows examples"
-    return visible(f"{_command(error)} needs {shown}{': ' * bool(text)}{text}; {example}")
 
 
 def _of_too_many(error: UnusedCliTokensError) -> str:

@@ -33,12 +33,8 @@ def _words_of(value: Any, like: Any, kept: list[Any]) -> list[int]:
         array = np.ascontiguousarray(value, like.dtype)
         kept.append(array)
         return [array.ctypes.data, *array.shape]
-    return [_word_of(value, like)]
-
-
-def _word_of(number: Any, like: Any) -> int:
     kind = np.float64 if isinstance(like, float) else np.int64
-    return int(kind(number).view(np.int64))
+    return [int(kind(value).view(np.int64))]
 
 
 def loaded(row: Words, like: T) -> T:

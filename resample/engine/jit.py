@@ -181,7 +181,12 @@ def _on_all_threads(
             with _stopping(started, counter):
                 compiled(counter, *args, **kwargs)
         if started:
-            _await(started, counter)
+            # Wait for threads, and look at what they do.
+            with _stopping(started, counter):
+                while wait(started, OFTEN).not_done:
+                    report(int(counter[0]), int(counter[1]))
+            for thread in started:
+                thread.result()
         seconds[0] = time.perf_counter() - begin
 
     if hasattr(compiled, "dispatchers"):
@@ -200,15 +205,6 @@ def _stopping(started: list[Future[None]], counter: Counter) -> Iterator[None]:
             thread.cancel()
         wait(started, PATIENCE)
         raise
-
-
-def _await(started: list[Future[None]], counter: Counter) -> None:
-    """Wait for threads, and look at what they do."""
-    with _stopping(started, counter):
-        while wait(started, OFTEN).not_done:
-            report(int(counter[0]), int(counter[1]))
-    for thread in started:
-        thread.result()
 
 
 @cache

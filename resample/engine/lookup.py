@@ -5,6 +5,8 @@ import numpy as np
 from resample.engine.jit import kernel
 from resample.types import Floats, Single
 
+VISIBLE = 1.0 / 255.0  # opacity from which on a pixel counts as covered, for its nearest depth
+
 
 @kernel
 def radial(values: Floats, extent: float, argument: Single) -> Single:

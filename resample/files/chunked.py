@@ -117,11 +117,8 @@ def open_picture(path: Place) -> StoredPicture:
             array = node.get(held)
         if not isinstance(array, zarr.Array):
             raise ValueError(f"{name} names a level {held!r}, which is not there; is it whole?")
-    return _checked(StoredPicture(array, axes, name))
-
-
-def _checked(found: StoredPicture) -> StoredPicture:
-    """Check that an array can be a picture."""
+    # Check that an array can be a picture.
+    found = StoredPicture(array, axes, name)
     from resample.files.stores.guarding import guard
 
     array, axes, name, _ = found

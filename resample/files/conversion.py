@@ -188,7 +188,13 @@ def light_of(result: Any) -> Floats:
             f"{stored.shape} is not a picture (H, W) or (H, W, C) of up to 4 channels; take one of "
             "a batch, or some of the channels"
         )
-    values = _as_light(image)
+    # Values (H, W, C) as linear light; missing values are black.
+    values = np.nan_to_num(image.astype(np.float32))
+    if image.dtype in ENCODED:
+        values /= np.float32(np.iinfo(image.dtype).max)
+        values[..., :3] = from_srgb(values[..., :3])
+    elif image.dtype.kind in "iu":
+        values /= max(1.0, float(np.abs(values).max(initial=0)))
     if image.shape[2] in (1, 2):
         values = np.repeat(values[..., :1], 3, axis=2)
     if values.shape[2] == 4:
@@ -199,17 +205,6 @@ def light_of(result: Any) -> Floats:
     if not getattr(result, "is_premultiplied", True):
         values = values * coverage
     return np.concatenate([values, coverage], axis=2)
-
-
-def _as_light(image: NDArray[Any]) -> Floats:
-    """Values (H, W, C) as linear light; missing values are black."""
-    values = np.nan_to_num(image.astype(np.float32))
-    if image.dtype in ENCODED:
-        values /= np.float32(np.iinfo(image.dtype).max)
-        values[..., :3] = from_srgb(values[..., :3])
-    elif image.dtype.kind in "iu":
-        values /= max(1.0, float(np.abs(values).max(initial=0)))
-    return values
 
 
 def _as_frame(result: Any) -> Frame[Any]:

@@ -195,7 +195,9 @@ class BufferedJpeg:
         if memory is not None:
             self._held.callback(os.close, memory)
         # Reject a file that might not fit.
-        most, limit = _most(spec), _limit()
+        told = sum(np.asarray(attribute.value).nbytes for attribute in spec.extra_attribs)
+        values = int(spec.width) * int(spec.height) * int(spec.nchannels)
+        most, limit = MOST_BYTES * values + told + HEAD, _limit()
         if limit is not None and most > limit:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
         if memory is None and shutil.disk_usage(path.parent).free < most:
@@ -296,12 +298,6 @@ def _memory() -> int | None:
 
 def _name(memory: int) -> str:
     return f"/proc/self/fd/{memory}"
-
-
-def _most(spec: Any) -> int:
-    """Upper bound on the size of the JPEG in bytes."""
-    told = sum(np.asarray(attribute.value).nbytes for attribute in spec.extra_attribs)
-    return MOST_BYTES * int(spec.width) * int(spec.height) * int(spec.nchannels) + told + HEAD
 
 
 def _limit() -> int | None:

@@ -31,7 +31,7 @@ from resample.files.metadata.fields import (
     describe,
     exif_of,
 )
-from resample.files.metadata.provenance import state
+from resample.files.metadata.tags import state
 from resample.files.pictures import Kind, Picture
 from resample.files.stores.opening import STORE
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
@@ -227,7 +227,24 @@ class _Rows:
             spec = spec_of(self.path.suffix.lower(), page, self.height)
             mode = "AppendSubimage" if self.is_next else "Create"
             if self.path.suffix.lower() in BY_PILLOW:
-                self.target = _pillow_output(self.path, self.temporary, spec, page)
+                # Output for a format that Pillow writes.
+                from resample.files.images import PillowOutput
+
+                suffix, quality = self.path.suffix.lower(), page.options.quality
+                if max(spec.width, spec.height) > LONGEST[suffix]:
+                    raise ValueError(
+                        f"{self.path}: {suffix} has sides of {LONGEST[suffix]} px at most; "
+                        "take .png"
+                    )
+                choices: dict[str, Any] = {"format": BY_PILLOW[suffix]}
+                choices["exif"] = exif_of(page.about, (spec.height, spec.width, spec.nchannels))
+                if quality == NO_LOSS:
+                    choices |= {"lossless": True, "exact": True}
+                else:
+                    choices["quality"] = quality or QUALITY[suffix]
+                if suffix == ".avif":
+                    choices["subsampling"] = "4:4:4"
+                self.target = PillowOutput(self.temporary, spec, choices)
             else:
                 self.target = new_output(self.path, self.temporary, spec, mode)
         first, last = self.done, self.done + page.data.shape[0]
@@ -265,24 +282,6 @@ def new_output(path: Path, temporary: Path, spec: Any, mode: str = "Create") -> 
     if not target.open(name, spec, mode):
         raise refused(path, temporary, complaint_of(target))
     return target
-
-
-def _pillow_output(path: Path, temporary: Path, spec: Any, page: StoredPage) -> Any:
-    """Output for a format that Pillow writes."""
-    from resample.files.images import PillowOutput
-
-    suffix, quality = path.suffix.lower(), page.options.quality
-    if max(spec.width, spec.height) > LONGEST[suffix]:
-        raise ValueError(f"{path}: {suffix} has sides of {LONGEST[suffix]} px at most; take .png")
-    choices: dict[str, Any] = {"format": BY_PILLOW[suffix]}
-    choices["exif"] = exif_of(page.about, (spec.height, spec.width, spec.nchannels))
-    if quality == NO_LOSS:
-        choices |= {"lossless": True, "exact": True}
-    else:
-        choices["quality"] = quality or QUALITY[suffix]
-    if suffix == ".avif":
-        choices["subsampling"] = "4:4:4"
-    return PillowOutput(temporary, spec, choices)
 
 
 def _finish(path: Path, temporary: Path, written: list[WrittenPage]) -> None:

@@ -1,8 +1,8 @@
 """What becomes of all that a pixel gets: this, not the painting, is where the applications differ.
 
-    sum.py      section 3, texture mapping: everything is added, and divided by its weights
-    nearest.py  section 3, depth images: what lies on the nearest surface is added
-    over.py     section 4.1, volumes: splats are composited one by one, points as sums of a layer
+    WeightedSum     section 3, texture mapping: everything is added, and divided by its weights
+    NearestSurface  section 3, depth images: what lies on the nearest surface is added
+    OverBlend       section 4.1, volumes: splats one by one, points as sums of a layer
 
 A blend is a bundle of pictures (H, W, ...) that start empty and of what it needs to know of samples
 (N, ...), in the order of their records. A pixel belongs to one thread.

@@ -45,10 +45,7 @@ def folder() -> Path:
 def array_in_file(shape: tuple[int, ...], kind: DTypeLike, most: int, what: str) -> NDArray[Any]:
     """Create an array of zeros in a file.
 
-    Parameters
-    ----------
-    most
-        Budget in bytes for the pages in memory of all arrays in files.
+    `most`: budget in bytes for the pages in memory of all arrays in files.
 
     Examples
     --------

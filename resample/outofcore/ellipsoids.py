@@ -4,11 +4,15 @@ A picture needs what it shows of each ellipsoid, `BYTES`, and one part at a time
 than the budget, windows of the picture are painted one after the other.
 """
 
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.engine.shaped.records import WIDTH
-from resample.outofcore.windows import WindowTask, split_windows
 from resample.painting.scenes.plans import Window, check_size
 from resample.painting.scenes.scene import Clock
 from resample.painting.shaped.ellipsoids import (
@@ -38,23 +42,10 @@ def paint_parts(
 ) -> tuple[ShapedPicture, int]:
     """Paint ellipsoids in parts, with the bits of `paint_ellipsoids` of them all.
 
-    Parameters
-    ----------
-    source
-        Parts, loaded one at a time.
-    camera, size, style, progress
-        As `paint_ellipsoids` takes them.
-    memory
-        Bytes for what is shown of all, besides one part.
-
-    Returns
-    -------
-    The picture, and the number of windows.
-
-    Raises
-    ------
-    ValueError
-        A number is out of range; or what a tile shows needs more memory.
+    `source`: parts, loaded one at a time. `camera`, `size`, `style`, `progress`: as
+    `paint_ellipsoids` takes them. `memory`: bytes for what is shown of all, besides one part.
+    Returns the picture, and the number of windows. Raises ValueError: a number is out of range; or
+    what a tile shows needs more memory.
     """
     check_size(*size)
     clock, most = Clock(), memory // BYTES
@@ -67,7 +58,11 @@ def paint_parts(
 
     def bounds(window: Window) -> WindowTask | None:
         """Return the task of a window; None if it shows more than fits."""
-        count = held.count if window == whole else _shown(scene, window)
+        count = (
+            held.count
+            if window == whole
+            else sum(len(in_window(records, window)) for records in scene.projected())
+        )
         if count <= most:
             return WindowTask(window, NOTHING, np.array([count], np.int32))
         if max(window[2] - window[0], window[3] - window[1]) > scene.tile():
@@ -110,6 +105,54 @@ class Held:
         return whole
 
 
-def _shown(scene: ShapedScene, window: Window) -> int:
-    """Count the ellipsoids that a window shows."""
-    return sum(len(in_window(records, window)) for records in scene.projected())
+class WindowTask(NamedTuple):
+    """A window to paint, and the parts of the scene that may show in it."""
+
+    window: Window
+    number: NDArray[np.int32]  # (N,) of the parts
+    sizes: NDArray[np.int32]  # (N,) samples of each, at most
+
+    @property
+    def samples(self) -> int:
+        """Samples of all its parts."""
+        return int(self.sizes.sum(dtype=np.int64))
+
+
+def split_windows(
+    size: tuple[int, int],
+    tile: int,
+    bounds: Callable[[Window], WindowTask | None],
+) -> list[WindowTask]:
+    """Return windows of whole tiles that make up a picture (height, width), each of which fits.
+
+    Where `bounds` gives None a window is halved; it raises if a single tile does not fit.
+    """
+    found: list[WindowTask] = []
+    waiting: deque[Window] = deque([(0, 0, size[1], size[0])])
+    while waiting:
+        window = x0, y0, x1, y1 = waiting.popleft()
+        columns, rows = -(-(x1 - x0) // tile), -(-(y1 - y0) // tile)
+        task = bounds(window)
+        if task is not None:
+            found.append(task)
+        elif columns >= rows:
+            middle = x0 + columns // 2 * tile
+            waiting += [(x0, y0, middle, y1), (middle, y0, x1, y1)]
+        else:
+            middle = y0 + rows // 2 * tile
+            waiting += [(x0, y0, x1, middle), (x0, middle, x1, y1)]
+    return found
+
+
+def spans_within(start: NDArray[np.int64], most: int) -> Iterator[tuple[int, int]]:
+    """Yield spans of tiles that have at most so many members together, or single tiles.
+
+    `start` (T + 1,) is the number of members of all tiles before each.
+    """
+    tile, count = 0, len(start) - 1
+    while tile < count and start[tile] < start[-1]:
+        last = int(np.searchsorted(start, start[tile] + most, side="right")) - 1
+        last = min(max(last, tile + 1), count)
+        if start[last] > start[tile]:
+            yield tile, last
+        tile = last

@@ -18,7 +18,7 @@ from resample.profiles.reconstruction import GaussianKernel, Reconstruction
 from resample.types import LatticeField, Samples
 
 if TYPE_CHECKING:
-    from resample.painting.scenes.painters import SamplePainter
+    from resample.painting.scenes.scene import SamplePainter
 
 PAPER_FILTER = Gaussian(0.4, 1.2, lowered=True)  # see `resample.hybrid.points`
 POINT_FILTER = Gaussian(1.0, 3.0, lowered=True)  # likewise, in widths of a point
@@ -146,26 +146,6 @@ def _paper(choice: "PaintChoices") -> "SamplePainter":
     )
 
 
-def _splats(choice: "PaintChoices") -> "SamplePainter":
-    """Return the painter of exact splats; other choices are those of the paper's painter."""
-    technique = technique_of(choice.primitive)
-    if not is_exact(choice):
-        return _paper(choice)
-    from resample.painting.splats import SplatPainter
-
-    return SplatPainter(
-        choice.reconstruction,
-        choice.pixel_filter,
-        technique.subpixels if choice.subpixels is None else int(choice.subpixels),
-        getattr(choice.order, "key", "depth"),
-        technique.inflated,
-        technique.blurred,
-        # Others show what sub-pixels miss.
-        is_spread=technique.subpixels == 0 and choice.threshold is None,
-        is_linear=choice.opacity is Opacity.LINEAR,
-    )
-
-
 _TECHNIQUES = {
     Primitive.HYBRID: Technique(0.6, subpixels=0, has_scales=True),
     Primitive.POINTS: Technique(np.inf, subpixels=0, painter=_paper),
@@ -227,7 +207,41 @@ class PaintChoices:
             object.__setattr__(self, "primitive", _primitive_named(method))
         elif not isinstance(self.primitive, str):
             _primitive_named(self.primitive, "primitive")
-        _check_together(self)
+        # Refuse choices that do not go together, and say which do.
+        if technique_of(self.primitive).filter_at_pixels is not None:
+            name = self.primitive
+            if self.order.summing is not Summing.POINTS:
+                raise ValueError(
+                    f"the primitive {name} composites every sample, so it has no order "
+                    f"{self.order}; take the order every-sample, or the primitive hybrid"
+                )
+            if self.subpixels not in (None, 1):
+                raise ValueError(
+                    f"the primitive {name} has no sub-pixels, so not {self.subpixels} of them; "
+                    "leave them out, or take the primitive hybrid"
+                )
+        known = footprints_of(self.primitive)
+        if self.footprint is not None and self.footprint not in known:
+            raise ValueError(
+                f"the primitive {self.primitive} goes with the footprint {', '.join(known)}, not "
+                f"{self.footprint}"
+            )
+        is_by_rays = self.order.summing is Summing.RAYS
+        if self.projection is not Projection.COMPOSITE and not is_by_rays:
+            raise ValueError(
+                f"the projection {self.projection} needs the order rays, not {self.order}"
+            )
+        if not 0 <= self.attenuation < math.inf:
+            raise ValueError(f"the attenuation is {self.attenuation}; it must be 0 or more")
+        if is_by_rays:
+            _check_rays(self)
+        if (self.iso is None) == (self.projection is Projection.FIRST_HIT):
+            raise ValueError(
+                "first-hit needs an iso value, and no other projection has one "
+                f"(got {self.projection} and {self.iso})"
+            )
+        if self.iso is not None and not math.isfinite(self.iso):
+            raise ValueError(f"the iso value is {self.iso}; it must be finite")
         if self.threshold is not None and not self.threshold >= 0:
             raise ValueError(f"the threshold is {self.threshold} sub-pixels; it must be 0 or more")
         if self.subpixels is not None and not 1 <= self.subpixels <= 32:
@@ -244,7 +258,23 @@ class PaintChoices:
             return painter
         if self.order.summing is not Summing.POINTS:
             raise ValueError(f"the order {self.order} has no painter of samples")
-        return _splats(self)
+        # Exact splats have a painter of their own; other choices are those of the paper's painter.
+        technique = technique_of(self.primitive)
+        if not is_exact(self):
+            return _paper(self)
+        from resample.painting.splats import SplatPainter
+
+        return SplatPainter(
+            self.reconstruction,
+            self.pixel_filter,
+            technique.subpixels if self.subpixels is None else int(self.subpixels),
+            getattr(self.order, "key", "depth"),
+            technique.inflated,
+            technique.blurred,
+            # Others show what sub-pixels miss.
+            is_spread=technique.subpixels == 0 and self.threshold is None,
+            is_linear=self.opacity is Opacity.LINEAR,
+        )
 
     @property
     def point_filter(self) -> PixelFilter:
@@ -265,49 +295,6 @@ def _primitive_named(name: str, what: str = "method") -> Primitive | str:
     return name
 
 
-def _check_together(choice: PaintChoices) -> None:
-    """Refuse choices that do not go together, and say which do."""
-    if technique_of(choice.primitive).filter_at_pixels is not None:
-        _check_at_pixels(choice)
-    known = footprints_of(choice.primitive)
-    if choice.footprint is not None and choice.footprint not in known:
-        raise ValueError(
-            f"the primitive {choice.primitive} goes with the footprint {', '.join(known)}, not "
-            f"{choice.footprint}"
-        )
-    is_by_rays = choice.order.summing is Summing.RAYS
-    if choice.projection is not Projection.COMPOSITE and not is_by_rays:
-        raise ValueError(
-            f"the projection {choice.projection} needs the order rays, not {choice.order}"
-        )
-    if not 0 <= choice.attenuation < math.inf:
-        raise ValueError(f"the attenuation is {choice.attenuation}; it must be 0 or more")
-    if is_by_rays:
-        _check_rays(choice)
-    if (choice.iso is None) == (choice.projection is Projection.FIRST_HIT):
-        raise ValueError(
-            "first-hit needs an iso value, and no other projection has one "
-            f"(got {choice.projection} and {choice.iso})"
-        )
-    if choice.iso is not None and not math.isfinite(choice.iso):
-        raise ValueError(f"the iso value is {choice.iso}; it must be finite")
-
-
-def _check_at_pixels(choice: PaintChoices) -> None:
-    """Refuse choices that primitives without sub-pixels do not have."""
-    name = choice.primitive
-    if choice.order.summing is not Summing.POINTS:
-        raise ValueError(
-            f"the primitive {name} composites every sample, so it has no order {choice.order}; "
-            "take the order every-sample, or the primitive hybrid"
-        )
-    if choice.subpixels not in (None, 1):
-        raise ValueError(
-            f"the primitive {name} has no sub-pixels, so not {choice.subpixels} of them; leave "
-            "them out, or take the primitive hybrid"
-        )
-
-
 def _check_rays(choice: PaintChoices) -> None:
     """Refuse choices about how samples are painted, which rays do not paint."""
     default = {field.name: field.default for field in fields(PaintChoices)}
@@ -325,7 +312,16 @@ def check_sort_of(
 ) -> None:
     """Refuse a field that the order cannot classify, and samples that hold no field."""
     if isinstance(samples, list):
-        _check_fields(choice, samples)
+        # Reject a list that is not of fields on lattices, and projections of one field.
+        if not samples or not all(isinstance(field, LatticeField) for field in samples):
+            raise TypeError(
+                "a list of samples holds fields on lattices (LatticeField), one or more"
+            )
+        if len(samples) > 1 and choice.projection is not Projection.COMPOSITE:
+            raise ValueError(
+                f"the projection {choice.projection} shows the values of one field, and there are "
+                f"{len(samples)}; take composite"
+            )
         samples = samples[0]
     if not isinstance(samples, Samples | LatticeField):
         raise TypeError(
@@ -338,17 +334,6 @@ def check_sort_of(
         )
     if isinstance(samples, LatticeField) and choice.splat_color is not None:
         raise ValueError("a field has no splats that could be colored; leave the splat color out")
-
-
-def _check_fields(choice: PaintChoices, fields: list[LatticeField]) -> None:
-    """Reject a list that is not of fields on lattices, and projections of one field."""
-    if not fields or not all(isinstance(field, LatticeField) for field in fields):
-        raise TypeError("a list of samples holds fields on lattices (LatticeField), one or more")
-    if len(fields) > 1 and choice.projection is not Projection.COMPOSITE:
-        raise ValueError(
-            f"the projection {choice.projection} shows the values of one field, and there are "
-            f"{len(fields)}; take composite"
-        )
 
 
 def check_scaled(choice: PaintChoices) -> None:

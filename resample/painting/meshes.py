@@ -1,7 +1,6 @@
 """Prepare meshes for ray casting: sort triangles spatially and build a tree of boxes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.types import Doubles, Indices, Triangles
 
@@ -24,7 +23,17 @@ def mesh_of(
         raise ValueError(f"a mesh of {len(corner)} corners has triangles with other indices")
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     unit = np.divide(normal, length, out=np.zeros(normal.shape), where=length > 0)
-    order = _order(corner[face].mean(axis=1))
+    # Indices in Morton order, which keeps neighbours together.
+    middle = corner[face].mean(axis=1)
+    low = middle.min(axis=0, initial=np.inf)
+    extent = max(float((middle.max(axis=0, initial=-np.inf) - low).max()), 1e-300)
+    step = np.minimum((middle - low) * (STEPS / extent), STEPS - 1).astype(np.uint64)
+    code = np.zeros(len(middle), np.uint64)
+    for bit in range(20):
+        for axis in range(3):
+            here = (step[:, axis] >> np.uint64(bit)) & np.uint64(1)
+            code |= here << np.uint64(3 * bit + axis)
+    order = np.argsort(code, kind="stable")
     face, opacity = face[order], opacity[order]
     return Triangles(
         np.ascontiguousarray(corner, np.float64),
@@ -34,19 +43,6 @@ def mesh_of(
         np.ascontiguousarray(opacity, np.float64),
         _boxes(corner[face]),
     )
-
-
-def _order(middle: Doubles) -> NDArray[np.int64]:
-    """Indices in Morton order, which keeps neighbours together."""
-    low = middle.min(axis=0, initial=np.inf)
-    extent = max(float((middle.max(axis=0, initial=-np.inf) - low).max()), 1e-300)
-    step = np.minimum((middle - low) * (STEPS / extent), STEPS - 1).astype(np.uint64)
-    code = np.zeros(len(middle), np.uint64)
-    for bit in range(20):
-        for axis in range(3):
-            here = (step[:, axis] >> np.uint64(bit)) & np.uint64(1)
-            code |= here << np.uint64(3 * bit + axis)
-    return np.argsort(code, kind="stable")
 
 
 def _boxes(triangle: Doubles) -> Doubles:

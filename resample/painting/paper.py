@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import kernel
 from resample.engine.sorting import member_of, settle_ties
-from resample.hybrid.blend.over import WAITING, OverBlend
+from resample.hybrid.blend import WAITING, OverBlend
 from resample.hybrid.classify import Widths
 from resample.hybrid.footprint import flat_table, footprint_table
 from resample.hybrid.paint import Counts, paint
@@ -18,12 +18,11 @@ from resample.hybrid.record import RECORD, SPLAT, depth_order
 from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, spacing_of
-from resample.painting.strips import painted_on_subpixels
 from resample.profiles.filters import Box, PixelFilter
 from resample.profiles.memoization import once
 from resample.profiles.orders import sheets_of
 from resample.profiles.reconstruction import Reconstruction, variance
-from resample.profiles.subpixels import subpixels_of
+from resample.profiles.subpixels import painted_on_subpixels, subpixels_of
 from resample.progress import Progress, told
 from resample.types import (
     Film,

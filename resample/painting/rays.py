@@ -43,10 +43,9 @@ from resample.types import (
 )
 
 if TYPE_CHECKING:
-    from resample.engine.rays.classifiers import SummedClassifier
-    from resample.engine.rays.extremes import Blocks, Extreme
+    from resample.engine.rays.extremes import Blocks
     from resample.engine.rays.marching import BrickBounds
-    from resample.engine.rays.media import Medium
+    from resample.engine.rays.media import Medium, SummedClassifier
     from resample.engine.rays.meshes import Way
     from resample.engine.rays.painting import Output
 
@@ -119,8 +118,7 @@ class RayPainter:
         rows: tuple[int, int],
     ) -> tuple[PaintTarget, Statistics]:
         """Paint rows of a picture (height, width) of fields; meshes are those of the first."""
-        from resample.engine.rays.adaptive_sampling import Evenness
-        from resample.engine.rays.painting import Output
+        from resample.engine.rays.painting import Evenness, Output
 
         clock, style = Clock(), self.style
         fields, media = _visible_fields(fields, [_medium(field, view, self) for field in fields])
@@ -188,7 +186,14 @@ class RayPainter:
     ) -> int:
         """Replace middles of pixels by means, at edges by those of several rays; count these."""
         width = output.film.depth.shape[1]
-        edges = _edges_of(output.film)
+        # Edge pixels (N,), row by row: those at which light bends much along rows or columns.
+        from scipy.ndimage import correlate1d
+
+        found = np.zeros(output.film.depth.shape, bool)
+        for axis in (0, 1):
+            bend = correlate1d(output.film.rgba, BEND, axis, mode="nearest")
+            found |= (np.abs(bend) > EDGE).any(axis=-1)
+        edges = np.flatnonzero(found)
         of_rows = (edges >= rows[0] * width) & (edges < rows[1] * width)
         edges = edges[of_rows] if self.quality != "fast" else edges[:0]
         _mean_from_middles(output.film)
@@ -233,17 +238,6 @@ def _caster(
     _, is_lit, has_regions = np.array(ways, np.int64).T.copy()
     every = Fields(EFFORTS[how.quality].opaque, rows, is_lit, has_regions)
     return lambda count, n, output: paint_several(count, n, every, media[0], output), kept
-
-
-def _edges_of(film: Film) -> NDArray[np.int64]:
-    """Edge pixels (N,), row by row: those at which light bends much along rows or columns."""
-    from scipy.ndimage import correlate1d
-
-    found = np.zeros(film.depth.shape, bool)
-    for axis in (0, 1):
-        bend = correlate1d(film.rgba, BEND, axis, mode="nearest")
-        found |= (np.abs(bend) > EDGE).any(axis=-1)
-    return np.flatnonzero(found)
 
 
 def _tiles_of(
@@ -445,7 +439,31 @@ def _way(field: LatticeField, view: View, how: RayPainter) -> "Way":
     voxel = float(np.cbrt(abs(np.linalg.det(field.lattice))))
     if style.projection in EXTREMES:
         is_far = _mean_spacing(field, view) < LARGE
-        return _extreme(field, how, voxel, EFFORTS[how.quality].slack if is_far else 0.0)
+        # Search for extremes of a field; `voxel` in scene units, `slack` as of `_Effort`.
+        slack = EFFORTS[how.quality].slack if is_far else 0.0
+        from resample.engine.rays.coefficients import BRICK
+        from resample.engine.rays.extremes import BLOCK, Extreme
+
+        classifier, is_least = field.classifier, how.style.projection == MINIMUM
+        levels = field.levels
+        if levels.leaf.size == 0:
+            bound = -field.bounds.least if is_least else field.bounds.greatest
+            levels = levels_of(
+                bound, BRICK.bit_length() - 1, (float(bound.min()), float(bound.max()))
+            )
+        columns = classifier.table.shape[1] // field.classifiers - 1
+        per_column = (classifier.high - classifier.low) / columns
+        low = -classifier.low if is_least else classifier.low
+        return Extreme(
+            voxel,
+            is_least,
+            how.interpolation == MONOTONE,
+            slack * (classifier.high - classifier.low) * levels.per_value,
+            (levels.low - low) / per_column,
+            per_column * levels.per_value,
+            _blocks(levels.leaf, levels.shift),
+            _blocks(levels.block, BLOCK),
+        )
     if style.projection in (AVERAGE, ADDITIVE):
         return Mean(voxel, style.projection == ADDITIVE)
     if style.projection == FIRST_HIT:
@@ -458,31 +476,6 @@ def _way(field: LatticeField, view: View, how: RayPainter) -> "Way":
     )
     has_regions = classifier.table.shape[0] > 1
     return Composite(EFFORTS[how.quality].opaque, is_lit, has_regions)
-
-
-def _extreme(field: LatticeField, how: RayPainter, voxel: float, slack: float) -> "Extreme":
-    """Search for extremes of a field; `voxel` in scene units, `slack` as of `_Effort`."""
-    from resample.engine.rays.coefficients import BRICK
-    from resample.engine.rays.extremes import BLOCK, Extreme
-
-    classifier, is_least = field.classifier, how.style.projection == MINIMUM
-    levels = field.levels
-    if levels.leaf.size == 0:
-        bound = -field.bounds.least if is_least else field.bounds.greatest
-        levels = levels_of(bound, BRICK.bit_length() - 1, (float(bound.min()), float(bound.max())))
-    columns = classifier.table.shape[1] // field.classifiers - 1
-    per_column = (classifier.high - classifier.low) / columns
-    low = -classifier.low if is_least else classifier.low
-    return Extreme(
-        voxel,
-        is_least,
-        how.interpolation == MONOTONE,
-        slack * (classifier.high - classifier.low) * levels.per_value,
-        (levels.low - low) / per_column,
-        per_column * levels.per_value,
-        _blocks(levels.leaf, levels.shift),
-        _blocks(levels.block, BLOCK),
-    )
 
 
 def _blocks(most: Flags, shift: int) -> "Blocks":
@@ -564,7 +557,7 @@ def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
 
 
 def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier":
-    from resample.engine.rays.classifiers import SummedClassifier
+    from resample.engine.rays.media import SummedClassifier
 
     table = np.ascontiguousarray(classifier.table)
     most = table[0] if len(table) == 1 else _most(table)

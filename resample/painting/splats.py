@@ -21,11 +21,10 @@ from resample.painting.shaped.ellipsoids import (
     empty_canvas,
     listed,
 )
-from resample.painting.strips import painted_on_subpixels
 from resample.profiles.filters import PixelFilter
 from resample.profiles.memoization import once
 from resample.profiles.reconstruction import Reconstruction, footprint_table, variance
-from resample.profiles.subpixels import subpixels_of
+from resample.profiles.subpixels import painted_on_subpixels, subpixels_of
 from resample.progress import Progress
 from resample.types import Doubles, Film, Floats, Samples, Statistics, View
 

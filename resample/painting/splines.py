@@ -153,19 +153,15 @@ def _native(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
     if native.kind == "b":
         native = np.dtype(np.uint8)
     elif native not in AS_THEY_ARE:
-        return _above_least(values)
+        # Samples of other types, relative to the smallest one, and that offset.
+        base = float(values.min())
+        given = array_like(values, values.shape, np.float32, FIELD)
+        with np.errstate(over="ignore"):
+            for n, plane in enumerate(values):
+                given[n] = plane.astype(np.float64) - base
+        given.setflags(write=False)
+        return given, base
     given = np.ascontiguousarray(values, native).view()
-    given.setflags(write=False)
-    return given, base
-
-
-def _above_least(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], float]:
-    """Samples of other types, relative to the smallest one, and that offset."""
-    base = float(values.min())
-    given = array_like(values, values.shape, np.float32, FIELD)
-    with np.errstate(over="ignore"):
-        for n, plane in enumerate(values):
-            given[n] = plane.astype(np.float64) - base
     given.setflags(write=False)
     return given, base
 

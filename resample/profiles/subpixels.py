@@ -5,13 +5,14 @@ behind an opaque half of a pixel must not show through the other half.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from resample.profiles.filters import PixelFilter, check_reach
-from resample.types import Doubles, Floats
+from resample.progress import Progress
+from resample.types import Doubles, Film, Floats, View
 
 MOST = 4  # per side of a pixel; for filters that need more for exact results
 FINE = 16  # positions along a sub-pixel at which a filter is evaluated
@@ -81,3 +82,51 @@ def _weights(pixel_filter: PixelFilter, margin: int, n: int) -> Doubles:
     if not given.sum() > 0.0:
         raise ValueError(f"{pixel_filter} has the sum {given.sum()}, which cannot be scaled to 1")
     return np.asarray((given / given.sum()).reshape(-1, FINE), np.float64)
+
+
+def painted_on_subpixels(
+    paint: Callable[[View, tuple[int, int]], Film],
+    view: View,
+    size: tuple[int, int],
+    parts: Subpixels,
+    progress: Progress | None,
+) -> Film:
+    """Picture of a size (height, width); `paint` gives one of sub-pixels, by a view of these."""
+    from resample.engine.surfaces import resolve_rows
+
+    rgba, coverage, depth = (np.empty((*size, count), np.float32) for count in (4, 1, 1))
+    first = np.empty(size, np.float32)
+    mean = np.full(parts.count, 1.0 / parts.count, np.float32)
+    for strip in parts.strips(size):
+        (n, _, left), (_, _, top) = strip.matrix[:2]
+        fine, rows = (
+            paint(
+                view._replace(focal=n * view.focal, principal=n * view.principal + [left, top]),
+                strip.shape,
+            ),
+            slice(strip.first, strip.last),
+        )
+        resolve_rows(fine.rgba.reshape(len(fine.rgba), -1), parts.weight, parts.count, rgba[rows])
+        resolve_rows(fine.coverage, parts.weight, parts.count, coverage[rows])
+        # Depths are of a pixel's own square, by what is seen of them.
+        alpha, own = fine.rgba[..., 3], np.empty((strip.last - strip.first, size[1], 2), np.float32)
+        around = parts.margin * parts.count
+        inner = slice(around, strip.shape[0] - around), slice(around, strip.shape[1] - around)
+        far = np.where(alpha > 0, fine.depth, 0) * alpha
+        stack = np.stack([far[inner], alpha[inner]], axis=-1)
+        resolve_rows(stack.reshape(len(stack), -1), mean, parts.count, own)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth[rows, :, 0] = np.where(own[..., 1] > 0, own[..., 0] / own[..., 1], np.inf)
+        first[rows] = _least(fine.first_depth[inner], parts.count)
+        if progress is not None:
+            progress(strip.last / size[0])
+    # Lobes of filters are negative beside what is bright.
+    rgba[..., 3] = np.clip(rgba[..., 3], 0, 1)
+    np.maximum(rgba[..., :3], 0, out=rgba[..., :3])
+    return Film(rgba, depth[..., 0], first, np.clip(coverage[..., 0], 0, 1))
+
+
+def _least(fine: Floats, n: int) -> Floats:
+    """Smallest of each pixel's n × n sub-pixels."""
+    height, width = fine.shape
+    return np.asarray(fine.reshape(height // n, n, width // n, n).min(axis=(1, 3)))

@@ -32,18 +32,15 @@ def plain(path: str | Path) -> str:
     try:
         name.encode()
     except UnicodeEncodeError:
-        return _link(os.path.abspath(name))
+        # Link to a file, the same for repeated calls.
+        target = os.path.abspath(name)
+        ending = "".join(Path(target).suffixes[-2:])
+        name = sha256(os.fsencode(target)).hexdigest()[:16] + (ending if ending.isascii() else "")
+        link = os.path.join(_folder(os.getpid()), name)
+        with suppress(FileExistsError):
+            os.symlink(target, link)
+        return link
     return name
-
-
-def _link(target: str) -> str:
-    """Link to a file, the same for repeated calls."""
-    ending = "".join(Path(target).suffixes[-2:])
-    name = sha256(os.fsencode(target)).hexdigest()[:16] + (ending if ending.isascii() else "")
-    link = os.path.join(_folder(os.getpid()), name)
-    with suppress(FileExistsError):
-        os.symlink(target, link)
-    return link
 
 
 @cache

@@ -148,7 +148,15 @@ def card(size: int = 512) -> Levels:
     seen = np.full((*x.shape, 3), 0.216, np.float32)
     lines = np.minimum((x * 16) % 1, (y * 16) % 1) < 0.045
     seen[lines] = 0.75
-    _place_bars(seen, x, y)
+    # Add color bars at the top and grays at the bottom, in light.
+    bars = np.array(
+        [(1, 1, 1), (1, 1, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (1, 0, 0), (0, 0, 1), (0, 0, 0)]
+    )
+    between = (x > 0.25) & (x < 0.75)
+    number = np.clip((x - 0.25) * 16, 0, 7).astype(int)
+    top, foot = between & (y > 0.0625) & (y < 0.1875), between & (y > 0.8125) & (y < 0.9375)
+    seen[top] = 0.02 + 0.73 * bars[number[top]]
+    seen[foot] = (number[foot, None] / 7.0) ** 2.2
     across, down = x - 0.5, y - 0.5
     radius, angle = np.hypot(across, down), np.arctan2(down, across)
     star = np.where(np.sin(36 * angle) > 0, 0.95, 0.02)
@@ -193,7 +201,13 @@ def page() -> Photo:
     y, x = np.mgrid[:height, :width] + 0.5
     lamp = 1.08 - 0.32 * np.hypot(x / width - 0.3, y / height - 0.2)
     paper = ink[..., None] * np.array([0.93, 0.90, 0.84])
-    desk = _wood(x, y) * shade[..., None]
+    # Light of a wooden desk, (H, W, 3).
+    board = np.floor(y / 96)
+    fiber = rough(x / 190 + 7 * board, y / 5, 4, 41)
+    ring = 0.5 + 0.5 * np.sin(26 * rough(x / 420 + 3 * board, y / 60, 2, 47))
+    tone = (0.55 + 0.35 * fiber + 0.14 * ring)[..., None]
+    gap = np.clip((np.abs(y - 96 * np.round(y / 96)) - 0.6) / 1.2, 0.25, 1)[..., None]
+    desk = np.asarray(np.array([0.36, 0.19, 0.085]) * tone * gap) * shade[..., None]
     light = (paper + (1 - cover[..., None]) * desk) * lamp[..., None]
     noise = 0.012 * (grain(height, width, 31)[..., None] - 0.5)
     return Photo(_levels(_encoded(light) + noise), CORNERS)
@@ -217,28 +231,6 @@ def _sheet() -> Any:
     sheet[1180:1300, 380:880] = np.linspace(0, 255, 11)[None, np.arange(500) // 46]
     cv2.rectangle(sheet, (380, 1180), (879, 1299), 20, 2)
     return (0.03 + 0.97 * (sheet / 255.0) ** 2.2).astype(np.float32)
-
-
-def _wood(x: Doubles, y: Doubles) -> Doubles:
-    """Light of a wooden desk, (H, W, 3)."""
-    board = np.floor(y / 96)
-    fiber = rough(x / 190 + 7 * board, y / 5, 4, 41)
-    ring = 0.5 + 0.5 * np.sin(26 * rough(x / 420 + 3 * board, y / 60, 2, 47))
-    tone = (0.55 + 0.35 * fiber + 0.14 * ring)[..., None]
-    gap = np.clip((np.abs(y - 96 * np.round(y / 96)) - 0.6) / 1.2, 0.25, 1)[..., None]
-    return np.asarray(np.array([0.36, 0.19, 0.085]) * tone * gap)
-
-
-def _place_bars(seen: Doubles, x: Doubles, y: Doubles) -> None:
-    """Add color bars at the top and grays at the bottom, in light."""
-    bars = np.array(
-        [(1, 1, 1), (1, 1, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (1, 0, 0), (0, 0, 1), (0, 0, 0)]
-    )
-    between = (x > 0.25) & (x < 0.75)
-    number = np.clip((x - 0.25) * 16, 0, 7).astype(int)
-    top, foot = between & (y > 0.0625) & (y < 0.1875), between & (y > 0.8125) & (y < 0.9375)
-    seen[top] = 0.02 + 0.73 * bars[number[top]]
-    seen[foot] = (number[foot, None] / 7.0) ** 2.2
 
 
 def _encoded(light: Doubles) -> Doubles:

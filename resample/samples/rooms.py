@@ -39,7 +39,20 @@ class DepthPicture(NamedTuple):
     def stored(self, folder: Path, name: str) -> SampleFiles:
         write_png(folder / f"{name}.png", self.color)
         write_npy(folder / f"{name}.npy", self.depth)
-        (folder / f"{name}.json").write_text(json.dumps(self._camera(), indent=1), "utf-8")
+        # Camera in the form of NeRF's transforms.json.
+        height, width = self.depth.shape
+        focal = min(height, width) / 2 / math.tan(math.radians(self.fov / 2))
+        pose = np.diag([1.0, -1.0, -1.0, 1.0])
+        pose[:3, 3] = self.place
+        facts = {"w": width, "h": height, "fl_x": focal, "fl_y": focal}
+        facts |= {"cx": width / 2, "cy": height / 2}
+        (folder / f"{name}.json").write_text(
+            json.dumps(
+                ({**facts, "frames": [{"file_path": "", "transform_matrix": pose.tolist()}]}),
+                indent=1,
+            ),
+            "utf-8",
+        )
         eye = DefaultOptions(EYED, ["--source-pose", f"FOLDER/{name}.json"], (*EYES, "--settings"))
         aim = ("--pose", "--move", "--turn", "--target", "--truth", "--scene", "--settings")
         move = ["--move", ",".join(f"{step:g}" for step in ASIDE)]
@@ -52,16 +65,6 @@ class DepthPicture(NamedTuple):
             DefaultOptions(["stereo"], ["--depth-kind", "z"], ("--depth-kind", "--settings")),
         ]
         return SampleFiles([f"{name}.png", f"{name}.npy"], options)
-
-    def _camera(self) -> dict[str, object]:
-        """Camera in the form of NeRF's transforms.json."""
-        height, width = self.depth.shape
-        focal = min(height, width) / 2 / math.tan(math.radians(self.fov / 2))
-        pose = np.diag([1.0, -1.0, -1.0, 1.0])
-        pose[:3, 3] = self.place
-        facts = {"w": width, "h": height, "fl_x": focal, "fl_y": focal}
-        facts |= {"cx": width / 2, "cy": height / 2}
-        return {**facts, "frames": [{"file_path": "", "transform_matrix": pose.tolist()}]}
 
 
 def room(size: int = 320, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> DepthPicture:
@@ -81,11 +84,7 @@ def room(size: int = 320, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Dep
         raise ValueError(f"room: {x:g}, {y:g}, {z:g} is not a position in front of the objects")
     shape = size, size * 4 // 3
     depth = _traced(eye, shape)[1].astype(np.float32)
-    return DepthPicture(_picture(eye, shape), depth, FOV, (x, y, z))
-
-
-def _picture(eye: Doubles, shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """Picture from a position, (H, W, 3) sRGB."""
+    # Picture from a position, (H, W, 3) sRGB.
     from resample.colors import to_srgb
 
     light = np.zeros((*shape, 3), np.float32)
@@ -93,7 +92,9 @@ def _picture(eye: Doubles, shape: tuple[int, int]) -> NDArray[np.uint8]:
         at = (n % RAYS + 0.5) / RAYS, (n // RAYS + 0.5) / RAYS
         light += _traced(eye.astype(np.float32), shape, at)[0] / RAYS**2
     levels = to_srgb(np.clip(light, 0, 1)) + 0.006 * grain(*shape, 3)[..., None]
-    return np.asarray(np.clip(255 * levels, 0, 255).astype(np.uint8))
+    return DepthPicture(
+        np.asarray(np.clip(255 * levels, 0, 255).astype(np.uint8)), depth, FOV, (x, y, z)
+    )
 
 
 def _traced(

@@ -34,10 +34,7 @@ class Shrunk:
 def enlarged(part: NDArray[Any], per: int, shape: tuple[int, int], *, smooth: bool) -> NDArray[Any]:
     """Enlarge each pixel of a picture (h, w) or (h, w, C) to `per` × `per` pixels.
 
-    Parameters
-    ----------
-    shape
-        Height and width of the result, px; the excess is cropped.
+    `shape`: height and width of the result, px; the excess is cropped.
     """
     import cv2
 
@@ -54,12 +51,8 @@ def enlarged(part: NDArray[Any], per: int, shape: tuple[int, int], *, smooth: bo
 def enlarged_frame(frame: Frame, per: int, shape: tuple[int, int]) -> Frame:
     """Upsample a picture: light is interpolated, depths and values are not.
 
-    Parameters
-    ----------
-    per
-        Pixels per side that one becomes.
-    shape
-        Height and width of the result, px; anything beyond is cropped.
+    `per`: pixels per side that one becomes. `shape`: height and width of the result, px; anything
+    beyond is cropped.
     """
     smooth = partial(enlarged, per=per, shape=shape, smooth=True)
     alike = partial(enlarged, per=per, shape=shape, smooth=False)

@@ -50,12 +50,8 @@ class AnyScene:
     def pick(self, x: float, y: float, *view: Any, **choices: Any) -> Any:
         """Return the index of the sample shown at a point of the picture; None if there is none.
 
-        Parameters
-        ----------
-        x, y
-            Right and down, px; centers of pixels are at halves.
-        view, choices
-            As of `sample_ids`.
+        `x`, `y`: right and down, px; centers of pixels are at halves. `view`, `choices`: as of
+        `sample_ids`.
         """
         ids = self.sample_ids(*view, **choices)
         index = tuple(ids[pixel_at(ids.shape[1::-1], x, y)].tolist())

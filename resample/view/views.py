@@ -17,8 +17,14 @@ from resample import registry
 from resample.cameras.models import Camera, LensModel, Orthographic
 from resample.cameras.viewpoints import Orbit, viewpoint_of
 from resample.command.flags import Marks, OptionTopic, about, marks_of
-from resample.command.settings import Choices, option_of
-from resample.command.settings_files import appearance_settings, as_toml, options_of, schema_of
+from resample.command.settings import (
+    Choices,
+    appearance_settings,
+    as_toml,
+    option_of,
+    options_of,
+    schema_of,
+)
 from resample.progress import Cancel, Progress
 from resample.types import View
 

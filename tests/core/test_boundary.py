@@ -18,7 +18,7 @@ import pytest
 from PIL import Image, PngImagePlugin
 
 from resample import registry
-from resample.cameras.calibrations.lens_files import read_calibration
+from resample.cameras.calibrations import read_calibration
 from resample.cameras.files import viewpoint
 from resample.command import flags
 from resample.command.applications import check_added
@@ -31,8 +31,8 @@ from resample.command.flags import (
     marks_of,
     with_intrinsics,
 )
-from resample.command.settings_files import OWN, as_toml, options_of, read_settings
-from resample.files.metadata.provenance import KEY
+from resample.command.settings import OWN, as_toml, options_of, read_settings
+from resample.files.metadata.tags import KEY
 from resample.view.views import check_page_options
 from resample_texture.command.choices import MATRIX
 from resample_texture.geometry.matrices import parse_matrix

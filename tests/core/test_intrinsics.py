@@ -4,8 +4,7 @@ import sys
 import numpy as np
 import pytest
 
-from resample.cameras.lens import distortion
-from resample.cameras.models import Camera, Convention
+from resample.cameras.models import Camera, Convention, distortion
 from resample.cameras.pixels import distorted_places, pixel_centers, undistorted_places
 from resample.cameras.poses import camera_to_world, from_opengl
 from tests.lenses import COEFFICIENTS, FOLDING, SHAPE

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from resample.cameras.calibrations.lens_files import read_calibration, read_intrinsics
+from resample.cameras.calibrations import read_calibration, read_intrinsics
 from resample.reading.texts import yaml_of
 
 MATRIX = [[525.5, 0.0, 320.25], [0.0, 526.5, 240.75], [0.0, 0.0, 1.0]]  # centers at 0

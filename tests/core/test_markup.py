@@ -4,7 +4,7 @@ import zipfile
 
 import pytest
 
-from resample.cameras.calibrations.lens_files import read_lens
+from resample.cameras.calibrations import read_lens
 from resample.reading.meshes import check_mesh
 from resample.reading.texts import LONGEST, check_xml, check_xml_file
 from resample_volume.files.vtk import Vti, Vtr

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from resample.cli import app
-from resample.files.metadata.provenance import settings_in, stating
+from resample.files.metadata.tags import settings_in, stating
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample.messages import visible

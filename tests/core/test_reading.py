@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from resample import registry
-from resample.cameras.calibrations.lens_files import read_lens
+from resample.cameras.calibrations import read_lens
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
-from resample.command.settings_files import options_of
+from resample.command.settings import options_of
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample.messages import LONGEST, one_line, visible

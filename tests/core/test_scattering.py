@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from resample import Scatter, registry
-from resample.engine.surfaces.stamps import RIM
-from resample.library.scattering import FILTER_SIGMA, SIGMA, TURNED, UPRIGHT
+from resample.engine.surfaces import RIM
+from resample.library import FILTER_SIGMA, SIGMA, TURNED, UPRIGHT
 from tests import naive
 
 METHODS = ("hybrid", "points", "splats")

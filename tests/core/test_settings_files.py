@@ -13,9 +13,9 @@ from resample import registry
 from resample.cli import app
 from resample.command.applications import command_now
 from resample.command.flags import OptionTopic, marks_of
-from resample.command.settings_files import as_toml, options_of, read_settings
+from resample.command.settings import as_toml, options_of, read_settings
 from resample.files.images import read_channels
-from resample.files.metadata.provenance import settings_in, state, stating
+from resample.files.metadata.tags import settings_in, state, stating
 from tests import commands
 
 BOX = "checker-box:size=16,block=4"

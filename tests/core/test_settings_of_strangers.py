@@ -20,9 +20,8 @@ from resample.cameras.viewpoints import NAMED, Orbit
 from resample.cli import app
 from resample.command import flags as abouts
 from resample.command.flags import Inline, OptionTopic, about, marks_of, with_intrinsics
-from resample.command.settings import Choices
-from resample.command.settings_files import OWN, options_of, read_settings
-from resample.files.metadata.provenance import KEY, settings_in
+from resample.command.settings import OWN, Choices, options_of, read_settings
+from resample.files.metadata.tags import KEY, settings_in
 from resample_comparisons.texture import scenes
 from resample_points.command import rendering as cloud_films
 from resample_texture.command.choices import MATRIX

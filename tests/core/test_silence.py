@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from resample.files.images import open_file, read_image
-from resample.files.metadata.provenance import settings_in
+from resample.files.metadata.tags import settings_in
 from resample.files.pictures import read_picture
 from resample.reading.native import suppressed_output
 from resample_warp3d.depth.files import read_depth

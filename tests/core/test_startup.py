@@ -13,8 +13,7 @@ import pytest
 from cyclopts import App
 
 from resample import registry
-from resample.command.settings import Choices
-from resample.command.settings_files import options_of
+from resample.command.settings import Choices, options_of
 from tests.commands import HEAVY, imported
 from tests.processes import PATIENCE, python
 
@@ -27,10 +26,10 @@ COMMANDS = {  # of each application one that paints
 }
 UNUSED = {"cv2", "pooch", "ssl", "matplotlib", "trimesh", "PIL", "jinja2", "rich.markdown"}
 UNUSED |= {
-    "resample.cameras.calibrations.nerf",
+    "resample.cameras.reconstructions",
     "resample.cameras.keyframes",
-    "resample.cameras.tables",
-    "resample.files.stores.models",
+    "resample.cameras.trajectories",
+    "resample.files.stores.metadata",
 }
 COUNTING = """
 import cyclopts

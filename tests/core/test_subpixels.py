@@ -7,7 +7,7 @@ import pytest
 
 from resample import registry
 from resample.engine.jit import kernel
-from resample.engine.surfaces.resolve import (
+from resample.engine.surfaces import (
     middle_of_rows,
     nearest_of_rows,
     resolve_rows,

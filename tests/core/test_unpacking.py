@@ -16,8 +16,7 @@ import pytest
 
 from resample.files.films import film_picture, new_film, new_stream
 from resample.files.images import read_image
-from resample.files.metadata.provenance import settings_in
-from resample.files.metadata.tags import read_tags
+from resample.files.metadata.tags import read_tags, settings_in
 from resample.files.pictures import read_picture
 from resample.files.saving import DepthSlab, write_deep
 from resample.files.sequences import frames_of

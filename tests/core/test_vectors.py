@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from resample.engine.cells import scattering
+from resample.engine.cells import parts
 from resample.engine.rays import meshes
 from resample.engine.rays.meshes import _behind, _mean
 from resample.engine.vectors import (
@@ -88,7 +88,7 @@ def test_the_first_depth_is_the_nearest_that_there_is(rng):
 @pytest.mark.parametrize("taps", [1, 2, 4])
 def test_a_point_lies_between_the_pixels_that_its_filter_meets(taps):
     batch = SimpleNamespace(along_x=np.zeros(3), along_y=np.zeros(3), pixel=np.zeros(3, np.int64))
-    plain(scattering._fill_point)(batch, 1, np.array([13.7, 25.2]), taps, (10, 20, 8))
+    plain(parts._fill_point)(batch, 1, np.array([13.7, 25.2]), taps, (10, 20, 8))
     column, row = math.floor(3.7 - taps / 2 + 0.5), math.floor(5.2 - taps / 2 + 0.5)
     assert batch.pixel[1] == 8 * row + column
     assert batch.along_x[1] == pytest.approx(3.7 - taps / 2 + 0.5 - column)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample import Camera, Resampler
-from resample.outofcore.windows import WindowTask, split_windows
+from resample.outofcore.ellipsoids import WindowTask, split_windows
 from resample.types import Samples
 
 HEIGHT, WIDTH = 50, 70

@@ -99,7 +99,7 @@ def make(*, is_quick: bool = False) -> Try:
     from cyclopts import CycloptsError
 
     from resample import registry
-    from resample.command.settings_files import options_of
+    from resample.command.settings import options_of
 
     apps = {name: registry.load("apps", name) for name in ("texture", "warp3d", "points", "volume")}
     known = {name: options_of(apps[name.split()[0]][name.split()[1]]) for name in INPUTS}

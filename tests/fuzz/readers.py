@@ -6,11 +6,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from resample.cameras.calibrations.lens_files import read_intrinsics, read_lens
+from resample.cameras.calibrations import read_intrinsics, read_lens
 from resample.cameras.files import read_entries, viewpoint
 from resample.cameras.keyframes import read_keyframes
 from resample.command.flags import marks_of
-from resample.command.settings_files import options_of, read_settings
+from resample.command.settings import options_of, read_settings
 from resample.engine.compiled import entries
 from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of

@@ -8,9 +8,7 @@ import pytest
 import resample.engine.jit
 from resample import Camera, Footprint, Resampler, Samples
 from resample.engine.compiled import digests
-from resample.hybrid.blend.nearest import NearestSurface
-from resample.hybrid.blend.over import OverBlend
-from resample.hybrid.blend.sum import WeightedSum
+from resample.hybrid.blend import NearestSurface, OverBlend, WeightedSum
 from resample.hybrid.splats import LookupTables
 from resample_texture import warp as warp_texture
 from resample_warp3d import warp as warp_depth
@@ -89,7 +87,7 @@ def test_all_applications_pass_through_the_same_modules(name):
     called = {each.__module__: each for each in kernels_called(run)}
     assert {"resample.hybrid.paint", adapter} <= called.keys()
     painters = {f"resample.engine.{painter}" for painter in PAINTERS}
-    assert not {module for module in called if module.rpartition(".")[0] in painters}
+    assert not {each for each in called if {each, each.rpartition(".")[0]} & painters}
     compiled = [called[module] for module in ("resample.hybrid.paint", adapter)]
     parts = {
         part for each in compiled for part in digests.made_from(each, [blend, LookupTables])[1]

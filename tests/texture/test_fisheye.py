@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from resample.cameras.calibrations.lens_files import pinhole_of
+from resample.cameras.calibrations import pinhole_of
 from resample.cameras.models import Camera
 from resample_texture.geometry.mappings import pixel_centers
 from tests.lenses import COEFFICIENTS, SHAPE

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from resample.engine.cells.sums import finish
+from resample.engine.cells.bands import finish
 from resample.engine.levels import decode
 from resample_texture import ForwardMap, Hybrid, Splats, warp
 from resample_texture.texels.encoding import light

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from resample.engine.cells.boxes import Batch
+from resample.engine.cells.bands import Batch
 from resample.engine.jit import kernel
 from resample_texture.texels.kernels.placing import TexelMapping, place
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import threads
-from resample.engine.surfaces.stamps import RIM
+from resample.engine.surfaces import RIM
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,

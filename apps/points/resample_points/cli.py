@@ -10,8 +10,7 @@ from resample.command import flags
 from resample.command.flags import Inline, OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
-from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width
-from resample.command.settings_files import with_settings
+from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width, with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
 from resample_points.command.converting import ConvertOptions

@@ -11,8 +11,7 @@ from resample.command.applications import demonstrator, fetcher
 from resample.command.flags import OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
-from resample.command.settings import Serving, Written, height_and_width
-from resample.command.settings_files import with_settings
+from resample.command.settings import Serving, Written, height_and_width, with_settings
 from resample.files.stores.opening import Place
 from resample.lazy import installed_version
 from resample_texture.command.choices import (

@@ -13,7 +13,7 @@ from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Spelled, Sphere, camera_from, viewpoint_of
 from resample.colors import Background, to_srgb
 from resample.console import Color
-from resample.engine.compositing import VISIBLE
+from resample.engine.lookup import VISIBLE
 from resample.lengths import length_text
 from resample.measuring.color_bars import (
     BLACK,

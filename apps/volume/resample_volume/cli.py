@@ -13,8 +13,7 @@ from resample.command.applications import demonstrator
 from resample.command.flags import Inline, OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import Session, require_picture, run
-from resample.command.settings import PictureFormat, Resampling, Serving, Sharing
-from resample.command.settings_files import with_settings
+from resample.command.settings import PictureFormat, Resampling, Serving, Sharing, with_settings
 from resample.console import linear_color, progress_bar, say
 from resample.files.writing import check_targets, write_json
 from resample.lazy import installed_version

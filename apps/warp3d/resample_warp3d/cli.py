@@ -14,8 +14,8 @@ from resample.command.settings import (
     Serving,
     Sharing,
     Written,
+    with_settings,
 )
-from resample.command.settings_files import with_settings
 from resample.lazy import installed_version
 from resample_warp3d.command.choices import (
     Depth,

@@ -22,9 +22,15 @@ from numpy.typing import NDArray
 
 from resample.colors import from_srgb
 from resample.files.images import read_image
-from resample.reading.gltf import JSON, header_of
 from resample.reading.limits import check_file, check_unpacked
-from resample.reading.meshes import check_mesh, named_textures, trimesh_resolver, unreadable
+from resample.reading.meshes import (
+    JSON,
+    check_mesh,
+    header_of,
+    named_textures,
+    trimesh_resolver,
+    unreadable,
+)
 from resample.reading.native import plain
 from resample.types import Floats
 from resample_meshes.shapes import AlphaMode, Cover, Mesh, checked_array

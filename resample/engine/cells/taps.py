@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.boxes import Batch
+from resample.engine.cells.bands import Batch
 from resample.engine.jit import inner_kernel
 from resample.types import Floats, Single
 

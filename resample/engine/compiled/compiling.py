@@ -93,18 +93,10 @@ def _settings() -> tuple[object, ...]:
 def key_of(given: Any) -> str:
     """Name of an argument's type, as `Kernel` of the library makes it of a value.
 
-    Parameters
-    ----------
-    given
-        What numba takes the argument for.
-
-    Returns
-    -------
-    str
-        ``q``, ``d``, ``b``, ``n`` for an int, a float, a bool and None; ``sf4`` for a number of
-        NumPy; ``[f4,2,C]`` for an array (dtype, dimensions, layout; ``r`` after it: read-only);
-        ``(module.Bundle;...)`` for a bundle and its parts, ``(;...)`` for a tuple; ``o`` and the
-        default for an argument that is left out.
+    `given`: what numba takes the argument for. Names are ``q``, ``d``, ``b``, ``n`` for an int,
+    a float, a bool and None; ``sf4`` for a number of NumPy; ``[f4,2,C]`` for an array (dtype,
+    dimensions, layout; ``r`` after it: read-only); ``(module.Bundle;...)`` for a bundle and its
+    parts, ``(;...)`` for a tuple; ``o`` and the default for an argument that is left out.
     """
     plain = {types.none: "n", types.boolean: "b", types.int64: "q", types.float64: "d"}
     if given in plain:
@@ -172,10 +164,8 @@ class KernelCache(NullCache):  # type: ignore[misc]
     def path(self, signature: Any) -> Path | None:
         """File of the machine code for types of arguments.
 
-        Returns
-        -------
-        Path or None
-            None if it is not kept: the kernel's source is in no file, or settings are on trial.
+        None if it is not kept: the kernel's source is in no file, or settings
+        are on trial.
         """
         arguments = sigutils.normalize_signature(signature)[0]
         file = Path(self._called.__wrapped__.__code__.co_filename)
@@ -193,7 +183,8 @@ class KernelCache(NullCache):  # type: ignore[misc]
         path = self.path(signature)
         entry = None if path is None else read(path)
         if path is None or entry is None:
-            _say_that_it_compiles(self._name)
+            _say_that_it_takes_long()
+            LOG.debug("compiling %s", self._name)
             self._began = time.thread_time()
             return None
         LOG.debug("%s: taken from %s", self._name, path)
@@ -245,11 +236,6 @@ def in_turn(path: Path) -> Iterator[None]:
 @cache
 def _say_that_it_takes_long() -> None:
     LOG.info("compiling kernels, once per installation: about 20 seconds")
-
-
-def _say_that_it_compiles(name: str) -> None:
-    _say_that_it_takes_long()
-    LOG.debug("compiling %s", name)
 
 
 def _keep(compiled: Any, called: Any) -> None:
@@ -339,20 +325,8 @@ def define(
     What kernels call is compiled with them, without the code that unpacks Python's arguments and
     without machine code of its own: both would take a fifth of the time.
 
-    Parameters
-    ----------
-    called
-        What kernels and Python call, by the kernel's name.
-    function
-        Its body.
-    is_packed
-        Whether equal operations on neighbouring numbers become one.
-    options
-        Further ones of numba's.
-
-    Returns
-    -------
-    Dispatcher
+    `called`: what kernels and Python call, by the kernel's name. `function`: its body. `is_packed`:
+    whether equal operations on neighbouring numbers become one. `options`: further ones of numba's.
     """
     compiled = numba.njit(function, **OPTIONS, **options)
     _keep(compiled, called)

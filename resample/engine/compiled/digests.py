@@ -28,17 +28,9 @@ KIND = 0xFF  # flags of a code that tell what arguments it takes, and whether it
 def made_from(called: Any, classes: Iterable[type]) -> tuple[str, list[str]]:
     """Fingerprint of what a kernel is compiled from, and names of that.
 
-    Parameters
-    ----------
-    called
-        The kernel, as kernels and Python call it.
-    classes
-        Of the bundles that it is called with.
-
-    Returns
-    -------
-    str, list of str
-        Names are those of functions, classes and constants, and of modules that count whole.
+    `called`: the kernel, as kernels and Python call it. `classes`: of the bundles that it is called
+    with. Names are those of functions, classes and constants, and of modules that
+    count whole.
     """
     walk = _Walk()
     given = [called, *sorted(classes, key=_name)]
@@ -77,14 +69,8 @@ class _Walk:
     def text(self, value: Any, label: str, names: tuple[str, ...]) -> str:
         """Text of a value that code names.
 
-        Parameters
-        ----------
-        value
-            What the name stands for.
-        label
-            The name, with its module.
-        names
-            Those in the code that may be attributes of a module.
+        `value`: what the name stands for. `label`: the name, with its module. `names`: those in the
+        code that may be attributes of a module.
         """
         if hasattr(value, "__name__") and _is_foreign(_home(value)):
             return _name(value)
@@ -111,7 +97,10 @@ class _Walk:
     def _called(self, value: Any) -> str:
         """Text of a kernel, a role, an intrinsic, or a function that numba has an overload for."""
         options = getattr(value, "options", getattr(value, "targetoptions", {}))
-        flags = sorted(f"{key} {_flag(each)}" for key, each in options.items())
+        flags = sorted(
+            f"{key} {sorted(each) if isinstance(each, set) else each!s}"
+            for key, each in options.items()
+        )
         told = f"{_name(value)} {flags}"
         if hasattr(value, "bodies"):
             if value.bodies not in self._roles:
@@ -170,10 +159,6 @@ def _name(value: Any) -> str:
 
 def _is_foreign(module: str) -> bool:
     return module.partition(".")[0] in FOREIGN
-
-
-def _flag(value: Any) -> str:
-    return str(sorted(value) if isinstance(value, set) else value)
 
 
 def _overloads(function: FunctionType) -> list[FunctionType]:

@@ -37,13 +37,7 @@ class Entry(NamedTuple):
 
 
 def read(path: Path) -> Entry | None:
-    """Entry in a file.
-
-    Returns
-    -------
-    Entry or None
-        None if there is no file, or if it is damaged: then it is removed.
-    """
+    """Entry in a file; None if there is none, or if it is damaged: then it is removed."""
     try:
         data = own_bytes(path)
     except NotOwnError as error:

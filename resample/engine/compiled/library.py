@@ -65,12 +65,8 @@ def dtype_name(dtype: DTypeLike) -> str:
 def kernel(function: Callable[..., Any]) -> Call | None:
     """A kernel of the library, to be called with a tuple and a dict of arguments.
 
-    The call gives `NotImplemented` if the library has no code for their types.
-
-    Returns
-    -------
-    callable or None
-        None if the library has no code of the kernel at all, or is not used.
+    The call gives `NotImplemented` if the library has no code for their types. None if the library
+    has no code of the kernel at all, or is not used.
     """
     native = _native()
     if native is None or not isinstance(function, FunctionType):

@@ -10,18 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
-from resample.engine.lighting import length_of
-from resample.engine.lookup import absorbed
-from resample.engine.rays.classifiers import (
-    Light,
-    SummedClassifier,
-    clamped,
-    classified,
-    lights_between,
-    value_of,
-)
+from resample.engine.lookup import VISIBLE, absorbed
 from resample.engine.rays.marching import (
     Ray,
     brick_at,
@@ -32,15 +22,22 @@ from resample.engine.rays.marching import (
 )
 from resample.engine.rays.media import (
     Aims,
+    Light,
     Medium,
+    SummedClassifier,
     aims_at,
+    clamped,
+    classified,
     depth_cue_at,
     faced,
     is_known,
+    length_of,
+    lights_between,
     number_at,
     position,
     reflected,
     tinted,
+    value_of,
 )
 from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays, role

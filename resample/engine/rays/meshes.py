@@ -7,9 +7,8 @@ of the boxes are leaves. A ray traverses the tree in that order, without a stack
 import math
 from typing import Any
 
-from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_step
-from resample.engine.rays.classifiers import Light
+from resample.engine.lookup import VISIBLE
 from resample.engine.rays.extremes import Extreme
 from resample.engine.rays.integrators import (
     NOTHING,
@@ -21,7 +20,14 @@ from resample.engine.rays.integrators import (
     integrate,
 )
 from resample.engine.rays.marching import Ray, ray_at
-from resample.engine.rays.media import Medium, aims_at, depth_cue_at, light_shares_at, reflect
+from resample.engine.rays.media import (
+    Light,
+    Medium,
+    aims_at,
+    depth_cue_at,
+    light_shares_at,
+    reflect,
+)
 from resample.engine.roles import plays, role
 from resample.engine.vectors import Vector, combine, cross, dot, scaled
 from resample.types import Doubles, Triangles, View

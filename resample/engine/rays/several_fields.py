@@ -12,7 +12,6 @@ import numpy as np
 
 from resample.engine.bundles import Words, loaded, rows_of, store
 from resample.engine.jit import Counter, inner_kernel, inner_step, packed_kernel, tasks
-from resample.engine.rays.classifiers import Light
 from resample.engine.rays.integrators import (
     MOST_PIECES,
     NOTHING,
@@ -27,7 +26,7 @@ from resample.engine.rays.integrators import (
     step_after,
 )
 from resample.engine.rays.marching import Ray, depth_at, next_step, place_at, ray_at
-from resample.engine.rays.media import Aims, Medium, aims_at, position
+from resample.engine.rays.media import Aims, Light, Medium, aims_at, position
 from resample.engine.rays.meshes import cast
 from resample.engine.rays.painting import Output, paint_tile
 from resample.engine.roles import plays

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.compositing import VISIBLE
 from resample.engine.jit import inner_kernel, inner_step, kernel
+from resample.engine.lookup import VISIBLE
 from resample.engine.shaped.records import (
     D_X,
     D_XX,

@@ -5,12 +5,41 @@ are, along each axis, (K(b − n) − K(a − n)) / (b − a), with K the integr
 of the box. K is tabulated and interpolated linearly; a window is a few dozen products.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from resample.engine.jit import inner_kernel, inner_step
 from resample.types import Floats, Single
+
+TRANSPARENT, CLAMP, WRAP, MIRROR = range(4)
+
+
+@inner_kernel
+def mapped(index: int, size: int, edge: int) -> int:
+    """Index of the sample that stands for an index beyond the grid's edges."""
+    if 0 <= index < size:
+        return index
+    if edge == CLAMP:
+        return 0 if index < 0 else size - 1
+    if edge == WRAP:
+        return index % size
+    # Mirror; at a transparent edge too, where it serves interpolation only, so that sums are kept.
+    index %= 2 * size
+    return index if index < size else 2 * size - 1 - index
+
+
+@inner_kernel
+def folded(place: float, size: float, edge: int, margin: float) -> tuple[float, float]:
+    """Equivalent position in the grid or within `margin` of it; and −1 if mirrored, else 1."""
+    if edge == WRAP:
+        return place - math.floor(place / size) * size, 1.0
+    if edge == MIRROR:
+        place -= math.floor(place / (2.0 * size)) * (2.0 * size)
+        return (place, 1.0) if place <= size else (2.0 * size - place, -1.0)
+    return min(max(place, -margin), size + margin), 1.0
+
 
 PHASES = 256  # rows of a table of integrals
 ONES = 8  # entries of 1 before, and of 0 after, those in between
@@ -117,10 +146,7 @@ def _point_weights(
 ) -> int:
     """Compute the weights of the samples around a point, into `scratch`; return the first sample.
 
-    Parameters
-    ----------
-    place
-        Samples from the start of a grid with `size` of them; the window is kept on the grid.
+    `place`: samples from the start of a grid with `size` of them; the window is kept on the grid.
     """
     table, stride, taps = points.table, points.stride, points.taps
     # Split the distance from the sample before into samples, table rows and a fraction of a row.
@@ -150,19 +176,9 @@ def weights(
 ) -> tuple[int, int]:
     """Compute weights of the samples along an axis for one side of a box, into `scratch`.
 
-    Parameters
-    ----------
-    side
-        Center and length, samples from the start of a grid with `size` of them; the window is
-        kept on the grid.
-    share
-        What the weights sum to.
-    first
-        Where in `scratch` they begin.
-
-    Returns
-    -------
-    First sample, and how many. Weights up to the next multiple of eight are 0.
+    `side`: center and length, samples from the start of a grid with `size` of them; the window is
+    kept on the grid. `share`: what the weights sum to. `first`: where in `scratch` they begin.
+    Returns first sample, and how many. Weights up to the next multiple of eight are 0.
     """
     table, stride, taps = integral.table, integral.stride, integral.taps
     if points.taps > 0 and side[1] < integral.shortest:
@@ -303,12 +319,8 @@ def add_mean(
 ) -> None:
     """Add the mean of a grid over a box, times a share, to the channels `total`.
 
-    Parameters
-    ----------
-    box
-        In the grid's own coordinates: its first sample covers 0..1. It is moved onto the grid.
-    scratch
-        Scratch of `scratch_size` numbers.
+    `box`: in the grid's own coordinates: its first sample covers 0..1. It is moved onto the grid.
+    `scratch`: scratch of `scratch_size` numbers.
     """
     # Weights along both axes; the share is in those along v.
     flat, _, _, rows, columns, channels, there, before = plate

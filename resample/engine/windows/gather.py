@@ -13,16 +13,25 @@ from numpy.typing import NDArray
 
 from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
 from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, tasks
-from resample.engine.windows.boxes import GridBox, Place, add_mean, put_mean_of_few, scratch_size
-from resample.engine.windows.edges import TRANSPARENT
+from resample.engine.windows.boxes import (
+    TRANSPARENT,
+    GridBox,
+    Place,
+    add_mean,
+    put_mean_of_few,
+    scratch_size,
+)
 from resample.engine.windows.footprints import (
     LEAN,
     LIMITED,
+    MOST_CORNERS,
     NEARLY,
     GridView,
     PixelFootprint,
     PixelGeometry,
+    area,
     averaged,
+    cut_to,
     fold,
     footprint_at,
     is_box,
@@ -31,8 +40,10 @@ from resample.engine.windows.footprints import (
     parts_of,
 )
 from resample.engine.windows.limits import (
+    ALONG_Y,
     Corners,
     Part,
+    both,
     corner_scratch,
     fill_corners,
     keep_within,
@@ -41,8 +52,8 @@ from resample.engine.windows.limits import (
     part_around,
     part_of,
     tolerances,
+    towards,
 )
-from resample.engine.windows.polygons import MOST_CORNERS, area, cut_to
 from resample.engine.windows.rows import (
     DOWN,
     OTHER,
@@ -56,7 +67,6 @@ from resample.engine.windows.rows import (
     row_scratch,
     side_of,
 )
-from resample.engine.windows.straight import ALONG_Y, both, towards
 from resample.types import Doubles, Floats, Single
 
 Integers = NDArray[np.int64]
@@ -436,17 +446,9 @@ def gather_tiles(
 ) -> None:
     """Fill tiles (T, 4) of an image; for an application's packed kernel.
 
-    Parameters
-    ----------
-    bounds
-        (T, 4) bounds of what tiles cover, see `Extent`.
-    wanted
-        (height, width) of pixels that are filled, or empty: all.
-    image
-        (height, width, C), filled, premultiplied by coverage; of as many channels as the plate, or
-        less.
-    covered
-        (height, width) coverage, filled.
+    `bounds`: (T, 4) bounds of what tiles cover, see `Extent`. `wanted`: (height, width) of pixels
+    that are filled, or empty: all. `image`: (height, width, C), filled, premultiplied by coverage;
+    of as many channels as the plate, or less. `covered`: (height, width) coverage, filled.
     """
     # Allocate the scratch of this thread.
     channels, pixels = view.plate.channels, row_scratch()

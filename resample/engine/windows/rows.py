@@ -17,12 +17,12 @@ from resample.engine.windows.boxes import (
     LONGEST,
     ONES,
     PHASES,
+    TRANSPARENT,
     Integral,
     Whole,
     WindowSide,
     low_end,
 )
-from resample.engine.windows.edges import TRANSPARENT
 from resample.engine.windows.footprints import (
     LEAN,
     LEANEST,
@@ -73,12 +73,8 @@ def measure_rows(
 ) -> None:  # fmt: skip
     """Measure the pixels of rows from a column on, and find the boxes that stand for them.
 
-    Parameters
-    ----------
-    rows
-        First row, and last + 1; at most `ROWS`.
-    is_apart
-        The tile has no limits in common; then there are none.
+    `rows`: first row, and last + 1; at most `ROWS`. `is_apart`: the tile has no limits in common;
+    then there are none.
     """
     if is_apart or view.points.taps > 0 or view.plate.channels not in (1, 4):
         for n in range(MOST):
@@ -157,16 +153,9 @@ def _put_sides(
 ) -> None:  # fmt: skip
     """Put windows along an axis; where they are large, or an edge crosses a pixel, has it no boxes.
 
-    Parameters
-    ----------
-    which
-        Box, 0 or 1, and axis, 0 or `DOWN`.
-    extent
-        First sample of the plate, its samples, and those of the source.
-    most
-        Half the extent of a pixel, at most.
-    is_open
-        Whether the source is continued beyond its edges.
+    `which`: box, 0 or 1, and axis, 0 or `DOWN`. `extent`: first sample of the plate, its samples,
+    and those of the source. `most`: half the extent of a pixel, at most. `is_open`: whether the
+    source is continued beyond its edges.
     """
     shape, whole, share = pixels
     first, size, end = extent

@@ -31,8 +31,7 @@ from resample.files.metadata.tags import (
     text,
     text_tag,
 )
-from resample.reading.displayed import exif_block
-from resample.reading.pictures import is_avif
+from resample.reading.pictures import exif_block, is_avif
 from resample.types import Doubles
 
 JPEG, TIFF, PNG = (".jpg", ".jpeg"), (".tif", ".tiff"), (".png",)
@@ -194,7 +193,19 @@ def complete(path: Path, pages: list[WrittenPage]) -> None:
                 kept = {tag: inner[tag] for tag in inner if tag != MAKERS_NOTES}
                 shorter = {**tags, EXIF: kept}
             block = block_of(shorter)
-        _put_into_jpeg(path, block)
+        # Replace or insert the Exif segment of a JPEG file.
+        data = path.read_bytes()
+        place, before, after = 2, b"", b""
+        while data[place + 1] in MARKS:
+            size = 2 + int(struct.unpack(">H", data[place + 2 : place + 4])[0])
+            segment = data[place : place + size]
+            if segment[1] == 0xE0:
+                before += segment
+            elif segment[4:10] != b"Exif\0\0":
+                after += segment
+            place += size
+        exif = b"\xff\xe1" + struct.pack(">H", len(block) + 8) + b"Exif\0\0" + block
+        path.write_bytes(data[:2] + before + exif + after + data[place:])
 
 
 def exif_of(about: FileMetadata, shape: tuple[int, ...]) -> bytes:
@@ -264,19 +275,3 @@ def _segments(file: BinaryIO) -> Iterator[bytes]:
         if lead != 0xFF or marker == 0xDA or size < 2:
             return
         yield file.read(size - 2)
-
-
-def _put_into_jpeg(path: Path, block: bytes) -> None:
-    """Replace or insert the Exif segment of a JPEG file."""
-    data = path.read_bytes()
-    place, before, after = 2, b"", b""
-    while data[place + 1] in MARKS:
-        size = 2 + int(struct.unpack(">H", data[place + 2 : place + 4])[0])
-        segment = data[place : place + size]
-        if segment[1] == 0xE0:
-            before += segment
-        elif segment[4:10] != b"Exif\0\0":
-            after += segment
-        place += size
-    exif = b"\xff\xe1" + struct.pack(">H", len(block) + 8) + b"Exif\0\0" + block
-    path.write_bytes(data[:2] + before + exif + after + data[place:])

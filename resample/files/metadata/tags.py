@@ -8,6 +8,8 @@ directories are damaged. So this module reads them itself, and appends new ones 
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from io import BytesIO
 from pathlib import Path
 from shutil import copyfileobj
@@ -15,6 +17,51 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from resample.reading.pictures import opened
+
+KEY = "resample:settings"  # key of the text in PNG and EXR
+SUFFIXES = (".png", ".exr")  # files that can store it
+
+_settings: ContextVar[str] = ContextVar("settings", default="")
+
+
+@contextmanager
+def stating(settings: str) -> Iterator[None]:
+    """Store these settings, as TOML, in pictures written in this block."""
+    # Texts of PNG are ASCII.
+    token = _settings.set("".join(c if ord(c) < 128 else f"\\U{ord(c):08x}" for c in settings))
+    try:
+        yield
+    finally:
+        _settings.reset(token)
+
+
+def state(spec: Any, path: Path) -> None:
+    """Add the settings, if any, to an OpenImageIO header if the format can store them."""
+    text = _settings.get()
+    if text and path.suffix.lower() in SUFFIXES:
+        spec.attribute(KEY, text)
+
+
+def stated() -> dict[str, str]:
+    """Texts to store in a PNG file: the settings, if any."""
+    text = _settings.get()
+    return {KEY: text} if text else {}
+
+
+def settings_in(path: Path) -> str:
+    """Read the settings, as TOML, that a picture was made with."""
+    source = opened(path)
+    text = str(source.spec().get_string_attribute(KEY))
+    source.close()
+    if not text:
+        raise ValueError(
+            f"{path} holds no settings; give a PNG or EXR that these commands have written, or a "
+            ".toml file"
+        )
+    return text
+
 
 ASCII, SHORT, LONG, DOUBLE = 2, 3, 4, 12
 # Value types by number; fractions are two integers.

@@ -9,19 +9,17 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field, ValidationError
 
 from resample.lengths import ratio, times, unit_of_length
 from resample.memory import amount
 from resample.messages import one_line
 from resample.reading.limits import SIMILAR_FRAMES, limits, refused
 from resample.types import Doubles
-
-if TYPE_CHECKING:
-    from resample.files.stores.models import Axis, Channel, Dataset, Transformation
 
 VERSIONS = ("0.4", "0.5")
 KINDS = {"time": "t", "channel": "c"}  # non-spatial axes
@@ -32,6 +30,73 @@ FEW = 4  # if at most one chunk in so many exists, they are read one by one
 NUMBER = re.compile(r"\d{1,12}")
 
 Selection = Sequence[slice | int]  # along each axis; slices have both ends
+
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Axis(BaseModel):
+    """One axis of all arrays."""
+
+    name: str
+    type: str | None = None
+    unit: str | None = None
+
+
+class Transformation(BaseModel):
+    """Scale or translation; numbers in separate files belong to older versions."""
+
+    type: Literal["identity", "scale", "translation"]
+    scale: list[Number] | None = None
+    translation: list[Number] | None = None
+
+
+class Dataset(BaseModel):
+    """One resolution level."""
+
+    path: str
+    transformations: Annotated[
+        list[Transformation], Field(alias="coordinateTransformations", min_length=1)
+    ]
+
+
+class Multiscale(BaseModel):
+    """One image at several resolutions."""
+
+    axes: Annotated[list[Axis], Field(min_length=2, max_length=5)]
+    datasets: Annotated[list[Dataset], Field(min_length=1, max_length=64)]  # each half the last
+    transformations: Annotated[list[Transformation], Field(alias="coordinateTransformations")] = []
+
+
+class Window(BaseModel):
+    """Values that are dark and bright."""
+
+    start: Number
+    end: Number
+
+
+class Channel(BaseModel):
+    """Look of a channel, as OMERO has it."""
+
+    label: str = ""
+    color: Annotated[str, Field(pattern="^#?[0-9A-Fa-f]{6}([0-9A-Fa-f]{2})?$")] | None = None
+    window: Window | None = None
+    active: bool = True
+
+
+class Omero(BaseModel):
+    """Looks of all channels."""
+
+    channels: Annotated[list[Channel], Field(max_length=4096)] = []
+
+
+class Own(BaseModel):
+    """Properties that the format lacks; see `writing`."""
+
+    direction: Annotated[list[list[Number]], Field(min_length=3, max_length=3)] | None = None
+    units: str = ""
+    space: str = ""
+    color: bool = False
 
 
 class Level(NamedTuple):
@@ -53,15 +118,11 @@ class Layout(NamedTuple):
     units: str = ""  # of values, as in `Volume`
     space: str = ""  # as in `Volume`
     is_color: bool = False  # whether channels are red, green, blue and optional opacity
-    looks: "tuple[Channel, ...]" = ()  # of channels
+    looks: tuple[Channel, ...] = ()  # of channels
 
 
 def layout_of(attributes: Mapping[str, Any], name: str, space: str = SPACE) -> Layout | None:
     """Parse a group's attributes; None if they describe no image."""
-    from pydantic import ValidationError
-
-    from resample.files.stores.models import Multiscale, Omero, Own
-
     told = attributes.get("ome", attributes)
     if not isinstance(told, Mapping) or "multiscales" not in told:
         return None
@@ -125,7 +186,7 @@ def _axes(given: "list[Axis]", name: str, space: str) -> tuple[str, Doubles, str
     return "".join(letters), factor, unit
 
 
-def _letter(axis: "Axis", name: str) -> str:
+def _letter(axis: Axis, name: str) -> str:
     """Letter of an axis, by its type, else by its name."""
     letter = KINDS.get(axis.type or "", axis.name.lower())
     if letter not in (*SPACE, *KINDS.values()):
@@ -136,7 +197,7 @@ def _letter(axis: "Axis", name: str) -> str:
     return letter
 
 
-def _level(given: "Dataset", after: "list[Transformation]", factor: Doubles, name: str) -> Level:
+def _level(given: Dataset, after: list[Transformation], factor: Doubles, name: str) -> Level:
     """Level with its own transformations and those of the image."""
     scale, start, is_placed = np.ones(factor.size), np.zeros(factor.size), False
     for step in [*given.transformations, *after]:

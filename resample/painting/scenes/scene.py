@@ -3,7 +3,7 @@
 import math
 import time
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from resample.memory.mapped import contiguous
 from resample.painting.scenes.plans import Window
 from resample.profiles.orders import Summing
+from resample.progress import Progress
 from resample.types import (
     Classifier,
     Doubles,
@@ -323,3 +324,12 @@ def _longest(
     xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])
     yy = fy * fy * (v[1, 1] - 2 * y * v[1, 2] + y * y * v[2, 2])
     return np.asarray(np.sqrt(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)), np.float32)
+
+
+class SamplePainter(Protocol):
+    """Paints the samples of a prepared scene."""
+
+    def paint(
+        self, scene: PreparedScene, samples: Samples, progress: Progress | None
+    ) -> tuple[PaintTarget, Statistics]:
+        """Picture of samples."""

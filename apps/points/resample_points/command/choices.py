@@ -22,7 +22,7 @@ from resample.command.flags import (
 from resample.command.settings import Choices, Threads
 
 if TYPE_CHECKING:
-    from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.calibrations import Calibration
     from resample.cameras.viewpoints import Viewpoint
     from resample_points.data.cloud import Cloud
     from resample_points.data.selecting import Wanted

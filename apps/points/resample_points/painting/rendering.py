@@ -302,7 +302,7 @@ def _filtered(
     surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle, parts: Subpixels
 ) -> PaintedCloud:
     """Paint a cloud on sub-pixels, strip by strip, and filter them."""
-    from resample.engine.surfaces.resolve import nearest_of_rows, resolve_rows
+    from resample.engine.surfaces import nearest_of_rows, resolve_rows
 
     n = parts.count
     light, away = (np.zeros((*shape, count), np.float32) for count in (4, 1))

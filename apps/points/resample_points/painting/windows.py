@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_in_file
+from resample.outofcore.ellipsoids import spans_within
 from resample.outofcore.passes import PassContext, passed
-from resample.outofcore.windows import spans_within
 from resample.painting.scenes.scene import dealt_to_tiles, tiles_along
 from resample.progress import progress_here, told
 from resample.types import Indices, Records, Screen
@@ -77,7 +77,7 @@ def paint_in_windows(
 
 
 class CloudInFiles(NamedTuple):
-    """A cloud in parts, whose windows are spans of tiles; see `resample.outofcore.windows`."""
+    """A cloud in parts, whose windows are spans of tiles; see `resample.outofcore.ellipsoids`."""
 
     rows: list[slice]  # of the parts
     project: Projector

@@ -34,7 +34,7 @@ from resample.files.stores import opening
 from resample.messages import numbers_in, parts_of
 
 if TYPE_CHECKING:
-    from resample.cameras.calibrations.lens_files import Calibration
+    from resample.cameras.calibrations import Calibration
     from resample_texture.arguments import AnySize, Places
     from resample_texture.geometry.mappings import Geometry
     from resample_texture.types import Warped
@@ -183,7 +183,7 @@ class WarpGeometry(TargetChoices):
             geometry = homography(matrix, convention=convention, inverse=self.inverse)
             return PictureTarget(geometry, self.shape() or source_shape)
         if name == "lens":
-            from resample.cameras.calibrations.lens_files import read_calibration
+            from resample.cameras.calibrations import read_calibration
 
             shape, calibration = self.shape() or source_shape, read_calibration(given, None)
             return rectified(calibration, shape, inverse=self.inverse)
@@ -482,7 +482,7 @@ class Undistortion(TargetChoices):
 
         Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
         """
-        from resample.cameras.calibrations.lens_files import pinhole_of, read_calibration
+        from resample.cameras.calibrations import pinhole_of, read_calibration
         from resample.cameras.models import LensModel
         from resample.cameras.poses import turned_by
         from resample.messages import naming

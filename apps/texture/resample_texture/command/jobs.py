@@ -23,8 +23,7 @@ from resample.files.formats import (
     takes_alpha,
 )
 from resample.files.metadata.fields import TIFF, FileMetadata, WrittenPage, complete, upright
-from resample.files.metadata.provenance import stated
-from resample.files.metadata.tags import PNG_START, Tag, read_tags
+from resample.files.metadata.tags import PNG_START, Tag, read_tags, stated
 from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
-from resample.hybrid.blend.sum import WeightedSum, mean_of
+from resample.hybrid.blend import WeightedSum, mean_of
 from resample.hybrid.classify import (
     THRESHOLD,
     Jacobian,

@@ -15,12 +15,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from resample.engine.cells.bands import Border, Means, collect, finish
 from resample.engine.cells.parts import batches, channel_groups, parts_of
-from resample.engine.cells.sums import Border, Means, collect, finish
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.windows.boxes import FEW, SPARE, Plate
-from resample.engine.windows.edges import CLAMP, MIRROR, TRANSPARENT, WRAP
-from resample.engine.windows.filtering import Filters, filter_plate
+from resample.engine.windows.boxes import CLAMP, FEW, MIRROR, SPARE, TRANSPARENT, WRAP, Plate
+from resample.engine.windows.separable import Filters, filter_plate
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter, taps
 from resample.profiles.memoization import once

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, collect
 from resample.engine.cells.parts import batches, parts_of
-from resample.engine.cells.sums import collect
 from resample.engine.windows.boxes import (
     FINE_PHASES,
     LONGEST,

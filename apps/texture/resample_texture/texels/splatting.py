@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.engine.cells.bands import collect
 from resample.engine.cells.parts import batches, parts_of
-from resample.engine.cells.sums import collect
 from resample.engine.cells.taps import FilterTaps
-from resample.engine.surfaces.stamps import RIM
+from resample.engine.surfaces import RIM
 from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
 from resample.types import Doubles, Floats

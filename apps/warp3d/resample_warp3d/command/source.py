@@ -103,7 +103,7 @@ class SourceCamera(Choices):
             )
 
     def _check_pinhole(self) -> None:
-        from resample.cameras.calibrations.lens_files import read_lens
+        from resample.cameras.calibrations import read_lens
         from resample.cameras.models import Camera
 
         whole_lens = None if self._coefficients else self.lens
@@ -170,7 +170,7 @@ class SourceCamera(Choices):
         ValueError, LookupError, OSError
             The numbers do not make a camera, or a file cannot be read.
         """
-        from resample.cameras.calibrations.lens_files import read_calibration
+        from resample.cameras.calibrations import read_calibration
         from resample.cameras.files import read_pose, read_shot
         from resample.cameras.trajectories import PosedPicture
 

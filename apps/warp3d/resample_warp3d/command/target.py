@@ -92,7 +92,7 @@ class TargetCamera(Choices):
         if self.target_intrinsics is not None:
             check_intrinsics("target-intrinsics", self.target_intrinsics)
         if self.target_lens is not None:
-            from resample.cameras.calibrations.lens_files import read_lens
+            from resample.cameras.calibrations import read_lens
 
             read_lens(self.target_lens)
 
@@ -136,7 +136,7 @@ class TargetCamera(Choices):
 
     def _pinhole(self, shape: Shape, convention: "AnyConvention") -> "Camera | None":
         """Return the pinhole or lens given by options, if any."""
-        from resample.cameras.calibrations.lens_files import read_calibration
+        from resample.cameras.calibrations import read_calibration
         from resample.cameras.models import Camera
 
         if self.target_fov is not None:

@@ -11,10 +11,9 @@ from resample.console import say_of
 from resample.files.metadata.fields import orientation_of, upright
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
-from resample.reading.displayed import WHITE, DisplayedInput
 from resample.reading.limits import check_file
 from resample.reading.native import suppressed_output
-from resample.reading.pictures import check_picture, complaint_of, opened
+from resample.reading.pictures import WHITE, DisplayedInput, check_picture, complaint_of, opened
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")

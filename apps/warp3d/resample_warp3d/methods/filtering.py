@@ -65,7 +65,7 @@ def _painted(
     method: Method, parts: Subpixels, source: Source, equation: Way, shape: tuple[int, int]
 ) -> Shown:
     """What a method paints on sub-pixels, filtered, strip by strip."""
-    from resample.engine.surfaces.resolve import resolve_rows
+    from resample.engine.surfaces import resolve_rows
 
     paint: WayMethod = method.layers if isinstance(method, Hybrid) else method
     around = shape[0] + 2 * parts.margin, shape[1] + 2 * parts.margin
@@ -83,7 +83,7 @@ def _painted(
 
 def _show_squares(fine: Rendered, parts: Subpixels, strip: Strip, squares: Rendered) -> None:
     """Fill in what a strip's pixels and those around it show in their own squares."""
-    from resample.engine.surfaces.resolve import middle_of_rows, resolve_rows
+    from resample.engine.surfaces import middle_of_rows, resolve_rows
 
     n, rows = parts.count, slice(strip.first, strip.last + 2 * parts.margin)
     mean = np.full(n, 1.0 / n, np.float32)
@@ -104,7 +104,7 @@ def _closed(shown: Shown, parts: Subpixels) -> Shown:
 
     What closes a gap lies evenly over its pixel, and is filtered like all else.
     """
-    from resample.engine.surfaces.resolve import resolve_rows
+    from resample.engine.surfaces import resolve_rows
 
     squares = shown.squares
     closed = bridged(squares._replace(image=squares.image.copy(), nearness=squares.nearness.copy()))

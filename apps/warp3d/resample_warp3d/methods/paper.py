@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from resample.hybrid.blend.nearest import NearestSurface, SurfaceRule
+from resample.hybrid.blend import NearestSurface, SurfaceRule
 from resample.hybrid.classify import THRESHOLD, Widths, gaussian_widths
 from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA

@@ -8,11 +8,10 @@ added one after the other: the same bits for any number of threads.
 
 import numpy as np
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.cells.boxes import Batch, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, new_batch
 from resample.engine.cells.taps import FilterTaps, gather
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.windows.edges import mapped
+from resample.engine.windows.boxes import mapped
 from resample.types import Doubles, Floats
 from resample_texture.texels.kernels.blocks import CUT, LENGTH, LEVEL, START, Integers
 from resample_texture.texels.kernels.placing import TexelMapping, place

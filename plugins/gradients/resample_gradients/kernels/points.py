@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import inner_kernel, inner_step, making_kernel
-from resample.engine.windows.edges import CLAMP, MIRROR, TRANSPARENT, folded
+from resample.engine.windows.boxes import CLAMP, MIRROR, TRANSPARENT, folded
 from resample.types import Doubles
 
 Integers = NDArray[np.int64]

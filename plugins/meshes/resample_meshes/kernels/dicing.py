@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.boxes import within
+from resample.engine.cells.bands import within
 from resample.engine.jit import kernel, making_kernel
 from resample.engine.vectors import Matrix
-from resample.engine.windows.polygons import area, box, crossing, reach
+from resample.engine.windows.footprints import area, box, crossing, reach
 from resample.types import Doubles, Floats, Single
 from resample_meshes.kernels.sampling import (
     Skin,

@@ -13,17 +13,17 @@ import numpy as np
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.roles import plays
-from resample.engine.surfaces.blocks import Surfaces
-from resample.engine.surfaces.painting import (
+from resample.engine.surfaces import (
+    Surfaces,
     add,
     begun,
     claim,
     claimed,
     composed,
     paint_tile,
+    resolve_tile,
     write,
 )
-from resample.engine.surfaces.resolve import resolve_tile
 from resample.types import Doubles, Floats, Tiles
 from resample_meshes.kernels.dicing import dice
 from resample_meshes.kernels.sampling import Skin

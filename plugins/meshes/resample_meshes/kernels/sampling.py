@@ -13,7 +13,7 @@ import numpy as np
 from resample.colors import from_srgb
 from resample.engine.jit import inner_kernel
 from resample.engine.vectors import Matrix, column, dot, multiply
-from resample.engine.windows.edges import WRAP, mapped
+from resample.engine.windows.boxes import WRAP, mapped
 from resample.types import Doubles, Floats, Single
 from resample_meshes.kernels.surfaces import (
     Ints,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Matrix, Vector, column, cross, dot, multiply
-from resample.engine.windows.polygons import cut_to
+from resample.engine.windows.footprints import cut_to
 from resample.types import Doubles, Records
 
 Ints = NDArray[np.int64]

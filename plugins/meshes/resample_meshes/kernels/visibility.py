@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import inner_kernel, kernel
-from resample.engine.surfaces.blocks import whole_within
+from resample.engine.surfaces import whole_within
 from resample.engine.vectors import Vector, dot
 from resample.types import Doubles, Floats, Tiles
 from resample_meshes.kernels.surfaces import (

@@ -13,17 +13,21 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
 from resample.engine.roles import plays
-from resample.engine.surfaces.blocks import (
+from resample.engine.surfaces import (
     COVER,
     NEAR,
     WEIGHT,
     Block,
     Surfaces,
+    add,
+    claim,
+    claimed,
     first_used,
+    paint_tile,
     row_shift,
     whole_within,
+    write,
 )
-from resample.engine.surfaces.painting import add, claim, claimed, paint_tile, write
 from resample.types import Floats, Record, Records, Single, Tiles
 from resample_points.painting.kernels.discs import REACH
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, bands
-from resample.engine.cells.boxes import Batch, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, bands, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
 from resample.engine.jit import (
@@ -25,7 +24,7 @@ from resample.engine.jit import (
     tasks,
 )
 from resample.engine.roles import plays
-from resample.engine.windows.edges import TRANSPARENT, mapped
+from resample.engine.windows.boxes import TRANSPARENT, mapped
 from resample.engine.windows.footprints import GridView, PixelFootprint, footprint_at
 from resample.engine.windows.gather import Extent, Mask, gather_tiles, measure_tiles
 from resample.types import Doubles, Floats

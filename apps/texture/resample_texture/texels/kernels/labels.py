@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.engine.cells.bands import bands
 from resample.engine.jit import Counter, kernel, parallel_kernel
-from resample.engine.windows.edges import MIRROR, TRANSPARENT, WRAP
+from resample.engine.windows.boxes import MIRROR, TRANSPARENT, WRAP
 from resample.types import Doubles, Floats, Indices
 
 BAND = 16  # rows that a thread takes at a time

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.cells.boxes import Batch, beyond, length, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, beyond, length, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts
 from resample.engine.cells.taps import FilterTaps
 from resample.engine.jit import Counter, inner_kernel, parallel_kernel

@@ -11,13 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP
-from resample.engine.cells.boxes import Batch, new_batch
+from resample.engine.cells.bands import BOTTOM, LEFT, RIGHT, TOP, Batch, new_batch
 from resample.engine.cells.parts import SourceParts, begun, fill, lines, paint_parts, stamp
 from resample.engine.cells.taps import FilterTaps
 from resample.engine.jit import Counter, kernel, parallel_kernel
 from resample.engine.roles import plays
-from resample.engine.surfaces.stamps import (
+from resample.engine.surfaces import (
     CURVE,
     HIGH,
     MASS,

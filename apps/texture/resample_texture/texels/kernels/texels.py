@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.jit import inner_kernel, kernel
-from resample.engine.windows.edges import CLAMP, WRAP, mapped
+from resample.engine.windows.boxes import CLAMP, WRAP, mapped
 from resample.types import Doubles, Floats, Single
 from resample_texture.texels.kernels.blocks import CUT, FIRST, LAST, LENGTH, LEVEL, START, Integers
 

@@ -7,7 +7,7 @@ one, as cells share pixels, is left to `layers`.
 
 import numpy as np
 
-from resample.engine.cells.boxes import Pixel, beyond, length, pixel_of, within
+from resample.engine.cells.bands import Pixel, beyond, length, pixel_of, within
 from resample.engine.jit import inner_kernel
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.colors import MEAN_SQUARE, color_at

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.engine.cells.bands import placed
-from resample.engine.cells.boxes import pixel_of
+from resample.engine.cells.bands import pixel_of, placed
 from resample.engine.jit import inner_kernel
 from resample.engine.roles import plays
 from resample.types import Floats, Single

@@ -1,7 +1,7 @@
-"""Resample scattered 2-D measurements to a grid by hybrid forward resampling.
+"""Scattered 2-D measurements resampled to a grid, and particles as samples.
 
-A sample covers a parallelogram, the unit square under its Jacobian J, or a disc. Its area in px² is
-its mass: sums of masses per pixel are the coverage, and values are means weighted by it.
+A measurement covers a parallelogram, the unit square under its Jacobian J, or a disc.
+Its area in px² is its mass.
 """
 
 import math
@@ -14,10 +14,13 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from resample.messages import check_threads, doubles_of
 from resample.painting.scenes.plans import check_size, pair_of
+from resample.painting.scenes.scene import check_samples
+from resample.painting.shaped.ellipsoids import Ellipsoids, check_ellipsoids
 from resample.profiles.filters import Area, PixelFilter, profile_table
 from resample.profiles.named import plugin_of
+from resample.profiles.reconstruction import GaussianKernel, Reconstruction, footprint_table
 from resample.showable import array_of
-from resample.types import Doubles, Floats
+from resample.types import Doubles, Floats, Samples
 
 THRESHOLD = {"hybrid": 1.0, "points": math.inf, "splats": -1.0}  # px; longer samples are splats
 # Points are axis-aligned boxes, which cover rotated samples unevenly. Samples whose bounds exceed
@@ -147,7 +150,24 @@ class Scatter:
         place, values = _samples(position, value)
         sides = _jacobians(jacobian, radius, len(place))
         place, sides = _on_screen(place, sides, plane)
-        seen = self._visible(place, sides, values, shape)
+        # Samples with a weight that may reach into the grid (height, width).
+        from resample.engine.surfaces import RIM
+
+        squared = (sides**2).sum(axis=2)  # (N, 2) along x and y
+        area = np.abs(np.linalg.det(sides)) if len(sides) else np.zeros(0)
+        total = squared.sum(axis=1)
+        twist = np.sqrt(np.maximum(total**2 - 4 * area**2, 0))
+        is_turned = np.abs(sides).sum(axis=2).prod(axis=1) > UPRIGHT * area
+        threshold = THRESHOLD[self.method] * np.where(is_turned, TURNED, 1 + 1e-9)
+        is_splat = np.sqrt(0.5 * (total + twist)) > threshold
+        splat_reach = np.sqrt(RIM * (SIGMA**2 * squared + FILTER_SIGMA**2))
+        reach = np.where(is_splat[:, None], splat_reach, max(1.0, 0.5 * self._taps))
+        low, high = place - reach, place + reach
+        kept = (low < np.array(shape[::-1])).all(axis=1) & (high > 0).all(axis=1)
+        kept &= (area > 0) & np.isfinite(values).all(axis=0)
+        seen = _VisibleSamples(
+            place[kept], sides[kept], values[:, kept], is_splat[kept], low[kept], high[kept]
+        )
         sums = np.zeros((*shape, values.shape[0] + 1), np.float32)
         if seen.place.size:
             with limited(threads):
@@ -168,38 +188,36 @@ class Scatter:
         is_area = isinstance(self._filter, Area)
         return 0 if is_area else max(1, math.ceil(2.0 * self._filter.radius))
 
-    def _visible(
-        self, place: Doubles, jacobian: Doubles, value: Floats, shape: tuple[int, int]
-    ) -> _VisibleSamples:
-        """Samples with a weight that may reach into the grid (height, width)."""
-        from resample.engine.surfaces.stamps import RIM
-
-        squared = (jacobian**2).sum(axis=2)  # (N, 2) along x and y
-        area = np.abs(np.linalg.det(jacobian)) if len(jacobian) else np.zeros(0)
-        total = squared.sum(axis=1)
-        twist = np.sqrt(np.maximum(total**2 - 4 * area**2, 0))
-        is_turned = np.abs(jacobian).sum(axis=2).prod(axis=1) > UPRIGHT * area
-        threshold = THRESHOLD[self.method] * np.where(is_turned, TURNED, 1 + 1e-9)
-        is_splat = np.sqrt(0.5 * (total + twist)) > threshold
-        splat_reach = np.sqrt(RIM * (SIGMA**2 * squared + FILTER_SIGMA**2))
-        reach = np.where(is_splat[:, None], splat_reach, max(1.0, 0.5 * self._taps))
-        low, high = place - reach, place + reach
-        kept = (low < np.array(shape[::-1])).all(axis=1) & (high > 0).all(axis=1)
-        kept &= (area > 0) & np.isfinite(value).all(axis=0)
-        return _VisibleSamples(
-            place[kept], jacobian[kept], value[:, kept], is_splat[kept], low[kept], high[kept]
-        )
-
     def _add(self, seen: _VisibleSamples, sums: Floats) -> None:
         """Add samples to sums (H, W, C + 1), neighbours together."""
-        from resample.engine.cells.parts import batches, channel_groups, parts_of
-        from resample.engine.cells.scattering import Scattered, scatter_parts
-        from resample.engine.cells.sums import collect
+        from resample.engine.cells.bands import collect
+        from resample.engine.cells.parts import (
+            Scattered,
+            batches,
+            channel_groups,
+            parts_of,
+            scatter_parts,
+        )
         from resample.engine.cells.taps import FilterTaps
 
         spread = FilterTaps(self._taps, False, profile_table(self._filter, self._taps))
-        first = _parts(seen.place)
-        bounds = _bounds(seen, first, (sums.shape[0], sums.shape[1]))
+        # First sample (B + 1,) of each batch: at most `MOST` of one tile.
+        begins = np.ones(len(seen.place), bool)
+        begins[1:] = np.diff(_tile(seen.place)) != 0
+        start = np.flatnonzero(begins)
+        within = np.arange(len(seen.place)) - np.repeat(
+            start, np.diff(np.append(start, len(seen.place)))
+        )
+        first = np.append(np.flatnonzero(within % MOST == 0), len(seen.place))
+        # Bounds (B, 4) in px of the footprints of batches; splats are clipped to the grid.
+        shape = (sums.shape[0], sums.shape[1])
+        limit = np.array(shape[::-1], np.float64)
+        is_splat = seen.is_splat[:, None]
+        low = np.where(is_splat, np.maximum(seen.low, 0.0), seen.low)
+        high = np.where(is_splat, np.minimum(seen.high, limit), seen.high + 2.0)
+        low = np.floor(np.minimum.reduceat(low, first[:-1], axis=0))
+        high = np.ceil(np.maximum.reduceat(high, first[:-1], axis=0))
+        bounds = np.concatenate([low, high], axis=1).astype(np.int64)
         for channel, count in channel_groups(seen.value.shape[0]):
             values = np.ascontiguousarray(seen.value[channel : channel + count])
             picture = np.zeros((*sums.shape[:2], count + 1), np.float32)
@@ -284,23 +302,93 @@ def _in_order(seen: _VisibleSamples) -> _VisibleSamples:
     return _VisibleSamples(place, jacobian, seen.value[:, order], *marks)
 
 
-def _parts(place: Doubles) -> NDArray[np.int64]:
-    """First sample (B + 1,) of each batch: at most `MOST` of one tile."""
-    begins = np.ones(len(place), bool)
-    begins[1:] = np.diff(_tile(place)) != 0
-    start = np.flatnonzero(begins)
-    within = np.arange(len(place)) - np.repeat(start, np.diff(np.append(start, len(place))))
-    return np.append(np.flatnonzero(within % MOST == 0), len(place))
+def particles(
+    position: ArrayLike,
+    color: ArrayLike,
+    opacity: ArrayLike,
+    radius: ArrayLike,
+    *,
+    reconstruction: Reconstruction | None = None,
+    rotation: ArrayLike | None = None,
+) -> Samples | Ellipsoids:
+    """Create spheres or ellipsoids for a `Resampler`; size, color and opacity may vary.
+
+    Parameters
+    ----------
+    position
+        (N, 3) scene units.
+    color
+        (3,) or (N, 3) linear light, straight.
+    opacity
+        Number or (N,), 0 to below 1: fraction of light lost along a ray through the center; of an
+        ellipsoid, along one that is as long in it as in a sphere of its volume.
+    radius
+        Number or (N,), above 0, scene units: where a sphere ends; it fades from its center as the
+        kernel does. Or (N, 3): half axes of ellipsoids, of which one or two may be 0.
+    reconstruction
+        Kernel of the resampler; None: a `GaussianKernel`.
+    rotation
+        (4,) or (N, 4) quaternions w, x, y, z from the ellipsoids' axes to the scene's, of any
+        length; None: these axes are alike.
+
+    Returns
+    -------
+    Samples; or, where radii are (N, 3) or rotations are given, `Ellipsoids`, which a `Resampler`
+    composites one by one.
+
+    Raises
+    ------
+    ValueError
+        Arrays do not fit together or a number is out of range.
+
+    Examples
+    --------
+    >>> from resample import Camera, Resampler, particles
+    >>> balls = particles([[0, 0, 4], [0, 0, 6]], [[1, 0, 0], [0, 1, 0]], 0.8, [0.5, 1.0])
+    >>> frame = Resampler()(balls, Camera.from_fov(60, 481, 641), height=481, width=641)
+    >>> round(float(frame.rgba[240, 320, 3]), 2)  # through both centers: 1 - 0.2 * 0.2
+    0.96
+    """
+    kernel = reconstruction or GaussianKernel()
+    place = doubles_of("positions", position, "numbers (N, 3)")
+    if place.ndim != 2 or place.shape[1] != 3:
+        raise ValueError(f"positions are (N, 3), not {place.shape}")
+    share = _per_particle("opacity", opacity, len(place))
+    if rotation is not None or np.shape(radius) == (len(place), 3):
+        # Ellipsoids with a shape each.
+        count, half = len(place), np.asarray(radius, np.float32)
+        half = half[:, np.newaxis] if half.shape == (count,) else half
+        turn = np.asarray((1.0, 0.0, 0.0, 0.0) if rotation is None else rotation, np.float32)
+        parts = (half, (count, 3)), (turn, (count, 4)), (np.asarray(color, np.float32), (count, 3))
+        try:
+            axes, turns, colors = (np.broadcast_to(given, shape) for given, shape in parts)
+        except ValueError:
+            raise ValueError(
+                f"radii {half.shape}, rotations {turn.shape} and colors {np.shape(color)} do not "
+                f"fit {count} particles; they are (N, 3), (N, 4) and (N, 3)"
+            ) from None
+        places, shares = place.astype(np.float32), share.astype(np.float32)
+        return check_ellipsoids(Ellipsoids(places, axes, turns, shares, colors, kernel))
+    if not ((share >= 0) & (share < 1)).all():
+        raise ValueError("an opacity must be at least 0 and below 1")
+    radii = _per_particle("radius", radius, len(place))
+    if not (radii > 0).all():
+        raise ValueError("a radius is a number of scene units above 0")
+    colors = np.asarray(color, np.float32)
+    colors = np.broadcast_to(colors, place.shape) if colors.shape == (3,) else colors
+    usual = float(np.median(radii)) if radii.size else 1.0
+    spacing = usual / kernel.radius
+    peak = float(footprint_table(kernel).values[0]) / kernel.radius**3 * radii  # scene units
+    with np.errstate(over="ignore", divide="ignore"):  # overflow is rejected below
+        extinction = (-np.log1p(-share) / peak).astype(np.float32)
+        scale = (radii / usual).astype(np.float32)
+        position = place.astype(np.float32)
+    return check_samples(Samples(position, colors, extinction, spacing * np.eye(3), scale))
 
 
-def _bounds(
-    seen: _VisibleSamples, first: NDArray[np.int64], shape: tuple[int, int]
-) -> NDArray[np.int64]:
-    """Bounds (B, 4) in px of the footprints of batches; splats are clipped to the grid."""
-    limit = np.array(shape[::-1], np.float64)
-    is_splat = seen.is_splat[:, None]
-    low = np.where(is_splat, np.maximum(seen.low, 0.0), seen.low)
-    high = np.where(is_splat, np.minimum(seen.high, limit), seen.high + 2.0)
-    low = np.floor(np.minimum.reduceat(low, first[:-1], axis=0))
-    high = np.ceil(np.maximum.reduceat(high, first[:-1], axis=0))
-    return np.concatenate([low, high], axis=1).astype(np.int64)
+def _per_particle(name: str, given: ArrayLike, count: int) -> Doubles:
+    """One number for each of `count` particles."""
+    numbers = np.asarray(given, np.float64)
+    if numbers.shape not in ((), (count,)) or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} is one finite number or {count} of them, not {numbers.shape}")
+    return np.broadcast_to(numbers, (count,))

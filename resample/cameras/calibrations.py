@@ -117,28 +117,23 @@ def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibr
             inner = facts.get("intrinsic", facts)  # Open3D's, with pixel centers at + 0
             matrix = columns_of(inner, "intrinsic_matrix", 3)
             return Calibration(Camera.from_opencv(matrix), shape=_shape(inner))
-        return _calibration(_of_ros(facts), model, needs_lens=needs_lens)
-
-
-def _calibration(
-    facts: Mapping[str, Any], model: LensModel | None, *, needs_lens: bool
-) -> Calibration:
-    """Calibration from names and values."""
-    said = _model(facts)
-    if model is not None and said not in (None, model):
-        raise ValueError(f"its lens is a {said}, not a {model}; leave that out")
-    intrinsics = _named(facts, MATRIX_NAMES)
-    bends = (_named if needs_lens else _maybe)(facts, COEFFICIENT_NAMES)
-    if bends is not None and not bends.size:  # ROS writes an empty list if there is no distortion
-        bends = None
-    camera = Camera.from_opencv(intrinsics, bends, model=model or said or LensModel.PINHOLE)
-    matrix, rotation = (_maybe(facts, names) for names in (PINHOLE_NAMES, ROTATION_NAMES))
-    return Calibration(
-        camera,
-        None if matrix is None else pinhole_of(matrix),
-        None if rotation is None else turned_by(rotation),
-        _shape(facts),
-    )
+        # Calibration from names and values.
+        facts = _of_ros(facts)
+        said = _model(facts)
+        if model is not None and said not in (None, model):
+            raise ValueError(f"its lens is a {said}, not a {model}; leave that out")
+        intrinsics = _named(facts, MATRIX_NAMES)
+        bends = (_named if needs_lens else _maybe)(facts, COEFFICIENT_NAMES)
+        if bends is not None and not bends.size:  # ROS: an empty list if there is no distortion
+            bends = None
+        camera = Camera.from_opencv(intrinsics, bends, model=model or said or LensModel.PINHOLE)
+        matrix, rotation = (_maybe(facts, names) for names in (PINHOLE_NAMES, ROTATION_NAMES))
+        return Calibration(
+            camera,
+            None if matrix is None else pinhole_of(matrix),
+            None if rotation is None else turned_by(rotation),
+            _shape(facts),
+        )
 
 
 def _of_ros(facts: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -177,7 +172,22 @@ def _facts(path: Path) -> Mapping[str, Any]:
     """Names and values of a file."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
-        return _xml_facts(path)
+        # Parse an XML file of `cv2.FileStorage`, which itself crashes on damaged ones.
+        from xml.etree import ElementTree
+
+        text = text_of(path)
+        check_size("its XML", len(text), "tree")
+        check_xml_text(str(path), text)
+        try:
+            root = ElementTree.fromstring(text)  # noqa: S314  no entities, limited length
+        except (ElementTree.ParseError, ValueError, RecursionError) as error:
+            raise ValueError(f"{path} is not a file of cv2.FileStorage: {error}") from None
+        if root.tag != "opencv_storage":
+            raise ValueError(
+                f"{path} is not a file of cv2.FileStorage: it begins with {root.tag!r:.40}"
+            )
+        with naming(str(path)):
+            return {child.tag: _of_element(child) for child in root}
     text = text_of(path)
     with naming(str(path)):
         if suffix == ".toml":
@@ -188,25 +198,6 @@ def _facts(path: Path) -> Mapping[str, Any]:
         if not isinstance(loaded, dict):
             raise ValueError("it holds no names")
         return loaded
-
-
-def _xml_facts(path: Path) -> Mapping[str, Any]:
-    """Parse an XML file of `cv2.FileStorage`, which itself crashes on damaged ones."""
-    from xml.etree import ElementTree
-
-    text = text_of(path)
-    check_size("its XML", len(text), "tree")
-    check_xml_text(str(path), text)
-    try:
-        root = ElementTree.fromstring(text)  # noqa: S314  no entities, limited length
-    except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is not a file of cv2.FileStorage: {error}") from None
-    if root.tag != "opencv_storage":
-        raise ValueError(
-            f"{path} is not a file of cv2.FileStorage: it begins with {root.tag!r:.40}"
-        )
-    with naming(str(path)):
-        return {child.tag: _of_element(child) for child in root}
 
 
 def _of_element(element: "Element") -> Any:
@@ -238,12 +229,7 @@ def _maybe(facts: Mapping[str, Any], names: tuple[str, ...]) -> Doubles | None:
         if name in facts:
             value = facts[name]
             if isinstance(value, Mapping):  # a matrix of cv2.FileStorage in JSON, or of ROS
-                value = np.reshape(value["data"], _sizes(value))
+                given = value["sizes"] if "sizes" in value else (value["rows"], value["cols"])
+                value = np.reshape(value["data"], tuple(int(size) for size in np.ravel(given)[:2]))
             return np.asarray(value, np.float64)
     return None
-
-
-def _sizes(matrix: Mapping[str, Any]) -> tuple[int, ...]:
-    """Rows and columns; OpenCV 5 writes a 1-D size for vectors."""
-    given = matrix["sizes"] if "sizes" in matrix else (matrix["rows"], matrix["cols"])
-    return tuple(int(size) for size in np.ravel(given)[:2])

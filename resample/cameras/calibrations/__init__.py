@@ -1,1 +1,0 @@
-"""Readers of camera files from other programs."""

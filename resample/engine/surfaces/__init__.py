@@ -1,1 +1,0 @@
-"""Surfaces over pixels: elliptical stamps, what is in front, and sub-pixels to pixels."""

@@ -1,1 +1,0 @@
-"""What becomes of all that a pixel gets: sum, nearest surface or over."""

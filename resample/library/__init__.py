@@ -1,1 +1,0 @@
-"""Core functions that need no application: scattered measurements and particles."""
