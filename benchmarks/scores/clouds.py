@@ -3,12 +3,14 @@
 Surfaces: a ball on a checkered floor (closed form) and the bunny (own rasterizer of its triangles)
 with colors by formula, sampled at random as scanners do, and a street by a scanner of 64 rings.
 Truth: means of light over pixels. Peers: squares of 1 to 13 px with a depth buffer, as most viewers
-draw points; the best size counts, as if the user had found it.
+draw points, and VTK's points and spheres where it is installed; the best counts, as if the user
+had found it.
 """
 
 from collections.abc import Iterator
+from itertools import chain, product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
@@ -88,6 +90,62 @@ def squares(points: Floats, levels: Floats, view: View) -> Iterator[tuple[str, F
         yield f"squares of {side} px", picture, (nearest >= 0).astype(float)
 
 
+def vtk_points(points: Floats, levels: Floats, view: View) -> Iterator[tuple[str, Floats, Floats]]:
+    """As `squares`, of VTK's points and spheres with eight samples per pixel; none without VTK."""
+    try:
+        import vtkmodules.all as vtk
+        from vtkmodules.util import numpy_support as arrays
+    except ImportError:
+        return
+    data, places, cells = vtk.vtkPolyData(), vtk.vtkPoints(), vtk.vtkCellArray()
+    places.SetData(arrays.numpy_to_vtk(points.astype(np.float32), deep=True))
+    each = np.column_stack([np.ones(len(points), np.int64), np.arange(len(points))])
+    cells.SetCells(len(points), arrays.numpy_to_vtkIdTypeArray(each.ravel(), deep=True))
+    data.SetPoints(places)
+    data.SetVerts(cells)
+    colors = np.rint(255 * levels).astype(np.uint8)
+    data.GetPointData().SetScalars(arrays.numpy_to_vtk(colors, deep=True))
+    mapper, actor, scene = vtk.vtkPolyDataMapper(), vtk.vtkActor(), vtk.vtkRenderer()
+    mapper.SetInputData(data)
+    actor.SetMapper(mapper)
+    look = actor.GetProperty()
+    look.LightingOff()
+    scene.AddActor(actor)
+    camera = scene.GetActiveCamera()
+    camera.SetPosition(*view.eye)
+    camera.SetFocalPoint(*(view.eye + view.turn[2]))
+    camera.SetViewUp(*(-view.turn[1]))
+    camera.SetViewAngle(2 * np.degrees(np.arctan(SIZE[1] / 2 / view.focal)))
+    scene.ResetCameraClippingRange()
+    window = vtk.vtkRenderWindow()
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(8)
+    window.SetAlphaBitPlanes(1)
+    window.SetSize(*SIZE)
+    window.AddRenderer(scene)
+    for name, side in product(("points", "spheres"), SQUARES):
+        look.SetRenderPointsAsSpheres(name == "spheres")
+        look.SetPointSize(side)
+        yield f"VTK's {name} of {side} px", *_taken(window)
+    window.Finalize()
+
+
+def _taken(window: Any) -> tuple[Floats, Floats]:
+    """Levels, and coverage, of what a window of VTK's shows."""
+    import vtkmodules.all as vtk
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    window.Render()
+    taken = vtk.vtkWindowToImageFilter()
+    taken.SetInput(window)
+    taken.SetInputBufferTypeToRGBA()
+    taken.ReadFrontBufferOff()
+    taken.Update()
+    values = vtk_to_numpy(taken.GetOutput().GetPointData().GetScalars())
+    rgba = values.reshape(SIZE[1], SIZE[0], 4)[::-1] / 255
+    return rgba[..., :3], rgba[..., 3]
+
+
 def drawn(judge: Judge, view: View, size: tuple[int, int]) -> tuple[Floats, Floats, Call]:
     """Levels and coverage by the command."""
     write_camera(judge.folder / "camera.json", view, size)
@@ -145,7 +203,8 @@ def _score_distance(
         write_cloud(judge.folder / "cloud.ply", every, colors)
         rgb, alpha, call = drawn(judge, view, SIZE)
         peers, covered = dict[str, float](), dict[str, Floats]()
-        for name, picture, coverage in squares(every, colors, view):
+        theirs = chain(squares(every, colors, view), vtk_points(every, colors, view))
+        for name, picture, coverage in theirs:
             peers[name] = db(picture * coverage[..., None], true, inside)
             covered[name] = coverage
         case = f"{surface.name}, {distance} ({px:g} px apart)"
@@ -155,13 +214,13 @@ def _score_distance(
         if strays:
             continue
         best = covered[max(peers, key=peers.__getitem__)]
-        holes, theirs = (100 * (1 - each[inside].mean()) for each in (alpha, best))
-        same = "the same squares"
-        judge.add(f"{case}: holes", holes, {same: theirs}, calls=[call], unit="%", sign=-1)
+        holes, missed = (100 * (1 - each[inside].mean()) for each in (alpha, best))
+        same = "the same rival"
+        judge.add(f"{case}: holes", holes, {same: missed}, calls=[call], unit="%", sign=-1)
         if outside.sum() > 500:
-            rim, theirs = (100 * each[outside].mean() for each in (alpha, best))
+            rim, beside = (100 * each[outside].mean() for each in (alpha, best))
             case = f"{case}: beyond the rim"
-            judge.add(case, rim, {same: theirs}, calls=[call], unit="%", sign=-1)
+            judge.add(case, rim, {same: beside}, calls=[call], unit="%", sign=-1)
 
 
 def lidar(judge: Judge) -> None:

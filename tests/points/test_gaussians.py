@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
 
+from resample_points import gaussian_camera, render_gaussians
 from resample_points.data.gaussians import (
     Gaussians,
     checked_gaussians,
@@ -270,3 +271,16 @@ def test_quaternions_of_any_length_become_unit_ones():
 def test_wrong_shapes_and_types_are_refused(changes, match):
     with pytest.raises(ValueError, match=match):
         checked_gaussians(gaussians(**changes))
+
+
+@pytest.mark.parametrize("scale", [0.1, 1e4])  # one by itself; many, each around all others
+def test_gaussians_larger_than_their_distances_are_framed_whole(scale):
+    count = 1 if scale < 1 else 50
+    place = np.random.default_rng(7).normal(size=(count, 3)).astype(np.float32)
+    parts = place, np.full((count, 3), scale, np.float32), np.ones((count, 4), np.float32)
+    rest = np.full(count, 0.9, np.float32), np.ones((count, 3), np.float32)
+    scene = Gaussians(*parts, *rest)
+    camera = gaussian_camera(scene, size=(32, 24), azimuth=20)
+    alpha = render_gaussians(scene, camera, size=(32, 24)).rgba[..., 3]
+    assert alpha.max() > 0.85
+    assert alpha[0, 0] < 0.3

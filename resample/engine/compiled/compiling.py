@@ -4,6 +4,7 @@ Imported by `resample.engine.jit` when a kernel has to be compiled, or was compi
 """
 
 import hashlib
+import importlib.util
 import logging
 import os
 import pickle
@@ -58,6 +59,29 @@ def _leave_locks_untimed() -> None:
 
 
 _leave_locks_untimed()
+
+
+def _leave_algebra_unloaded() -> None:
+    """Let numba take SciPy's BLAS for granted, which it imports whole to see whether it is there.
+
+    That is a fifth of a second before any kernel runs. Code that calls BLAS still imports it.
+    """
+    from numba.np import linalg
+
+    ensure = linalg.ensure_blas
+    linalg.ensure_blas = _find_scipy
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = ensure
+
+
+def _find_scipy() -> None:
+    if importlib.util.find_spec("scipy") is None:
+        raise ImportError("scipy")
+
+
+_leave_algebra_unloaded()
 
 
 # Settings of numba's that change machine code; a trial of one must not stay in the cache.

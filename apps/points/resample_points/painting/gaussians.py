@@ -46,6 +46,7 @@ DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl 
 NEAR = 0.02  # share of a scene's radius before which nothing is shown, as training has it
 PART = 1 << 16  # Gaussians whose colors are found together
 OPAQUE_ENOUGH = 0.3  # opacity of Gaussians that cameras are framed around, at least
+WIDE = 2.0  # standard deviations that Gaussians are seen to reach
 FRAMED = 20_000  # Gaussians that cameras are framed around, about
 TRIMMED = 0.02  # share of these along each axis that may lie beside the frame, at each end
 
@@ -372,7 +373,9 @@ def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
     if isinstance(gaussians, Gaussians):
         some = slice(None, None, max(1, len(gaussians.opacity) // FRAMED))
         place, opacity = gaussians.position[some], gaussians.opacity[some]
+        reach = WIDE * float(np.median(gaussians.scale[some].max(axis=1))) if len(place) else 0.0
     else:
+        reach = 0.0  # of so many, the centers tell where they are
         some = slice(None, None, max(1, gaussians.file.count // FRAMED))
         place, opacity = gaussians.file.shape_of(some)
         known = np.isfinite(place).all(axis=1) & np.isfinite(opacity)
@@ -383,6 +386,9 @@ def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
     low, high = np.quantile(position, (TRIMMED, 1 - TRIMMED), axis=0)
     kept = ((position >= low) & (position <= high)).all(axis=1)
     inner = position[kept] if kept.any() else position
+    low, high = inner.min(axis=0), inner.max(axis=0)
+    if reach > (high - low).max():  # a few, or one within the other: they are larger than apart
+        inner = np.stack([low - reach, high + reach])
     nothing = np.empty((0, 3), np.float32)
     return Cloud(inner, nothing, nothing, np.empty(0, np.float32))
 
