@@ -52,9 +52,10 @@ KINDS: Mapping[str, Read] = {
     "open3d": read_open3d,
     "trained": read_trained,
     "colmap": _from("calibrations.colmap", "read_colmap"),
+    "record3d": _from("calibrations.record3d", "read_record3d"),
     "toml": _from("tables", "read_toml"),
 }
-SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
+SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".r3d": "record3d", ".toml": "toml"}
 
 
 def read_entries(path: str | Path) -> list[Entry]:

@@ -201,7 +201,7 @@ def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
     >>> maps = [np.full((24, 32), nearness, np.float32) for nearness in (0.5, 0.51)]
     >>> sources = [prepare(DepthImage(color, nearness, none)) for nearness in maps]
     >>> camera = Camera.from_fov(60, 24, 32)
-    >>> together = agreed([PosedSource(source, camera) for source in sources], Joining())
+    >>> together = agreed([PosedSource(s, camera) for s in sources], Joining(poses="none"))
     >>> together.scale.round(3).tolist()  # of their nearness
     [1.01, 0.99]
     """
