@@ -54,9 +54,10 @@ KINDS: Mapping[str, Read] = {
     "open3d": read_open3d,
     "trained": read_trained,
     "colmap": _from("reconstructions", "read_colmap"),
+    "record3d": _from("record3d", "read_record3d"),
     "toml": read_toml,
 }
-SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".toml": "toml"}
+SUFFIXES = {".npy": "matrix", ".json": "nerf", ".log": "log", ".r3d": "record3d", ".toml": "toml"}
 
 
 def read_entries(path: str | Path) -> list[Entry]:

@@ -23,8 +23,8 @@ def change(slope, bend, away):
     return b * (math.sqrt(max(turn - away, 0.0)) - math.sqrt(turn))
 
 
-def votes(color, nearness, trust, slope, at):
-    """(value, share, asked, close) of every sample up to 8 px away that votes."""
+def votes(color, nearness, trust, slope, at, first):
+    """(value, share, asked, close) of every sample up to 8 px away that votes, or of the first."""
     row, column = at
     found = []
     for r in range(max(0, row - 8), min(len(nearness), row + 9)):
@@ -32,6 +32,9 @@ def votes(color, nearness, trust, slope, at):
             down, across = abs(r - row), abs(c - column)
             is_near = max(down, across) <= 4 or min(down, across) == 0
             if not trust[r][c] > 0 or not (is_near or (down % 2 == 0 and across % 2 == 0)):
+                continue
+            is_first = max(down, across) <= 2 or min(down, across) == 0
+            if first and not is_first and (down % 4 or across % 4):
                 continue
             apart = sum(
                 (float(a) - float(b)) ** 2
@@ -51,8 +54,14 @@ def votes(color, nearness, trust, slope, at):
 
 
 def vote(color, nearness, trust, slope, at):
-    """Nearness that a sample gets, and how far the votes agree."""
-    found = votes(color, nearness, trust, slope, at)
+    """Nearness that a sample gets, and how far the votes agree: the first, or else all."""
+    near, agreed = counted(nearness, trust, at, votes(color, nearness, trust, slope, at, True))
+    if agreed >= 0.995:
+        return near, agreed
+    return counted(nearness, trust, at, votes(color, nearness, trust, slope, at, False))
+
+
+def counted(nearness, trust, at, found):
     if not found:
         return 0.0, 0.0
     value, share, asked, _ = zip(*found, strict=True)

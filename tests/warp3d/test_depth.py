@@ -1,9 +1,14 @@
+import io
+import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from conftest import real
+from resample.cameras.files import read_shot
 from resample.cameras.models import Camera
 from resample.cameras.pixels import directions, pixel_centers, undistorted_places
 from resample_warp3d.depth.encodings import (
@@ -15,7 +20,7 @@ from resample_warp3d.depth.encodings import (
     check_scale,
 )
 from resample_warp3d.depth.equation import of_rectified, places, warp_places
-from resample_warp3d.depth.files import read_depth
+from resample_warp3d.depth.files import confident, read_depth
 from resample_warp3d.types import DepthImage
 
 SHAPE = (48, 64)
@@ -475,3 +480,84 @@ def test_infinite_disparities_of_a_real_file_are_unknown(middlebury):
     raw = read_depth(middlebury / "middlebury2014_motorcycle_quarter" / "motorcycle_disp.npz")
     nearness = Disparity(focal=994.978, baseline=0.193001, doffs=31.086).nearness(raw)
     np.testing.assert_array_equal(nearness == 0, np.isinf(raw))
+
+
+def recording(path, packed=bytes, frames=2):
+    """A recording of Record3D: 48 x 36 px of color, 24 x 18 of depth, the second frame aside."""
+    turned = [0, np.sin(0.1), 0, np.cos(0.1), 0.2, 0.1, 0]
+    facts = {"K": [60, 0, 0, 0, 60, 0, 18, 24, 1], "w": 36, "h": 48, "dw": 18, "dh": 24,
+             "poses": [[0, 0, 0, 1, 0, 0, 0], turned][:frames]}  # fmt: skip
+    z = np.linspace(1, 2, 24 * 18, dtype="<f4").reshape(24, 18)
+    sure = np.full((24, 18), 2, np.uint8)
+    sure[:2] = 0
+    with zipfile.ZipFile(path, "w") as made:
+        made.writestr("metadata", json.dumps(facts))
+        for n in range(frames):
+            picture = io.BytesIO()
+            Image.fromarray(np.full((48, 36, 3), 90 + n, np.uint8)).save(picture, "JPEG")
+            made.writestr(f"rgbd/{n}.jpg", picture.getvalue())
+            made.writestr(f"rgbd/{n}.depth", packed(z.tobytes()))
+            made.writestr(f"rgbd/{n}.conf", packed(sure.tobytes()))
+    return z
+
+
+def test_a_recording_of_record3d_has_depth_and_cameras(tmp_path):
+    lzfse = pytest.importorskip("liblzfse")
+    z = recording(tmp_path / "scan.r3d", lzfse.compress)
+    raw = read_depth(tmp_path / "scan.r3d")
+    assert np.isnan(raw[:2]).all()
+    np.testing.assert_array_equal(raw[2:], z[2:])
+    np.testing.assert_array_equal(read_depth(f"{tmp_path}/scan.r3d:1")[2:], z[2:])
+    shot = read_shot(f"{tmp_path}/scan.r3d:1")
+    assert shot.shape == (48, 36)
+    np.testing.assert_array_equal(shot.camera.matrix, [[60, 0, 18], [0, 60, 24], [0, 0, 1]])
+    # Camera to world in OpenGL's axes: y up, view along -z.
+    x, y, z = np.linalg.inv(shot.pose)[:3, :3].T
+    np.testing.assert_allclose(z, [-np.sin(0.2), 0, -np.cos(0.2)], atol=1e-12)
+    np.testing.assert_allclose([x, y], [[np.cos(0.2), 0, -np.sin(0.2)], [0, -1, 0]], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.inv(shot.pose)[:3, 3], [0.2, 0.1, 0], atol=1e-12)
+
+
+def test_bare_floats_have_the_size_of_a_sensor(tmp_path):
+    z = np.linspace(1, 2, 256 * 192, dtype="<f4").reshape(256, 192)
+    (tmp_path / "0.depth").write_bytes(z.tobytes())
+    np.testing.assert_array_equal(read_depth(tmp_path / "0.depth"), z)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (bytes(100), "0.depth holds 100 bytes, not 4 for each pixel of a sensor"),
+        (b"bvx2" + b"\xff" * 60, "unpack|ratio|damaged"),
+        (b"bvx-" + b"\x04\0\0\0" + b"abcd", "damaged|bytes"),
+    ],
+)
+def test_damaged_floats_are_refused(tmp_path, data, message):
+    pytest.importorskip("liblzfse")
+    (tmp_path / "0.depth").write_bytes(data)
+    with pytest.raises((ValueError, OSError), match=message):
+        read_depth(tmp_path / "0.depth")
+
+
+def test_damaged_recordings_are_refused(tmp_path):
+    recording(tmp_path / "scan.r3d")
+    with pytest.raises(LookupError, match=r"has no rgbd/7.depth; it may have fewer frames"):
+        read_depth(f"{tmp_path}/scan.r3d:7")
+    (tmp_path / "cut.r3d").write_bytes((tmp_path / "scan.r3d").read_bytes()[:300])
+    with pytest.raises(OSError, match="no recording of Record3D, or damaged"):
+        read_depth(tmp_path / "cut.r3d")
+
+
+@pytest.mark.parametrize("form", ["array", "numbers", "picture"])
+def test_depth_of_low_confidence_is_unknown(tmp_path, form):
+    sure = np.zeros((12, 16), np.uint8)
+    sure[:, 8:] = 200
+    given = sure
+    if form != "array":
+        given = tmp_path / ("sure.npy" if form == "numbers" else "sure.png")
+        np.save(given, sure) if form == "numbers" else Image.fromarray(sure).save(given)
+    found = confident(np.full((24, 32), 0.5, np.float32), given)
+    np.testing.assert_array_equal(found, np.where(np.arange(32) >= 16, 0.5, 0) * np.ones((24, 1)))
+    assert not confident(np.full((24, 32), 0.5, np.float32), given, 201).any()
+    with pytest.raises(ValueError, match="confidence of 16 x 12 px does not fit depth of 30 x 30"):
+        confident(np.ones((30, 30), np.float32), given)

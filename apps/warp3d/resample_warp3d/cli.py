@@ -94,9 +94,9 @@ def render(
         Any picture; float files are linear light, the others sRGB. Or a film: one file, or a
         folder or pattern of pictures.
     depth
-        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
-        array. For a film: a film of gray levels, a folder, a pattern of depth files, or a stack
-        (N, H, W) in .npy or .npz.
+        .png, .tif, .exr, .pfm, .npy or .npz; file:name selects a channel or array; scan.r3d:12
+        a frame of Record3D, as for color; .depth, float32. For a film: a film of gray levels, a
+        folder, a pattern of depth files, or a stack (N, H, W) in .npy or .npz.
     output
         Written to: .png, .tif or .exr, or .jpg over a background; for a film .mp4, .gif, .webp or
         .apng, a folder for numbered .png files, or a name with * for the number (moved/*.exr).
@@ -121,7 +121,7 @@ def render(
 
     aim.check()
     showing.check(unmixed=warping.unmixed)
-    reader = DepthReader.checked(eye, meaning, labels=warping.unmixed)
+    reader = DepthReader.checked(eye.of_recording(color), meaning, labels=warping.unmixed)
     warping.built()
     look = (
         formats.WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
@@ -263,9 +263,9 @@ def animate(
         Any picture; float files are linear light, the others sRGB. Or a film: one file, or a
         folder or pattern of pictures.
     depth
-        .png, .tif, .exr, .pfm, .npy or .npz of the same size; file:name selects a channel or
-        array. For a film: a film of gray levels, a folder, a pattern of depth files, or a stack
-        (N, H, W) in .npy or .npz.
+        .png, .tif, .exr, .pfm, .npy or .npz; file:name selects a channel or array; scan.r3d:12
+        a frame of Record3D, as for color; .depth, float32. For a film: a film of gray levels, a
+        folder, a pattern of depth files, or a stack (N, H, W) in .npy or .npz.
     depth_output
         Also write depth z: a folder for a 16-bit .png per frame (values per unit: the depth scale,
         or 1000), or a name with * for the frame's number, such as depth/*.exr or .npy in scene
@@ -290,7 +290,7 @@ def animate(
     from resample_warp3d.command.inputs import DepthReader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 
-    reader = DepthReader.checked(eye, meaning)
+    reader = DepthReader.checked(eye.of_recording(color), meaning)
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
     behind = linear_color(background) or (0.0, 0.0, 0.0)
@@ -356,7 +356,7 @@ def view(
     from resample.view.server import show
     from resample_warp3d.viewing import depth_view
 
-    begin = eye, meaning, aim, warping
+    begin = eye.of_recording(file), meaning, aim, warping
     show(lambda: depth_view(file, depth, begin, further or ()), page)
 
 

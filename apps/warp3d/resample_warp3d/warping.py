@@ -20,7 +20,7 @@ from resample.profiles.filters import PixelFilter
 from resample.types import Doubles, Floats
 from resample_warp3d.depth.encodings import check_scale
 from resample_warp3d.depth.equation import of_rectified
-from resample_warp3d.depth.files import read_depth
+from resample_warp3d.depth.files import confident, read_depth
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.filtering import filtered
@@ -49,6 +49,8 @@ class DepthWarpOptions(TypedDict, total=False):
     noise: float | None  # relative standard deviation of the depth
     step: float | None  # smallest step of 1 / depth
     refine: Refine
+    confidence: Any
+    least_confidence: float | None
     threads: int | None
 
 
@@ -104,6 +106,10 @@ def warp(
     refine
         Repair of depth that does not fit the picture: `snap` moves edges to color edges, `sharpen`
         hardens soft edges, `complete` fills gaps, `none` does nothing, `auto` chooses.
+    confidence
+        (H, W) or a file, larger is surer: where it is low, depth is unknown.
+    least_confidence
+        Smaller confidence is low. Default: half of the largest.
     threads
         Most threads to use; the result does not depend on it.
 
@@ -133,6 +139,8 @@ def warp(
     Warped(32 × 32 × 3 float32, 100 % covered)
     """
     nearness, light = nearness_of(depth), as_light(color)
+    if options.get("confidence") is not None:
+        nearness = confident(nearness, options["confidence"], options.get("least_confidence"))
     height, width = light.shape[:2]
     taken: Any = source
     if np.shape(taken) == (3, 3):

@@ -100,6 +100,17 @@ class Depth(Choices):
             "the picture's]"
         ),
     ] = None
+    confidence: Annotated[
+        Path | None,
+        OptionTopic.SOURCE,
+        Field(
+            description="Confidence of the depth, a picture or .npy: where low, depth is unknown."
+        ),
+    ] = None
+    least_confidence: Annotated[
+        float | None,
+        Field(description="Smaller confidence is low. [default: half of the largest]"),
+    ] = None
     doffs: Annotated[
         float,
         Hyphen,
@@ -122,6 +133,8 @@ class Depth(Choices):
             raise ValueError("relative depth has no scale; --near and --far say its range")
         if self.is_relative:
             self._relative()
+        if self.least_confidence is not None and self.confidence is None:
+            raise ValueError("--least-confidence belongs to --confidence; give both")
         if self.depth_pose is not None and self.depth_intrinsics is None:
             raise ValueError("--depth-pose belongs to --depth-intrinsics; give both")
         if self.depth_intrinsics is not None:

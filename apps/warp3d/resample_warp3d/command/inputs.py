@@ -1,15 +1,19 @@
 """Read depth images from the command line's files and options."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from math import prod
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple, cast
 
 import numpy as np
 
+from resample.cameras.files import file_and_frame
 from resample.cameras.models import Camera, Orthographic
 from resample.cameras.panoramic import Equirectangular, check_panorama
+from resample.cameras.record3d import unpacked
 from resample.command.flags import Shape
 from resample.command.session import libraries
 from resample.console import say
@@ -28,7 +32,7 @@ from resample_warp3d.depth.encodings import (
     check_scale,
 )
 from resample_warp3d.depth.equation import lens_places, pose_warning
-from resample_warp3d.depth.files import read_depth
+from resample_warp3d.depth.files import confident, read_depth
 from resample_warp3d.depth.refining.conditioning import (
     Refine,
     Refined,
@@ -154,13 +158,27 @@ def read_view(reader: DepthReader, color: str, depth: str, pose: str | None = No
         Files, as `resample.files.pictures.read_picture` and
         `resample_warp3d.depth.files.read_depth` take them.
     """
-    form, _ = form_of(Path(color))
-    needed = {"libraries": libraries(), "the source": bytes_of_source(form)}
-    require(f"{color} of {form[1]} x {form[0]} pixels", needed, "take a smaller picture")
-    picture = read_names(color) if reader.labels else read_picture(color)
+    with picture_file(color) as file:
+        form, _ = form_of(Path(file))
+        needed = {"libraries": libraries(), "the source": bytes_of_source(form)}
+        require(f"{color} of {form[1]} x {form[0]} pixels", needed, "take a smaller picture")
+        picture = read_names(file) if reader.labels else read_picture(file)
     view = view_of(reader, picture, read_depth(depth), (color, depth), pose)
     mention_doubt(reader, view, depth)
     return view
+
+
+@contextmanager
+def picture_file(color: str) -> Iterator[str]:
+    """Yield a picture's file; that of a frame of Record3D is unpacked."""
+    path, frame = file_and_frame(color)
+    if Path(path).suffix.lower() != ".r3d":
+        yield color
+        return
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / f"{Path(path).stem}-{frame or 0}.jpg"
+        file.write_bytes(unpacked(Path(path), f"rgbd/{frame or 0}.jpg"))
+        yield str(file)
 
 
 def view_of(
@@ -180,6 +198,8 @@ def view_of(
         encoding = replace(encoding, ends=reader.ends)
     with naming(depth):
         nearness = encoding.nearness(raw)
+    if meaning.confidence is not None:
+        nearness = confident(nearness, meaning.confidence, meaning.least_confidence)
     if meaning.depth_intrinsics is not None:
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
@@ -268,7 +288,9 @@ def read_views(
     if reader.eye.source_projection == "equirectangular":
         picture = read_names(color) if reader.labels else read_picture(color)
         return inputs_of(reader, picture, read_depth(depth), (color, depth))
-    views = [read_view(reader, color, depth), *(read_view(reader, *names) for names in further)]
+    views = [read_view(reader, color, depth)]
+    alone = reader.meaning.model_copy(update={"confidence": None})
+    views += [read_view(reader._replace(meaning=alone), *names) for names in further]
     check_poses(views)
     camera = reader.eye.camera_model(views[0].shape)
     return Inputs(views, views[0].picture, camera, views[0].shape)

@@ -199,6 +199,8 @@ class Parallax(Choices):
 
     def check(self, meaning: PairDepth, eye: SourceCamera) -> None:
         """Refuse options that do not go together."""
+        if meaning.confidence is not None:
+            raise ValueError("--confidence belongs to render, animate and view; leave it out")
         for words, meters in (("divergence", "eye_distance"), ("convergence", "zero_plane")):
             if getattr(self, words) is not None and getattr(self, meters) is not None:
                 option = meters.replace("_", "-")

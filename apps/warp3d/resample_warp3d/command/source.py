@@ -135,6 +135,14 @@ class SourceCamera(Choices):
         ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
         return self.model_copy(update={"fov": FOV}) if all(w is None for w in ways) else self
 
+    def of_recording(self, color: str) -> "SourceCamera":
+        """Return these options with the camera of a frame of Record3D, unless another is given."""
+        path = color if ":" not in color else color.rpartition(":")[0]
+        ways = (self.intrinsics, self.fov, self.lens, self.source_pose)
+        if not path.lower().endswith(".r3d") or any(way is not None for way in ways):
+            return self
+        return self.model_copy(update={"source_pose": color if path != color else f"{color}:0"})
+
     def camera_model(self, shape: Shape, pose: str | None = None) -> "CameraModel":
         """Return the camera of a picture (height, width), of any projection.
 

@@ -2,24 +2,32 @@
 
 import math
 import re
+import struct
+from contextlib import suppress
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from resample.cameras.record3d import facts_of_recording, unpacked
 from resample.console import say_of
 from resample.files.metadata.fields import orientation_of, upright
 from resample.memory import require_memory
 from resample.reading.arrays import is_npy, npz_names, read_npy, read_npz
-from resample.reading.limits import check_file
-from resample.reading.native import suppressed_output
+from resample.reading.limits import check_file, check_unpacked
+from resample.reading.native import lacking, suppressed_output
 from resample.reading.pictures import WHITE, DisplayedInput, check_picture, complaint_of, opened
+from resample.types import Floats
 from resample_warp3d.depth.encodings import Raw
 
 PFM_HEADER = re.compile(rb"(P[Ff])\s+(\d+)\s+(\d+)\s+(\S+)\s")
 COLMAP_HEADER = re.compile(rb"(\d{1,9})&(\d{1,9})&(\d{1,9})&")
 COLORS = 3  # channels of a picture in colors
 ALPHA = ("A", "ALPHA")  # names of opacity
+LZFSE_BLOCK = re.compile(rb"bvx[-n12](.{4})", re.DOTALL)  # its magic and its unpacked size
+SENSORS = (256, 192), (640, 480), (960, 720)  # rows, columns, upright
+PROPORTION = 0.02  # by which aspect ratios of confidence and depth may differ
 BYTES_PER_VALUE = 24  # of depth and the copies made while converting it to nearness
 
 
@@ -32,10 +40,14 @@ def read_depth(path: str | Path) -> Raw:
     """
     file, name = _split(path)
     suffix = file.suffix.lower()
-    if name and suffix in (".pfm", ".npy", ".bin"):
+    if name and suffix in (".pfm", ".npy", ".bin", ".depth"):
         raise ValueError(f"{file} holds one array, so {name!r} cannot be selected")
     if suffix == ".pfm":
         raw = _read_pfm(file)
+    elif suffix == ".r3d":
+        raw = _read_recording(file, name or "0")
+    elif suffix == ".depth":
+        raw = _read_floats(file)
     elif suffix == ".bin":
         raw = _read_colmap(file)
     elif suffix in (".npy", ".npz"):
@@ -47,6 +59,39 @@ def read_depth(path: str | Path) -> Raw:
     if raw.ndim != 2 or not raw.size or raw.dtype.kind not in "uif":
         raise ValueError(f"{path} holds {raw.dtype} of shape {raw.shape}; depth is numbers (H, W)")
     return np.ascontiguousarray(raw, raw.dtype.newbyteorder("="))
+
+
+def confident(nearness: Floats, confidence: Any, least: float | None = None) -> Floats:
+    """Return nearness (H, W), 0 where the confidence is too low.
+
+    Parameters
+    ----------
+    confidence
+        (H, W), larger is surer, or a file of it: a picture of 8 bits, an array, or anything else
+        that `read_depth` reads. Of another size, it shows the same frame.
+    least
+        Smaller confidence is too low. Default: half of the largest.
+
+    Raises
+    ------
+    ValueError, OSError
+        It is no map of numbers, or of another aspect ratio.
+    """
+    import cv2
+
+    is_file = isinstance(confidence, str | PathLike)
+    sure = np.asarray(read_depth(str(confidence)) if is_file else confidence, np.float64)
+    if sure.ndim != 2 or not np.isfinite(sure).any():
+        raise ValueError(f"confidence of shape {sure.shape}; give finite numbers (H, W)")
+    (height, width), (rows, columns) = nearness.shape, sure.shape
+    if abs(rows * width / (columns * height) - 1.0) > PROPORTION:
+        raise ValueError(
+            f"confidence of {columns} x {rows} px does not fit depth of {width} x {height} px; "
+            "give one of the same frame"
+        )
+    sure = cv2.resize(sure, (width, height), interpolation=cv2.INTER_NEAREST)
+    low = 0.5 * float(np.nanmax(sure)) if least is None else least
+    return np.where(sure >= low, nearness, np.float32(0))
 
 
 def read_depths(path: str | Path) -> Raw | None:
@@ -113,6 +158,49 @@ def _read_pfm(path: Path) -> Raw:
     if channels > 1 and raw.size and _gray(raw).ndim > 2:
         raise ValueError(f"{path} holds 3 channels that differ; depth has one")
     return raw
+
+
+def _read_recording(path: Path, frame: str) -> Raw:
+    """Read the depth of a frame of Record3D, nan where its confidence is the lowest."""
+    facts = facts_of_recording(path)
+    shape = int(facts.get("dh", 0)), int(facts.get("dw", 0))
+    member = f"rgbd/{frame}.depth"
+    raw = _floats(unpacked(path, member), f"{path}: {member}", "<f4", shape)
+    with suppress(LookupError):  # recordings of the front camera have none
+        member = f"rgbd/{frame}.conf"
+        sure = _floats(unpacked(path, member), f"{path}: {member}", "u1", raw.shape)
+        raw = np.where(sure > 0, raw, np.float32(np.nan))
+    return raw
+
+
+def _read_floats(path: Path) -> Raw:
+    """Read bare float32, packed by LZFSE or not; the size tells their shape."""
+    return _floats(path.read_bytes(), str(path), "<f4", (0, 0))
+
+
+def _floats(data: bytes, name: str, kind: str, shape: tuple[int, ...]) -> Raw:
+    """Return numbers, unpacked if need be; a shape of 0 x 0 is that of a usual sensor."""
+    if data[:3] == b"bvx":
+        try:
+            import liblzfse
+        except ImportError as error:
+            raise lacking(name, "pyliblzfse", error, "record3d") from None
+        sizes = (struct.unpack("<I", each)[0] for each in LZFSE_BLOCK.findall(data))
+        check_unpacked(name, len(data), sum(sizes))
+        try:
+            data = liblzfse.decompress(data)
+        except liblzfse.error as error:
+            raise OSError(f"{name} is damaged: {error}") from None
+    size = np.dtype(kind).itemsize
+    known = {rows * columns * size: (rows, columns) for rows, columns in SENSORS}
+    found = shape if min(shape) > 0 else known.get(len(data), (0, 0))
+    if not data or len(data) != size * math.prod(found):
+        sizes_of = ", ".join(f"{rows} x {columns}" for rows, columns in SENSORS)
+        raise ValueError(
+            f"{name} holds {len(data)} bytes, not {size} for each pixel of "
+            + ("x".join(map(str, shape)) if min(shape) > 0 else f"a sensor ({sizes_of})")
+        )
+    return np.frombuffer(data, kind).reshape(found)
 
 
 def _read_colmap(path: Path) -> Raw:

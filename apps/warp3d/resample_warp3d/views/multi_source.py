@@ -31,12 +31,6 @@ SAME = 0.02  # relative nearness within which surfaces are the same
 REACH = 1  # samples compared around a place
 
 
-def check_votes(votes: str) -> None:
-    """Refuse an unknown way to vote."""
-    if votes not in VOTES:
-        raise ValueError(f"unknown votes {votes!r}; known: {', '.join(VOTES)}")
-
-
 def outvoted(
     views: Sequence[Warped], sources: Sequence[Source], equations: Sequence[Way]
 ) -> list[Warped]:
@@ -147,9 +141,10 @@ class Joining:
         check_blend(self.blend)
         check_colors(self.colors)
         check_depths(self.depths)
-        check_votes(self.votes)
-        if self.poses not in POSES:
-            raise ValueError(f"unknown poses {self.poses!r}; known: {', '.join(POSES)}")
+        for name, known in (("votes", VOTES), ("poses", POSES)):
+            given = getattr(self, name)
+            if given not in known:
+                raise ValueError(f"unknown {name} {given!r}; known: {', '.join(known)}")
 
 
 PLAIN = Joining("confident", "none", "none", "none", "none")  # without corrections or votes
@@ -201,7 +196,7 @@ def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
     >>> maps = [np.full((24, 32), nearness, np.float32) for nearness in (0.5, 0.51)]
     >>> sources = [prepare(DepthImage(color, nearness, none)) for nearness in maps]
     >>> camera = Camera.from_fov(60, 24, 32)
-    >>> together = agreed([PosedSource(source, camera) for source in sources], Joining())
+    >>> together = agreed([PosedSource(s, camera) for s in sources], Joining(poses="none"))
     >>> together.scale.round(3).tolist()  # of their nearness
     [1.01, 0.99]
     """

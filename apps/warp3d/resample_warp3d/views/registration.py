@@ -5,6 +5,7 @@ from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from resample.types import Doubles, Floats, Indices
 from resample_warp3d.depth.equation import places
@@ -191,8 +192,5 @@ def _step(pairs: Pairs, moved: Doubles, unit: Doubles) -> Doubles:
 
 def _moved(pose: Doubles, step: Doubles) -> Doubles:
     """Move a camera by a translation and a rotation vector, in its own coordinates."""
-    import cv2
-
-    after = np.eye(4)
-    after[:3, :3], after[:3, 3] = cv2.Rodrigues(step[3:])[0], step[:3]
-    return np.asarray(after @ pose)
+    turn = Rotation.from_rotvec(step[3:]).as_matrix()
+    return np.asarray(np.r_[np.c_[turn, step[:3]], [[0.0, 0.0, 0.0, 1.0]]] @ pose)

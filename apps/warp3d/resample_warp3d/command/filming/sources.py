@@ -24,6 +24,8 @@ ReadInputs = Callable[[int], Inputs]
 
 def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> ReadInputs:
     """Return the function that reads a picture of a film with its depth; warns of doubt once."""
+    if reader.meaning.confidence is not None:
+        raise ValueError("--confidence is of one picture; leave it out for films")
 
     def read(n: int) -> Inputs:
         own, names = ranges.reader(reader, n), footage.names(n)

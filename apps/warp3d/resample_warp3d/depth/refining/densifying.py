@@ -114,4 +114,5 @@ def _window(spacing: Doubles) -> VotingWindow:
         np.ascontiguousarray(offset, np.int64),
         np.exp(-0.5 * squared / FAR**2),
         np.exp(-0.5 * squared / NEAR**2),
+        len(offset),
     )

@@ -160,7 +160,7 @@ def _of_blocks(nearness: Floats) -> SmallMap | None:
             _steps(values[:: max(1, len(values) // LINES)], is_noisy=is_noisy)
             for values in (nearness.T, nearness)
         ]
-        axes = [_borders(each, _periods([each]), most) for each in profiles]
+        axes = [_borders(each, sorted(_periods([each])), most) for each in profiles]
         known = [axis.step for axis in axes if axis is not None]
         for n in (0, 1):
             if known and axes[n] is None:
@@ -205,8 +205,8 @@ def _steps(values: Floats, *, is_noisy: bool) -> Doubles:
 
 
 def _periods(profiles: Iterable[Doubles]) -> list[float]:
-    """Return the samples per px of the strongest periods and their aliases, ascending."""
-    found: set[float] = set()
+    """Return the samples per px of the strongest periods and their aliases, the strongest first."""
+    found: list[tuple[int, float]] = []
     for profile in profiles:
         even = _evened(profile)
         power = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size), 8 * even.size))
@@ -214,9 +214,9 @@ def _periods(profiles: Iterable[Doubles]) -> list[float]:
         is_peak = (power > around[:-2]) & (power >= around[2:])
         rate = np.arange(power.size) / (8.0 * even.size)
         peaks = np.flatnonzero(is_peak & (rate > 1.0 / LARGEST))
-        for rate_there in rate[peaks[np.argsort(-power[peaks])][:PEAKS]]:
-            found |= {float(rate_there), 1.0 - float(rate_there)}
-    return sorted(step for step in found if step < 1.0 / LEAST)
+        for n, there in enumerate(rate[peaks[np.argsort(-power[peaks])][:PEAKS]]):
+            found += [(n, float(there)), (n, 1.0 - float(there))]
+    return list(dict.fromkeys(step for _, step in sorted(found) if step < 1.0 / LEAST))
 
 
 def _evened(profile: Doubles) -> Doubles:
@@ -285,8 +285,8 @@ def _of_samples(nearness: Floats, step: float, how: Enlargement) -> SmallMap | N
     """Return the map that a map was interpolated from in this way; None if it was not."""
     values = depth_of(nearness) if how.is_depth else nearness
     noise = 0.0 if how.is_depth else step
-    thin, columns = _solved(values, how.columns, is_cubic=how.is_cubic)
-    small, rows = _solved(thin.T, how.rows, is_cubic=how.is_cubic)
+    thin, columns, _ = _solved(values, how.columns, is_cubic=how.is_cubic)
+    small, rows, _ = _solved(thin.T, how.rows, is_cubic=how.is_cubic)
     found = SmallMap(small.T.astype(np.float32), rows, columns, how)
     off = np.abs(enlarged_by(found, nearness.shape, is_cubic=how.is_cubic) - values)
     if np.mean(off > OFF * np.ptp(values) + noise) > FEW:
@@ -376,8 +376,7 @@ def _refined(rows: Doubles, axis: Axis, rounds: int, *, is_cubic: bool) -> tuple
 
     def error(place: Doubles) -> Doubles:  # of the axis amid the row, and half of its length
         found = Axis(place[1] / half, place[0] - place[1])
-        short, _ = _solved(rows, found, is_cubic=is_cubic)
-        matrix, _ = _interpolation(rows.shape[1], found, is_cubic=is_cubic)
+        short, _, matrix = _solved(rows, found, is_cubic=is_cubic)
         return np.asarray((matrix @ short.T).T - rows).ravel()
 
     place = np.array([axis.start + half * axis.step, half * axis.step])
@@ -392,8 +391,10 @@ def _refined(rows: Doubles, axis: Axis, rounds: int, *, is_cubic: bool) -> tuple
     return Axis(place[1] / half, place[0] - place[1]), float(np.sqrt(np.mean(left**2)))
 
 
-def _solved(rows: Floats | Doubles, axis: Axis, *, is_cubic: bool) -> tuple[Doubles, Axis]:
-    """Return the short rows (H, w) that, enlarged, fit rows (H, W) best, and where they lie."""
+def _solved(
+    rows: Floats | Doubles, axis: Axis, *, is_cubic: bool
+) -> tuple[Doubles, Axis, "csr_array"]:
+    """Return the short rows (H, w) that, enlarged, fit rows (H, W) best; their axis, and how."""
     from scipy.linalg import solveh_banded
 
     matrix, first = _interpolation(rows.shape[1], axis, is_cubic=is_cubic)
@@ -403,7 +404,7 @@ def _solved(rows: Floats | Doubles, axis: Axis, *, is_cubic: bool) -> tuple[Doub
         bands[BAND - n, n:] = normal.diagonal(n)
     bands[BAND] += 1e-9
     short = np.asarray(solveh_banded(bands, matrix.T @ rows.T).T)
-    return short, Axis(axis.step, axis.start - first)
+    return short, Axis(axis.step, axis.start - first), matrix
 
 
 def _interpolation(

@@ -23,6 +23,7 @@ Kinds = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 REACH = 8  # px, largest distance of voters; more in maps of large blocks
+FIRST = 2  # px up to which all samples vote at first; beyond, those on axes and some others
 DENSE = 4  # px up to which all samples vote; beyond, one in a sixth of the reach
 FAR, NEAR = 0.5, 0.125  # of the reach, standard deviations of the weights for a surface, and for
 LEAST_NEAR = 2.0  # px: its nearness
@@ -199,12 +200,16 @@ def window(reach: int = REACH) -> "VotingWindow":
     is_on_axis = (near == 0) & (far % (sparse // 2) == 0)
     is_asked = (far <= DENSE) | is_on_axis | ((down % sparse == 0) & (across % sparse == 0))
     offset = np.stack([down[is_asked], across[is_asked]], axis=1).astype(np.int64)
+    apart = np.abs(offset).max(axis=1)
+    is_first = (apart <= FIRST) | (offset % max(2, reach // 2) == 0).all(axis=1)
+    is_first |= (offset == 0).any(axis=1)
+    offset = offset[np.argsort(~is_first, kind="stable")]
     squared = (offset**2).sum(axis=1)
     share = np.exp(-0.5 * squared / (FAR * reach) ** 2)
     beside = np.abs(offset).min(axis=1) ** 2
     deviation = max(LEAST_NEAR, NEAR * reach)
     close = np.exp((-0.5 * squared - ACROSS * beside) / deviation**2)
-    return VotingWindow(offset, share, close)
+    return VotingWindow(offset, share, close, int(np.count_nonzero(is_first)))
 
 
 def scaled(color: Floats) -> Floats:

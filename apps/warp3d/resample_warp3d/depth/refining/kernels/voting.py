@@ -23,6 +23,7 @@ NOT_SURE = 1e-4  # weight of a sample near an edge in its surface's nearness
 FAMILIAR = 0.05  # share of similar colors around from which on votes count in full
 SAME = 0.25  # of the range of all votes: votes closer together are for one surface
 CLOSE = 0.01  # of the nearness, on top
+SURE = 0.995  # share of the few first votes from which others are not asked
 LOWEST = 0.3  # of a voter's nearness: least value that its slopes may lead to
 
 
@@ -41,6 +42,7 @@ class VotingWindow(NamedTuple):
     offset: NDArray[np.int64]  # (K, 2) rows and columns
     share: Doubles  # (K,) weight in the choice of a surface
     close: Doubles  # (K,) weight in its nearness
+    few: int  # of the samples, which are asked first
 
 
 class Votes(NamedTuple):
@@ -115,11 +117,13 @@ def _change(slope: float, bend: float, away: int) -> float:
 
 
 @kernel
-def _collect(voters: Voters, window: VotingWindow, row: int, column: int, votes: Votes) -> int:
-    """Write the votes for a sample; return how many."""
+def _collect(
+    voters: Voters, window: VotingWindow, asked: tuple[int, int], row: int, column: int,
+    votes: Votes, count: int,
+) -> int:  # fmt: skip
+    """Write the votes for a sample, of a range of the window, after others; return how many."""
     height, width = voters.nearness.shape
-    count = 0
-    for k in range(window.share.size):
+    for k in range(asked[0], asked[1]):
         down, across = window.offset[k, 0], window.offset[k, 1]
         # Skip samples outside the frame and untrusted ones.
         r, c = row + down, column + across
@@ -159,9 +163,22 @@ def _vote(
     """Nearness of a sample by vote, and the share of votes for its surface.
 
     Both are 0 without votes. The share counts less where no color around is similar to the
-    sample's.
+    sample's. Where the first few all but agree, the others are not asked.
     """
-    count = _collect(voters, window, row, column, votes)
+    count = _collect(voters, window, (0, window.few), row, column, votes, 0)
+    near, agreed = _counted(voters, row, column, votes, count)
+    if agreed >= SURE or window.few == window.share.size:
+        return near, agreed
+    asked = window.few, window.share.size
+    count = _collect(voters, window, asked, row, column, votes, count)
+    return _counted(voters, row, column, votes, count)
+
+
+@kernel
+def _counted(
+    voters: Voters, row: int, column: int, votes: Votes, count: int
+) -> tuple[float, float]:
+    """Nearness of the surface with most votes, and their share."""
     if count == 0:
         return 0.0, 0.0
     # Find the winning surface: the median of all votes, and what lies near it.
