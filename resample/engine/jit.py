@@ -217,7 +217,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)
 
 
-@kernel
+@inner_kernel  # a generator never gives back references
 def tasks(counter: Counter, count: int) -> Iterator[int]:
     """Numbers below `count`, each for the first thread to ask for one."""
     counter[1] = count

@@ -51,6 +51,7 @@ from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
 from resample.files.stores.opening import STORE, Address, Place
 from resample.files.writing import replacing, write_json
+from resample.memory import return_freed_memory
 from resample.reading.limits import check_animation, check_unpacked
 from resample.reading.pictures import decoding
 
@@ -546,6 +547,7 @@ def write_in_parts(
                     shown = itertools.islice(shades, len(seconds))
                     for _, packets in encoded(made, shown, seconds, coding, rate):
                         made.mux(packets)
+                return_freed_memory()  # encoders leave gaps between what stays
         except BaseException:
             _leave(kept, parts if resume is not None else [])
             raise

@@ -23,7 +23,7 @@ ALLOWED: ContextVar[int | None] = ContextVar("allowed", default=None)
 
 
 def return_freed_memory() -> None:
-    """Return large arrays to the system as soon as they are freed.
+    """Return freed memory to the system: what there is now, and large arrays from now on.
 
     By default glibc keeps arrays of up to 32 MiB in each thread. No effect elsewhere.
     """
@@ -31,6 +31,7 @@ def return_freed_memory() -> None:
 
     with suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, GIVEN_BACK)
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def physical_memory() -> int | None:

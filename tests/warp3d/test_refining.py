@@ -348,7 +348,7 @@ def test_unknown_names_list_the_known_ones(scene):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(("sigma", "remedy"), [(0.0, "snap"), (1.5, "sharpen")])
+@pytest.mark.parametrize(("sigma", "remedy"), [(0.0, "snap"), (3.0, "sharpen")])
 def test_a_small_map_is_sharpened_if_it_is_soft_itself(sigma, remedy, scene):
     soft = blurred(sigma)(scene.nearness) if sigma else scene.nearness
     small = cv2.resize(soft, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_NEAREST)
@@ -356,7 +356,14 @@ def test_a_small_map_is_sharpened_if_it_is_soft_itself(sigma, remedy, scene):
     assert refine(given).chosen == remedy
     kind, camera = Kind(("R", "G", "B"), 8, is_encoded=True), Camera.from_fov(60, SIZE, SIZE)
     view = DepthInput(Picture(scene.color, kind), fitted(given), camera, None, is_fitted=True)
-    assert view.refine("auto") == remedy
+    assert view.refined("auto").chosen == remedy
+
+
+def test_a_soft_map_stays_smooth_until_colors_say_where_its_edges_are(scene):
+    soft = blurred(3.0)(scene.nearness)
+    small = cv2.resize(soft, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    made = fitted(DepthImage(scene.color, small, EMPTY)).nearness
+    assert np.abs(made / soft - 1).max() < 0.03
 
 
 def test_what_a_depth_camera_beside_the_picture_does_not_see_is_filled(rng):

@@ -181,7 +181,8 @@ def test_layouts_have_their_usual_names():
     beside = two_eyes(*words, "sbs")
     left, right = beside[:, :32], beside[:, 32:]
     np.testing.assert_array_equal(two_eyes(*words, "cross-eyed"), np.hstack([right, left]))
-    np.testing.assert_array_equal(two_eyes(*words, "ou"), np.vstack([left, right]))
+    for name in ("ou", "tab", "top-and-bottom"):
+        np.testing.assert_array_equal(two_eyes(*words, name), np.vstack([left, right]))
     rows = two_eyes(*words, "row-interlaced")
     np.testing.assert_allclose(rows[::2], 0.5 * (left[::2] + left[1::2]), atol=1e-6)
     np.testing.assert_allclose(rows[1::2], 0.5 * (right[::2] + right[1::2]), atol=1e-6)

@@ -168,6 +168,8 @@ def test_a_folder_goes_on_after_errors_and_where_it_was(capsys):
     Path("in/b.jpg").write_bytes(b"damaged")
     assert ended(*words) == 2
     capsys.readouterr()
+    plain = [word for word in words if word not in ("--batch", "--recursive")]
+    assert "; --batch --skip-errors leaves it out" in refused(capsys, *plain)
     assert ended(*words, "--skip-errors", "--resume") == 0
     said = capsys.readouterr().err
     assert "in/b.jpg is not a picture" in said

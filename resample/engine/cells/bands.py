@@ -194,7 +194,7 @@ Pass = Any
 Members = Any
 
 
-@kernel
+@inner_kernel  # as `tasks`
 def bands(counter: Counter, height: int, band: int) -> Iterator[tuple[int, int]]:
     """Yield the rows of the bands that a thread paints, first and last + 1."""
     for n in tasks(counter, -(-height // band)):

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -77,27 +78,21 @@ class DepthInput(NamedTuple):
             raise ValueError("only pictures of a pinhole or lens are supported here")
         return self.camera
 
-    def refine(self, name: str) -> str:
-        """Return the refinement for the option `name`; enlarged depth is always refined."""
-        if name != "auto" or not self.is_fitted:
-            return name
-        from resample_warp3d.depth.refining.inspecting import is_sharpened, is_sparse, known
-
-        if is_sparse(known(self.image)):
-            return "densify"
-        return "sharpen" if is_sharpened(known(self.image)) else "snap"
-
     def refined(
         self, name: str, noise: float | None = None, like: RefinementChoice | None = None
     ) -> Refined:
         """Refine the depth by the option `name`; what another camera did not see is filled.
 
-        `like`: choice of an earlier picture of the shot.
+        Enlarged depth is always refined. `like`: choice of an earlier picture of the shot.
         """
-        return refine(
-            self.image, cast(Refine, self.refine(name)), noise=noise, step=self.step,
-            is_measured=self.is_registered, like=like,
+        how = partial(
+            refine, self.image, noise=noise, step=self.step, is_measured=self.is_registered,
+            like=like,
         )  # fmt: skip
+        found = how(cast(Refine, name))
+        return (
+            how("snap") if name == "auto" and self.is_fitted and found.chosen == "none" else found
+        )
 
 
 class Inputs(NamedTuple):

@@ -42,14 +42,14 @@ def fill(warped: Warped, *, with_depth: bool = True) -> Warped:
     rim = hole_outline(warped.coverage, nearness, warped.holes)
     if rim.unknown.all() or not rim.unknown.any():
         return warped
-    behind = rim.unknown | rim.hidden
-    part = np.clip(warped.coverage, 0.0, 1.0)[..., None]
-    color = np.divide(
-        warped.image, part, out=np.zeros_like(warped.image), where=~rim.unknown[..., None]
-    )
-    image = warped.image + (1.0 - part) * inpainted(color, behind)
-    image = np.where(rim.unknown[..., None], image, color)
-    image, coverage = image.astype(np.float32), np.ones_like(warped.coverage)
+    behind, image = rim.unknown | rim.hidden, warped.image.copy()
+    is_part = ~rim.unknown & (warped.coverage < 1.0)
+    image[is_part] /= warped.coverage[is_part][:, None]
+    image[rim.unknown] = 0.0
+    left = np.float32(1.0) - np.clip(warped.coverage[rim.unknown], 0.0, 1.0)[:, None]
+    beside = inpainted(image, behind)[rim.unknown]
+    image[rim.unknown] = warped.image[rim.unknown] + left * beside
+    coverage = np.ones_like(warped.coverage)
     if not with_depth:
         return warped._replace(image=image, coverage=coverage)
     far = inpainted(nearness[..., None], behind)[..., 0]
@@ -103,27 +103,23 @@ def _reach(is_far: Mask, is_hole: Mask) -> Floats:
 
 def _middle(nearness: Floats, unknown: Mask) -> Floats:
     """Return the nearness between near and far side of unknown pixels; inf if only one."""
-    views = [
-        _nearness_to_the_left(nearness, unknown),
-        _nearness_to_the_left(nearness[:, ::-1], unknown[:, ::-1])[:, ::-1],
-        _nearness_to_the_left(nearness.T, unknown.T).T,
-        _nearness_to_the_left(nearness[::-1].T, unknown[::-1].T).T[::-1],
-    ]
-    met = np.stack(views)
-    near = met.max(axis=0)
-    far = np.where(met > 0, met, np.inf).min(axis=0)
+    at = np.nonzero(unknown)
+    met = []
+    for axis, size in enumerate(nearness.shape):
+        # Find the last known pixel before each unknown one and the first behind it, or itself.
+        number = np.arange(size, dtype=np.int32).reshape((-1, 1) if axis == 0 else (1, -1))
+        before = np.maximum.accumulate(np.where(unknown, np.int32(-1), number), axis)[at]
+        back = np.flip(np.where(unknown, np.int32(size), number), axis)
+        after = np.flip(np.minimum.accumulate(back, axis), axis)[at]
+        for place, is_there in ((before, before >= 0), (after, after < size)):
+            other = np.where(is_there, place, 0)
+            found = nearness[(other, at[1]) if axis == 0 else (at[0], other)]
+            met.append(np.where(is_there, found, np.float32(0)))
+    near = np.maximum.reduce(met)
+    far = np.minimum.reduce([np.where(each > 0, each, np.inf) for each in met])
     limit = np.full(nearness.shape, np.inf, np.float32)
-    is_apart = unknown & (near > APART * far)
-    limit[is_apart] = 0.5 * (near + far)[is_apart]
+    limit[at] = np.where(near > APART * far, 0.5 * (near + far), np.inf)
     return limit
-
-
-def _nearness_to_the_left(nearness: Floats, unknown: Mask) -> Floats:
-    """Return the nearness of the first known pixel to the left; 0 if there is none."""
-    column = np.where(unknown, -1, np.arange(nearness.shape[1]))
-    last = np.maximum.accumulate(column, axis=1)
-    found = np.take_along_axis(nearness, np.maximum(last, 0), axis=1)
-    return np.where(last >= 0, found, np.float32(0))
 
 
 def inpainted(values: Floats, where: Mask) -> Floats:

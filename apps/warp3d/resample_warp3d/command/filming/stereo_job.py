@@ -240,7 +240,10 @@ def _differ(files: Sequence[Path]) -> bool:
     """Whether files are no film: there are films among them, or pictures of several sizes."""
     if any(file.suffix.lower() in FILMS for file in files):
         return True
-    return len({form_of(file)[0][:2] for file in files}) > 1
+    try:
+        return len({form_of(file)[0][:2] for file in files}) > 1
+    except FAILURES as error:
+        raise ValueError(f"{one_line(error)}; --batch --skip-errors leaves it out") from None
 
 
 def _targets(files: Sequence[Path], given: str, output: Path) -> Iterator[tuple[Path, Path, Path]]:

@@ -4,14 +4,18 @@ import numpy as np
 
 from resample.types import Floats
 from resample_warp3d.depth.refining.enlargement import Axis
-from resample_warp3d.depth.refining.inspecting import is_sparse, linked, quantum_of
+from resample_warp3d.depth.refining.inspecting import is_sharpened, is_sparse, linked, quantum_of
 from resample_warp3d.types import DepthImage
 
 PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
 
 
 def fitted(image: DepthImage) -> DepthImage:
-    """Enlarge a depth image's depth to the size of its color."""
+    """Enlarge a depth image's depth to the size of its color.
+
+    Soft edges, as of networks, stay smooth for refinement, which finds them by color; others are
+    kept apart, surface by surface.
+    """
     height, width = image.nearness.shape
     shape = image.color.shape[0], image.color.shape[1]
     if (height, width) == shape:
@@ -26,6 +30,11 @@ def fitted(image: DepthImage) -> DepthImage:
     nearness = np.where(is_known, image.nearness, np.float32(0))
     if is_sparse(nearness):
         return image._replace(nearness=spread(nearness, shape))
+    if rows < 1.0 and is_known.all() and is_sharpened(nearness):
+        import cv2
+
+        smooth = cv2.resize(nearness, shape[::-1], interpolation=cv2.INTER_LINEAR)
+        return image._replace(nearness=np.asarray(smooth, np.float32))
     return image._replace(nearness=enlarged(nearness, shape))
 
 
