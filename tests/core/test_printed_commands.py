@@ -19,18 +19,20 @@ APART = re.compile(r" figures |python |hann:width| \.\.\. |FILE|^resample plugin
 PUBLIC = re.compile(r"\$\(resample-volume fetch (\w+)\)")  # is loaded from the web
 LINES = sorted(
     {
-        PUBLIC.sub(r"\1.nhdr", line)
+        PUBLIC.sub(r"\1.nhdr", line).partition(" #")[0].strip()
         for page, line in commands()
         if page.name not in ELSEWHERE and not APART.search(line)
     }
 )
-LARGE = re.compile(r"\d{4,}x\d{3,}|(?<=--size )\d{4,}")  # sizes, of which a tenth does
+LARGE = re.compile(r"(?<=--size )\d{3,}(x\d{3,})?")  # sizes, of which less does
 FRAMES = re.compile(r" --frames \d+")  # of films, of which two do
+FILMS = (".mp4", ".webp", ".gif")
 
 
 def smaller(found: re.Match[str]) -> str:
-    """A tenth of a size."""
-    return "x".join(str(int(part) // 10) for part in found[0].split("x"))
+    """A part of a size."""
+    sides = list(map(int, found[0].split("x")))
+    return "x".join(str(side // (1 + max(sides) // 160)) for side in sides)
 
 
 @pytest.mark.some(24)
@@ -41,7 +43,8 @@ def test_printed_commands_run(line: str, tmp_path: Path, monkeypatch: pytest.Mon
     shown: list[Any] = []
     monkeypatch.setattr("resample.view.server.serve", lambda view, **_: shown.append(view))
     program, *words = shlex.split(FRAMES.sub("", LARGE.sub(smaller, line)), comments=True)
-    if words[0] == "animate" and "still" not in words and "drive.mp4" not in words:
+    is_film = words[0] in ("animate", "density") and words[words.index("-o") + 1].endswith(FILMS)
+    if is_film and "still" not in words and "drive.mp4" not in words:
         words += ["--frames", "2"]
     if "--settings" in words:  # a file that the command before it writes
         Path("look.toml").write_text('transfer = "bone"\n')
