@@ -33,7 +33,7 @@ def render(scene: Any, *choices: Any, **options: Any) -> Any:
     TypeError
         It is a picture, or nothing that can be rendered; it says what to do instead.
     ValueError, LookupError, OSError
-        As of the application.
+        As for the application.
 
     Examples
     --------

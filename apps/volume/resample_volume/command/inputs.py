@@ -200,7 +200,7 @@ def channels_of(source: ReadOptions, name: str, *, streamed: bool) -> Recording:
 
 
 def held(source: ReadOptions, name: str) -> Recording:
-    """Read all times and channels of a name; errors as of `opened`."""
+    """Read all times and channels of a name; errors as for `opened`."""
     allowed = allowed_memory(source)
     if allowed is not None:
         allow(allowed)

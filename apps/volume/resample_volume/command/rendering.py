@@ -80,7 +80,7 @@ def scene_of(
 def say_missed(
     media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> None:
-    """Warn if a slab is empty; parameters as of `slab_missed`."""
+    """Warn if a slab is empty; parameters as for `slab_missed`."""
     if missed := slab_missed(media, subject, camera):
         say(missed)
 
