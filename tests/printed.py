@@ -5,13 +5,11 @@ import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from resample_points import Cloud, Gaussians, write_gaussians
+from resample_points import Gaussians, write_gaussians
 from tests import laser, snapshots, splats
 from tests.commands import store
 
@@ -34,7 +32,9 @@ def depths(name: str, high: int = HIGH, wide: int = WIDE) -> None:
     depth = np.tile(np.linspace(3, 5, wide, dtype=np.float32), (high, 1))
     depth[high // 4 : high // 2, wide // 4 : wide // 2] = 2
     if name.endswith(".png"):
-        Image.fromarray((depth * (20 if "disparity" in name else 1000)).astype(np.uint16)).save(name)
+        Image.fromarray((depth * (20 if "disparity" in name else 1000)).astype(np.uint16)).save(
+            name
+        )
     elif name.endswith(".npy"):
         np.save(name, 1 / depth)
     elif name.endswith(".npz"):
@@ -82,13 +82,17 @@ def volume(name: str, kind: str = "int16", counts: tuple[int, ...] = ()) -> None
     image = SimpleITK.GetImageFromArray(values.astype(kind), isVector=False)
     if not Path(name).suffix:
         Path(name).mkdir()
+        writer = SimpleITK.ImageFileWriter()
+        writer.KeepOriginalImageUIDOn()
         for n in range(len(SIDE)):
             plane = image[:, :, n]
-            facts = {"0008|0060": "CT", "0020|000e": "1.2.3", "0020|0013": str(n)}
+            facts = {"0008|0060": "CT", "0008|0018": f"1.2.8.{n + 1}", "0020|000d": "1.2.9"}
+            facts |= {"0020|000e": "1.2.3", "0020|0013": str(n)}
             facts["0020|0032"] = f"-12\\-12\\{n - 12}"
             for tag, value in facts.items():
                 plane.SetMetaData(tag, value)
-            SimpleITK.WriteImage(plane, f"{name}/{n}.dcm")
+            writer.SetFileName(f"{name}/{n}.dcm")
+            writer.Execute(plane)
     else:
         SimpleITK.WriteImage(image, name)
 
@@ -113,8 +117,7 @@ def zarr_store(name: str) -> None:
     from resample_volume import cli
     from tests.commands import ended
 
-    make("engine.nhdr")
-    assert ended(cli.app, "convert", "engine.nhdr", name) == 0
+    assert ended(cli.app, "convert", "vessel-tree:size=80", name) == 0
 
 
 def cloud(name: str) -> None:
@@ -130,10 +133,11 @@ def cloud(name: str) -> None:
         part = {"x": x, "y": y, "z": z, "intensity": intensity, "classification": group}
         Path(name).write_bytes(laser.copc_of([part, part, part]))
     elif name.endswith(".laz"):
-        x, y, z = (place + CORNER).T
+        corner = CORNER if "tile" in name or "next" in name else np.full(3, 50.0)
+        x, y, z = (place + corner).T
         own = {"x": x, "y": y, "z": z, "intensity": intensity, "classification": group}
         own |= dict.fromkeys(("red", "green", "blue"), intensity * 60)
-        Path(name).write_bytes(laser.las_of(own, packed=True))
+        Path(name).write_bytes(laser.las_of(own, packed=True, offsets=corner))
     else:
         head = "ply\nformat ascii 1.0\nelement vertex 900\n"
         head += "".join(f"property float {axis}\n" for axis in (*"xyz", "intensity"))
@@ -169,7 +173,10 @@ SHOT = {"id": 0, "img_name": "a", "width": 96, "height": 64, "position": [0, 0, 
 SHOT |= {"fy": 90, "rotation": np.eye(3).tolist()}
 SHOTS = json.dumps([SHOT | {"id": n} for n in range(13)])
 POSES = json.dumps(np.stack([np.eye(4)] * 9).tolist())
-OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"
+OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n"
+STENT = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+STENT += "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+STENT += "-9 0 0\n9 0 0\n0 0 9\n3 0 1 2\n"
 
 
 def mapping(name: str) -> None:
@@ -223,9 +230,8 @@ MAKERS: dict[str, Maker] = {
     "scan_128x128x75_int16.raw": lambda name: np.zeros((75, 128, 128), np.int16).tofile(name),
     "cells.tif": cells,
     "engine.ome.zarr cells.ome.zarr": zarr_store,
-    "stent.ply": lambda name: text(name, OBJ),
-    "scan.ply tile.laz next.laz tile.copc.laz a.laz b.laz scan.bin 000.bin 001.bin "
-    "002.bin": cloud,
+    "stent.ply": partial(text, content=STENT),
+    "scan.ply tile.laz next.laz tile.copc.laz a.laz b.laz scan.bin 000.bin 001.bin 002.bin": cloud,
     "gaussians.ply scene.ply scene.sog scene.spz scene.ksplat": gaussians,
     "snapshot.hdf5": lambda name: snapshots.swift(Path(name)) and None,
 }
@@ -242,6 +248,7 @@ def write_inputs(line: str) -> None:
     """Write what a command reads, as far as its name is known here."""
     words = shlex.split(line, comments=True)
     outputs = {words[n + 1] for n, word in enumerate(words[:-1]) if word in ("-o", "--output")}
+    outputs |= set(words[3:4] if words[1] == "convert" else ())
     for word in words:
         if word in outputs:
             continue

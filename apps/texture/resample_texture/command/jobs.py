@@ -49,7 +49,6 @@ from resample_texture.command.rendering import (
     Large,
     PictureTarget,
     check_memory,
-    covers_all,
     large_picture,
     report,
     warped,
@@ -200,15 +199,10 @@ class Job:
         given = session, picture, target, self.warping, self.roi
         return warped(*given, keeps_gaps=gaps, adds_alpha=adds_alpha, bar=bar)
 
-    def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
+    def check(self, picture: Picture, output: Path) -> None:
         """Refuse an output file that could not be written, before any work is done."""
         check_source(output, picture, self.options)
-        is_open = self.warping.edge == "transparent" and not self.warping.total
-        is_open = is_open and takes_alpha(output, self.options)
-        if is_open and not holds_gaps(output, picture, self.options):
-            shape = picture.data.shape[0], picture.data.shape[1]
-            is_open = not covers_all(target, shape, self.roi)
-        check_output(output, self.options, transparent=picture.kind.has_alpha or is_open)
+        check_output(output, self.options)
 
     def say_palette(self, source: Place) -> None:
         """Report once that colors of a palette are mixed."""
@@ -240,7 +234,7 @@ def warp_all(
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
-        check_output(coverage, WriteOptions(is_light=False), transparent=False)
+        check_output(coverage, WriteOptions(is_light=False))
     if is_batch(images, output):
         if coverage is not None:
             raise ValueError("--coverage works with one picture only; leave it out")
@@ -324,7 +318,7 @@ def _warp_picture(
     coverage: Path | None = None,
     bar: str | None = None,
 ) -> dict[str, Any]:
-    check_output(output, job.options, transparent=False)
+    check_output(output, job.options)
     check_targets(output, coverage)
     with session.stage("read"):
         held = palette_picture(source, output, job.warping, job.options)
@@ -340,7 +334,7 @@ def _warp_picture(
         job.check_memory(given, output)
         picture, target, size = job.opened(given)
     if held is None:
-        job.check(picture, target, output)
+        job.check(picture, output)
     result, share = job.warped(session, picture, target, output, bar)
     has_nans = held is None and bool(np.isnan(result.data).any())
     _say_lost(picture.about, result.about, output, has_nans=has_nans)
@@ -363,7 +357,7 @@ def _warp_large(
     """Warp a picture strip by strip; the output is the same but for rounding."""
     loaded = large.loaded
     check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
-    check_output(output, job.options, transparent=large.kind.has_alpha)
+    check_output(output, job.options)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans, is_empty = False, True
