@@ -172,7 +172,7 @@ TOML = "eye = [0, -750, 0]\ntarget = [0, 0, 0]\nfov = 22.62\n"
 SHOT = {"id": 0, "img_name": "a", "width": 96, "height": 64, "position": [0, 0, -9], "fx": 90}
 SHOT |= {"fy": 90, "rotation": np.eye(3).tolist()}
 SHOTS = json.dumps([SHOT | {"id": n} for n in range(13)])
-POSES = json.dumps(np.stack([np.eye(4)] * 9).tolist())
+POSES = json.dumps({"frames": [{"transform_matrix": np.eye(4).tolist()}] * 9})
 OBJ = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nv 0 0 1 1 1 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\n"
 STENT = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
 STENT += "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -189,8 +189,8 @@ def stack(name: str) -> None:
     """Write a picture of zarr in pieces."""
     import zarr
 
-    target = zarr.open(name, mode="w", shape=(200, 300), chunks=(64, 64), dtype="u1")
-    target[:] = np.indices((200, 300))[1].astype(np.uint8)
+    target = zarr.open(name, mode="w", shape=(200, 300, 3), chunks=(64, 64, 3), dtype="u1")
+    target[:] = np.indices((200, 300, 3))[1].astype(np.uint8)
 
 
 FRAMES = ("1.png", "2.png", "3.png")
