@@ -83,5 +83,5 @@ def _exporter() -> Any:
 
 warn_of_namesake(__path__[0])
 register_exporter(_exporter)
-__getattr__ = attributes(__name__, _HOMES | {"view": "view:"})
+__getattr__ = attributes(__name__, _HOMES | {"view": "view:", "_view": "jobs:view"})
 __dir__ = listing(_HOMES)

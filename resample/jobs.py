@@ -9,6 +9,7 @@ import numpy as np
 
 from resample import registry
 from resample.messages import shortly
+from resample.showable import results
 
 COLORS = (3, 4)  # channels of a picture
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".bmp")
@@ -33,7 +34,7 @@ def render(scene: Any, *choices: Any, **options: Any) -> Any:
     TypeError
         It is a picture, or nothing that can be rendered; it says what to do instead.
     ValueError, LookupError, OSError
-        As of the application.
+        As for the application.
 
     Examples
     --------
@@ -65,9 +66,7 @@ def open(file: str | PathLike[str]) -> Any:  # noqa: A001
     """
     kind = _kind(file)
     if kind == "texture":
-        from resample.files.conversion import as_picture
-
-        return as_picture(file)
+        return results().as_picture(file)
     return import_module(f"resample_{kind}").open(file)
 
 

@@ -72,7 +72,7 @@ def numbers_in(name: str, text: str, count: int | None = None) -> list[float]:
 
 
 def check_threads(given: Any) -> None:
-    """Reject what is no number of threads; None takes all."""
+    """Check the number of threads; None means all."""
     if given is None:
         return
     try:

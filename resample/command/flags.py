@@ -186,7 +186,10 @@ Several = Parameter(allow_leading_hyphen=True, negative="", show_default=False) 
 Output = Annotated[Path, OptionTopic.TARGET, Parameter(alias="-o")]
 OptionalOutput = Annotated[Path | None, OptionTopic.TARGET, Parameter(alias="-o")]
 FrameOutput = Annotated[
-    Output, Parameter(help="Written to: .png, or .exr with linear RGBA, depth (Z) and coverage.")
+    Output,
+    Parameter(
+        help="Written to: .png, .jpg, .tif, .webp, or .exr with linear RGBA, depth (Z), coverage."
+    ),
 ]
 FilmOutput = Annotated[
     Output,

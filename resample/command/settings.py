@@ -385,7 +385,10 @@ Threads = Annotated[
 ]
 Background = Annotated[
     str | None,
-    Field(description="Background: black, white, #rrggbb or none for transparent. [default: none]"),
+    Field(
+        description="Background: black, white, #rrggbb or none for transparent. [default: none; "
+        "black for .jpg]"
+    ),
 ]
 MethodsFilter = Annotated[
     str | None,
@@ -634,9 +637,10 @@ class FrameFormat(Choices):
         self.behind()
         return height_and_width(self.size)
 
-    def behind(self) -> Color | None:
-        """Linear color behind the picture; None leaves it transparent."""
-        return None if self.background is None else linear_color(self.background)
+    def behind(self, suffix: str = "") -> Color | None:
+        """Linear color behind the picture, in a file with this suffix; None: transparent."""
+        own = "black" if suffix.lower() in (".jpg", ".jpeg") else "none"
+        return linear_color(own if self.background is None else self.background)
 
 
 class Sharing(Choices):

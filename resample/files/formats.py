@@ -26,13 +26,13 @@ class WriteOptions(NamedTuple):
     """Options for writing a picture."""
 
     bits: int | None = None  # 8, 16 or 32 per channel; None: what fits format and source
-    background: Color | None = None  # linear light; None keeps transparency
+    background: Color | None = None  # linear light; None keeps transparency, black in JPEG
     is_light: bool = True  # otherwise numbers, which are not encoded
     quality: int | str | None = None  # 1 to 100 of `QUALITY`, or `NO_LOSS` of .webp
     in_srgb: bool = False  # colors of ICC profiles become sRGB's; otherwise profiles are kept
 
 
-def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
+def check_output(path: Path, look: WriteOptions) -> None:
     """Reject a target that `write_picture` would reject, before any work is done."""
     suffix = path.suffix.lower()
     if suffix not in (*SUFFIXES, *BY_PILLOW, STORE):
@@ -46,8 +46,6 @@ def check_output(path: Path, look: WriteOptions, *, transparent: bool) -> None:
         from resample.files.chunked import check_store
 
         check_store(path)
-    if suffix in JPEG and transparent and look.background is None:
-        raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")
     if look.bits is not None and look.bits not in _depths(suffix):
         allowed = " or ".join(map(str, _depths(suffix)))
         raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
@@ -111,12 +109,12 @@ class StoredPage(NamedTuple):
 
 def page_of(path: Path, picture: Picture, look: WriteOptions, *, tells: bool = True) -> StoredPage:
     """Convert a picture to stored form; warn about lost metadata."""
-    check_output(path, look, transparent=picture.kind.has_alpha)
+    check_output(path, look)
     check_source(path, picture, look)
     if look.in_srgb:
         picture = as_srgb(picture)
-    if look.background is not None:
-        picture = flattened(picture, look.background)
+    if look.background is not None or path.suffix.lower() in JPEG:
+        picture = flattened(picture, look.background or (0.0, 0.0, 0.0))
     suffix, (data, kind, about) = path.suffix.lower(), picture
     count = len(kind.channels)
     if suffix in (".png", *JPEG, *BY_PILLOW) and count - kind.has_alpha not in (1, 3):

@@ -53,18 +53,14 @@ LEAST = 1e-4  # transmittance below which nothing behind counts as visible
 def check_frame(path: Path, bits: int, background: Color | None) -> None:
     """Reject a target that `write_frame` would reject, before any work is done."""
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise ValueError(f"{path}: pictures are written as {', '.join(SUFFIXES)}")
+    if suffix not in (*SUFFIXES, *BY_PILLOW):
+        raise ValueError(f"{path}: pictures are written as {', '.join((*SUFFIXES, *BY_PILLOW))}")
     if suffix == ".png" and bits not in (8, 16):
         raise ValueError(f"{path}: PNG has 8 or 16 bits per channel, not {bits}")
+    if suffix in JPEG and background is None:
+        raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")
     if suffix not in (".png", ".exr"):
-        check_output(path, WriteOptions(bits, background), transparent=True)
-
-
-def check_suffix(path: str | Path) -> None:
-    """Reject a target that is neither PNG nor EXR, before any work is done."""
-    if Path(path).suffix.lower() not in (".png", ".exr"):
-        raise ValueError(f"{path}: pictures are written as .png or .exr")
+        check_output(path, WriteOptions(bits, background))
 
 
 def write_frame(

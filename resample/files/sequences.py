@@ -141,7 +141,7 @@ def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
     if look.quality is not None:
         raise ValueError(f"{path}: a quality is of files of one picture; leave it out")
     if suffix in TIFF:
-        check_output(path, look, transparent=False)
+        check_output(path, look)
     elif suffix not in WRITTEN and not (suffix == ".png" and is_animated):
         known = ", ".join((*TIFF[:1], *WRITTEN))
         count = len(frames.seconds)

@@ -9,9 +9,7 @@ class _Callable(ModuleType):
     """The package itself, which may also be called: `resample.view(scene)`."""
 
     def __call__(self, scene: Any, /, **settings: Any) -> Any:
-        from resample.jobs import view
-
-        return view(scene, **settings)
+        return sys.modules["resample"]._view(scene, **settings)
 
 
 sys.modules[__name__].__class__ = _Callable

@@ -10,11 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 import resample_volume
-from tests import snapshots
+from tests import printed, snapshots
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "apps/texture/README.md", "apps/warp3d/README.md", "docs/library.md")
-PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md")
+PAGES += ("apps/points/README.md", "docs/plugins.md", "docs/viewer.md", "docs/index.md")
+PAGES += ("docs/scale.md",)
 HOWTOS = (
     "application",
     "clouds",
@@ -108,7 +109,7 @@ def given(block: str, volume: NDArray[np.uint8]) -> dict[str, Any]:
     }
 
 
-@pytest.mark.sweep
+@pytest.mark.some(3)
 @pytest.mark.parametrize("block", list(blocks()))
 def test_examples_of_documents_run(
     block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -119,6 +120,10 @@ def test_examples_of_documents_run(
     volume[4:12, 6:18, 8:24] = 200
     volume.tofile("engine_256x256x128_uint8.raw")
     Path("engine.nhdr").write_text(HEADER.format(" ".join(map(str, shape[::-1]))))
+    if "slide.zarr" in block:
+        pytest.importorskip("zarr", reason="pip install 'hybrid-resample[zarr]'")
+        printed.make("slide.zarr")
+        block = block.replace("30_000", "300")
     run(block, given(block, volume))
 
 

@@ -23,7 +23,7 @@ def test_the_version_is_the_same_everywhere():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"), re.MULTILINE)
     assert cited is not None
-    assert {project["version"], cited[1], version("hybrid-resample")} == {"0.2.0"}
+    assert {project["version"], cited[1], version("hybrid-resample")} == {"0.3.0"}
 
 
 def test_licences_that_are_unknown_or_unwanted_are_named():

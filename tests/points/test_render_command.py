@@ -54,7 +54,7 @@ def test_a_cloud_is_seen_from_a_pose():
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["-o", "o.jpg"], "pictures are written as .png or .exr"),
+        (["-o", "o.gif"], "pictures are written as .png, .exr, .jpg"),
         (["-o", "o.png", "--camera", "leftish"], "give azimuth,elevation,zoom"),
         (["-o", "o.png", "--camera", "0/0/0"], "a zoom of 0"),
         (["-o", "o.png", "--pose", "p.txt"], "--pose and --intrinsics belong together"),

@@ -133,8 +133,9 @@ def test_a_layer_belongs_to_filling(capsys):
 
 
 @pytest.mark.sweep
-def test_a_jpeg_needs_a_background(capsys):
-    assert "JPEG has no transparency" in refused(capsys, *render(*RIGHT, "-o", "out.jpg"))
+def test_a_jpeg_is_black_where_nothing_is_or_has_a_background():
+    assert ended(*render(*RIGHT, *FAST, "-o", "out.jpg")) == 0
+    assert read_image("out.jpg")[:, -1].mean() < 0.1
     assert ended(*render(*RIGHT, *FAST, "-o", "out.jpg", "--background", "white")) == 0
     assert read_image("out.jpg")[:, -1].mean() > 0.9  # JPEG's loss beside noise
 

@@ -206,7 +206,7 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
     Raises
     ------
     ValueError, TypeError, OSError
-        As of `render`; or the film cannot be written.
+        As for `render`; or the film cannot be written.
 
     Examples
     --------

@@ -70,14 +70,14 @@ def render(
         of the files after selection; -1 for nothing.
     """
     from resample.command.session import Session
-    from resample.files.saving import check_suffix
+    from resample.files.saving import check_frame
     from resample.files.writing import check_targets
     from resample.progress import told
     from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
     from resample_points.command.rendering import check_memory, scene_of
 
-    check_suffix(output)
+    check_frame(output, form.bits, form.behind(output.suffix))
     if index is not None and index.suffix.lower() != ".npy":
         raise ValueError(f"{index}: numbers of points are written as .npy")
     shape = form.height_and_width()

@@ -182,14 +182,14 @@ def animate(
     output
         Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
     appearance, camera, size
-        As of `render`, but texts and numbers only.
+        As for `render`, but texts and numbers only.
     options
         Options of the command: `frames`, `fps`, `path`, and those of `render`.
 
     Raises
     ------
     ValueError, TypeError, OSError
-        As of `render`; or the film cannot be written.
+        As for `render`; or the film cannot be written.
 
     Examples
     --------

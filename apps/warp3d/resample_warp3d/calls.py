@@ -40,7 +40,7 @@ def stereo(
     Raises
     ------
     ValueError, TypeError, OSError
-        As of the command.
+        As for the command.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def animate(picture: Any, depth: Any, output: Named, **options: Any) -> None:
     Parameters
     ----------
     picture, depth
-        As of `stereo`; depth of the kind that `depth_kind` says.
+        As for `stereo`; depth of the kind that `depth_kind` says.
     output
         Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
     options
@@ -77,7 +77,7 @@ def animate(picture: Any, depth: Any, output: Named, **options: Any) -> None:
     Raises
     ------
     ValueError, TypeError, OSError
-        As of the command.
+        As for the command.
 
     Examples
     --------

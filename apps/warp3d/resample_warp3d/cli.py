@@ -132,7 +132,7 @@ def render(
         return
     check_extras(extras, eye)
     check_targets(output, *extras.paths())
-    formats.check_output(output, look, transparent=not warping.fill and showing.is_plain)
+    formats.check_output(output, look)
     session = Session()
     with session.stage("read"):
         taken = read_views(reader, color, depth, further)

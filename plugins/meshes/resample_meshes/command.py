@@ -33,14 +33,15 @@ def mesh(
         OBJ with its MTL, GLB, glTF or PLY.
     """
     from resample.command.session import Session, require_picture
-    from resample.files.saving import check_suffix, tell_empty, write_frame
+    from resample.files.saving import check_frame, tell_empty, write_frame
     from resample.files.writing import check_targets
     from resample_meshes.rendering import load_mesh, render_mesh
 
-    check_suffix(output)
+    behind = form.behind(output.suffix)
+    check_frame(output, form.bits, behind)
     height, width = form.height_and_width()
     view.viewpoint()
-    behind, style = form.behind(), drawing.style(view.shading)
+    style = drawing.style(view.shading)
     check_targets(output)
     require_picture((height, width), BYTES_PER_PIXEL)
     shape = load_mesh(model, form.texture)

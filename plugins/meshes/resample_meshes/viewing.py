@@ -72,7 +72,7 @@ class ModelPainter:
         """
         view, drawing, form = _checked(settings)
         seen = self._rendered(view, drawing, form, size)
-        write_frame(path, seen, bits=form.bits, background=form.behind())
+        write_frame(path, seen, bits=form.bits, background=form.behind(path.suffix))
 
     def mesh(self, texture: Path | None = None) -> Mesh:
         """Return the mesh, read again only for another texture; raises as `save` does."""

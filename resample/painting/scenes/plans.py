@@ -32,7 +32,7 @@ def pair_of(name: str, given: Any, wanted: str) -> tuple[int, int]:
 
 
 def check_call(camera: Any, height: Any, width: Any, threads: Any) -> None:
-    """Reject what is no camera, no size of a picture, or no number of threads."""
+    """Check a camera, the size of a picture and the number of threads."""
     check_size(*pair_of("height and width", (height, width), "both"))
     check_threads(threads)
     if isinstance(camera, np.ndarray) or not callable(getattr(camera, "view", None)):

@@ -127,7 +127,7 @@ def write_animation(
         Function of a session, and of a number of threads or none, that reads the files; workers
         get it pickled.
     path, frames, fps, resume, sharing
-        As of `resample-points animate`.
+        As for `resample-points animate`.
     shape
         Height and width, px.
     background

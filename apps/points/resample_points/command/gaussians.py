@@ -250,8 +250,9 @@ class GaussianPictures:
             write_deep(path, self._slabs(camera, form.height_and_width(), self.options.deep))
             return
 
-        frame = self.picture(camera, form.height_and_width(), form.behind())
-        write_frame(path, frame, bits=form.bits, background=form.behind())
+        behind = form.behind(path.suffix)
+        frame = self.picture(camera, form.height_and_width(), behind)
+        write_frame(path, frame, bits=form.bits, background=behind)
         tell_empty(path, not frame.coverage.any())
 
     def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":

@@ -72,7 +72,8 @@ class ColoredScene(NamedTuple):
         """Write a frame with its color bar."""
         from resample.files.saving import tell_empty, write_frame
 
-        write_frame(path, self.shown(frame, form), bits=form.bits, background=form.behind())
+        behind = form.behind(path.suffix)
+        write_frame(path, self.shown(frame, form), bits=form.bits, background=behind)
         tell_empty(path, not frame.coverage.any())
 
     @property

@@ -44,7 +44,6 @@ from resample_texture.command.choices import Aim, Besides, PictureTarget, Pictur
 from resample_texture.command.rendering import (
     Large,
     check_memory,
-    covers_all,
     large_picture,
     warped,
 )
@@ -183,15 +182,10 @@ class Job:
         given = session, picture, target, self.warping, self.roi
         return warped(*given, keeps_gaps=gaps, adds_alpha=adds_alpha, bar=bar)
 
-    def check(self, picture: Picture, target: PictureTarget, output: Path) -> None:
+    def check(self, picture: Picture, output: Path) -> None:
         """Reject an output file that could not be written, before any work is done."""
         check_source(output, picture, self.options)
-        is_open = self.warping.edge == "transparent" and not self.warping.total
-        is_open = is_open and takes_alpha(output, self.options)
-        if is_open and not holds_gaps(output, picture, self.options):
-            shape = picture.data.shape[0], picture.data.shape[1]
-            is_open = not covers_all(target, shape, self.roi)
-        check_output(output, self.options, transparent=picture.kind.has_alpha or is_open)
+        check_output(output, self.options)
 
     def say_palette(self, source: Place) -> None:
         """Report once that colors of a palette are mixed."""
@@ -236,7 +230,7 @@ def warp_all(
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
     coverage, stats = besides.coverage, besides.stats
     if coverage is not None:
-        check_output(coverage, WriteOptions(is_light=False), transparent=False)
+        check_output(coverage, WriteOptions(is_light=False))
     if is_batch(images, output):
         if coverage is not None:
             raise ValueError("--coverage works with one picture only; leave it out")
@@ -326,8 +320,7 @@ def warp_file(
 def _warp_picture(
     session: Session, source: Place, output: Path, job: Job, coverage: Path | None, bar: str | None
 ) -> dict[str, Any]:
-    """Warp a picture whole, with its palette if that is kept, or strip by strip."""
-    check_output(output, job.options, transparent=False)
+    check_output(output, job.options)
     check_targets(output, coverage)
     with session.stage("read"):
         held = palette_picture(source, output, job.warping, job.options)
@@ -343,7 +336,7 @@ def _warp_picture(
         job.check_memory(given, output)
         picture, target, size = job.opened(given)
     if held is None:
-        job.check(picture, target, output)
+        job.check(picture, output)
     result, share = job.warped(session, picture, target, output, bar)
     has_nans = held is None and bool(np.isnan(result.data).any())
     _say_lost(picture.about, result.about, output, has_nans=has_nans)
@@ -366,7 +359,7 @@ def _warp_large(
     """Warp a picture strip by strip; the output is the same but for rounding."""
     loaded = large.loaded
     check_source(output, Picture(NOTHING, loaded.kind, loaded.about), job.options)
-    check_output(output, job.options, transparent=large.kind.has_alpha)
+    check_output(output, job.options)
     height, width = large.shape
     check_memory(large.form.shape, large.shape, job.warping, output, in_strips=large.in_strips)
     has_nans, is_empty = False, True

@@ -146,7 +146,7 @@ class SourceCamera(Choices):
     def camera_model(self, shape: Shape, pose: str | None = None) -> "CameraModel":
         """Return the camera of a picture (height, width), of any projection.
 
-        Parameters and errors are those of `camera`.
+        Parameters and errors as for `camera`.
         """
         import numpy as np
 

@@ -72,7 +72,7 @@ def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
     if extras.holes is not None:
         check_holes(extras.holes)
     if extras.coverage is not None:
-        check_output(extras.coverage, WriteOptions(is_light=False), transparent=False)
+        check_output(extras.coverage, WriteOptions(is_light=False))
     if extras.depth_output is not None:
         check_depth(extras.depth_output)
     if extras.export is not None:

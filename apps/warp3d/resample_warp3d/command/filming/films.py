@@ -66,7 +66,7 @@ def rendered_film(
     if depths is not None:
         footage.check_apart(depths.folder)
     target = FilmTarget(writing.output, footage, writing.options)
-    target.check(transparent=not warping.fill)
+    target.check()
     check_targets(extras.stats)
     session = Session()
     ranges = _ranges(session, footage, reader, writing.filming)
@@ -114,7 +114,7 @@ def stereo_film(
     `reader`: of depth; None: disparity of a rectified pair, in `disparity_scale` values per px.
     `job`: JSON values that the pictures depend on, to continue an interrupted run.
     """
-    target.check(transparent=not stereo.warping.fill)
+    target.check()
     footage, ranges = target.footage, DepthRanges(None)
     if reader is None:
         read = rectified(footage, disparity_scale)

@@ -154,7 +154,7 @@ class StereoJob:
         look, extras, suffix = self.written.options(), self.extras, output.suffix.lower()
         check_extras(extras)
         if suffix not in PAIRS:
-            check_output(output, look, transparent=not self.warping.fill)
+            check_output(output, look)
         check_targets(output, extras.holes, extras.coverage)
         session = Session(is_quiet=self.is_quiet)
         taken = self._read(names, reader)

@@ -63,7 +63,7 @@ class FilmTarget:
     def _is_film(self) -> bool:
         return self.files is None and self.path.suffix.lower() in FORMATS
 
-    def check(self, *, transparent: bool) -> None:
+    def check(self) -> None:
         """Refuse what cannot be written, before any work is done."""
         if self.files is None:
             check_targets(self.path)
@@ -75,7 +75,7 @@ class FilmTarget:
             return
         self.footage.check_apart(self.files.folder)
         self.footage.frames.tell_tracks(self.path)
-        check_output(Path(self.files.name), self.options, transparent=transparent)
+        check_output(Path(self.files.name), self.options)
 
     def write(self, pictures: Callable[[int], Iterable[Picture]], job: Mapping[str, Any]) -> None:
         """Write the pictures that a function gives from a number on.
