@@ -46,6 +46,7 @@ Camera = Annotated[str, Field(max_length=200)]
 Text = Annotated[str, Field(max_length=1000)]
 Value = bool | int | float | Text | Annotated[list[Text], Field(max_length=32)]
 Sent = Annotated[dict[Key, Value], Field(max_length=100)]  # options by name
+Number = Annotated[float, Field(ge=-1e30, le=1e30)]
 Side = Annotated[int, Field(ge=8, le=LARGEST)]
 
 
@@ -71,8 +72,8 @@ class Pick(_Message):
     """Describe what is visible at a position."""
 
     kind: Literal["pick"]
-    x: float  # px to the right; pixel centers are at halves
-    y: float  # px down
+    x: Number  # px to the right; pixel centers are at halves
+    y: Number  # px down
 
 
 class Slice(_Message):
@@ -81,15 +82,15 @@ class Slice(_Message):
     kind: Literal["slice"]
     plane: Key  # by its name, as the view lists it
     voxel: tuple[int, int, int]  # index along x, y and z
-    window: tuple[float, float] | None = None  # values, as stored, that are black and white
+    window: tuple[Number, Number] | None = None  # values, as stored, that are black and white
 
 
 class MeasureLine(_Message):
     """Return the length of a line, and the values along it."""
 
     kind: Literal["measure"]
-    start: tuple[float, float, float]  # scene units
-    end: tuple[float, float, float]
+    start: tuple[Number, Number, Number]  # scene units
+    end: tuple[Number, Number, Number]
 
 
 class Ask(_Message):
@@ -160,7 +161,7 @@ class PageSession:
         self._filming: asyncio.Task[None] | None = None
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._paint())
-        self._notices = _Notices(asyncio.get_running_loop(), self._notice)
+        self._notices = _Notices(asyncio.get_running_loop(), self._say)
         LOG.addHandler(self._notices)
 
     async def close(self) -> None:
@@ -262,7 +263,7 @@ class PageSession:
                 raise CancelledError("the work was cancelled")
             if time.perf_counter() - last[0] > REPORT_INTERVAL:
                 last[0] = time.perf_counter()
-                asyncio.run_coroutine_threadsafe(self._send(message(share)), loop)
+                asyncio.run_coroutine_threadsafe(self._say(message(share)), loop)
 
         return tell
 
@@ -335,13 +336,14 @@ class PageSession:
             "kind": name,
             "number": draw.number,
             "preview": shown.is_preview,
+            "plain": not draw.moving and bool((shown.levels == shown.levels[0, 0]).all()),
             "milliseconds": round(1000 * (time.perf_counter() - start), 1),
             "type": kind,
         }
         return shown, _framed(about, data)
 
-    async def _notice(self, text: str) -> None:
-        await self._send(_json_message("notice", 0, text=text))
+    async def _say(self, text: str) -> None:
+        await self._send(text)
 
 
 class _Notices(logging.Handler):
@@ -356,7 +358,9 @@ class _Notices(logging.Handler):
         self._loop, self._tell = loop, tell
 
     def emit(self, record: logging.LogRecord) -> None:
-        asyncio.run_coroutine_threadsafe(self._tell(record.getMessage()), self._loop)
+        asyncio.run_coroutine_threadsafe(
+            self._tell(_json_message("notice", 0, text=record.getMessage())), self._loop
+        )
 
 
 def encoded(shown: PagePicture) -> tuple[str, bytes]:

@@ -70,7 +70,7 @@ export function show(el, connect) {
   const state = status(page), sheet = help(page);
   page.contrast = contrast(page);
   const tuned = tuning(page, look), light = theme(el, () => { look.draw(); ruler.drawn(); });
-  const views = menu("views", "View from…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
+  const views = menu("views", "View…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
   const saves = menu("save", "Save…", "Save the picture", ["PNG", "EXR"], (name) => say("save", { suffix: `.${name.toLowerCase()}` }));
   const fit = made("button", { id: "fit", title: "All of it, as large as the window has room for (0)", onclick: fitted }, "Fit");
   const exact = made("button", { id: "exact", title: "One texel for each pixel (1, or a double-click)", onclick: () => page.steering.exact() }, "1:1");
@@ -288,7 +288,7 @@ export function show(el, connect) {
     if (head.kind === "slice") { sliced.framed(head, bytes); return; }
     if (head.kind !== "frame") { beside.framed(head, bytes); return; }
     if (fill.takes(head, bytes)) return;
-    note("", "message");
+    note(head.plain ? "Nothing is visible with these options: all pixels are alike." : "", "message notice");
     if (!head.preview) {
       look.ask();
       if (whole) link.settled?.(whole);

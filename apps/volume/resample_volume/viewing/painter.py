@@ -132,8 +132,8 @@ class VolumeRequests:
 def entry_of(volume: Volume, look: Appearance) -> dict[str, Any]:
     """Return the name of a volume and the colors that it has, as a page's legend takes them."""
     points = points_of(transfer_of(volume, look), survey(volume).span)
-    shown = [color for _, color, opacity in points if opacity > 0] or ["#808080"]
-    return {"name": volume.name, "colors": shown}
+    shown = dict.fromkeys(color for _, color, opacity in points if opacity > 0)
+    return {"name": volume.name, "colors": list(shown) or ["#808080"]}
 
 
 def own_look(
