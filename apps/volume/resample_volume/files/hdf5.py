@@ -13,6 +13,7 @@ from resample.lengths import unit_of_length
 from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.native import damage
 from resample_volume.data.memory import require_memory
+from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError
 from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording
 from resample_volume.files.readers import header_of_array
 from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording
@@ -28,6 +29,8 @@ def contents(path: Path) -> Iterator[Any]:
     try:
         with opened(path) as file:
             yield file
+    except (SeveralChannelsError, SeveralTimesError):  # which their callers answer
+        raise
     except ValueError as error:
         raise ValueError(f"{path.name} {error}") from None
 
