@@ -20,7 +20,7 @@ from resample.types import Frame
 from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
 from resample_meshes.choices import MeshDrawing, MeshFormat, MeshView
-from resample_meshes.rendering import load_mesh, render_mesh
+from resample_meshes.rendering import ball_around, load_mesh, render_mesh
 from resample_meshes.shapes import Mesh
 
 COMMAND = "resample-texture mesh"
@@ -119,6 +119,7 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "settings": {"camera": "30,20,1", **settings_of(begin)},
             "fills": is_free(begin),
             "measures": True,
+            "middle": ball_around(first.mesh())[0].tolist(),  # where the scale bar holds
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)

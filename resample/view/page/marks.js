@@ -46,7 +46,9 @@ export function marks(page) {
 
   // A round length as it appears in the middle of the scene
   function scale(width, height) {
-    const depth = view.perspective ? view.translation[2] : 1, per = (view.focal[0] * width) / view.size[0] / depth;
+    const middle = page.about.middle ?? [0, 0, 0];
+    const ahead = view.rotation[2].reduce((sum, one, n) => sum + one * middle[n], view.translation[2]);
+    const depth = view.perspective ? ahead : 1, per = (view.focal[0] * width) / view.size[0] / depth;
     if (!(per > 0)) return [];
     const most = (WIDEST * width) / per, power = 10 ** Math.floor(Math.log10(most));
     const length = power * [5, 2, 1].find((one) => one * power <= most), long = length * per, left = (width - long) / 2;

@@ -115,8 +115,9 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     settings = {"camera": "30,20,1", "steady": True, **settings_of(begin)}
 
     def described() -> dict[str, Any]:
-        count = len(first.surfels(settings).position)
-        return page_facts(path, f"{count:,} points", OF_FILMS, settings, begin)
+        cloud = first.surfels(settings)
+        count = f"{len(cloud.position):,} points"
+        return page_facts(path, count, OF_FILMS, settings, begin, cloud)
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)
 

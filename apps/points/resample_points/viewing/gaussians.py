@@ -128,7 +128,8 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         look, options, *_ = checked(given)
         scene = first.scene(look, options)
         settings = {"camera": "30,20,1", "up": scene.up, "steady": True, **given}
-        return page_facts(path, f"{scene.count:,} Gaussians", OF_FILMS, settings, begin)
+        count = f"{scene.count:,} Gaussians"
+        return page_facts(path, count, OF_FILMS, settings, begin, scene.framing)
 
     return FileView(first, described, checked, left_out=LEFT_OUT)
 
