@@ -104,7 +104,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
             (other, data), (gap, _), (frame, _) = (page.answer() for _ in range(3))
             assert [one["kind"] for one in (other, gap, frame)] == ["other", "difference", "frame"]
             painter = VolumePainter(volume)
-            look = painter._requests.parsed(settings | {"camera": camera})
+            look = painter.parsed(settings | {"camera": camera})
             eye, there = painter._placed_view(look, (48, 40))
             looks = transfer_of(volume, look.layers[0][1])
             by_vtk = VtkRenderer(there, looks, height=40, width=48, look=Peer(light=None))

@@ -32,10 +32,7 @@ LEFT_OUT = ("size", "bits")
 class ModelPainter:
     """Painter of a mesh for one page.
 
-    Parameters
-    ----------
-    path
-        File of the mesh.
+    `path`: file of the mesh.
     """
 
     path: Path
@@ -99,12 +96,7 @@ class ModelPainter:
 def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a mesh.
 
-    Parameters
-    ----------
-    path
-        File of the mesh.
-    begin
-        Initial options.
+    `path`: file of the mesh. `begin`: initial options.
     """
     first = ModelPainter(path)
 

@@ -35,10 +35,7 @@ READ_WITH = ("kind", "crop", "quantity")  # options that the scene depends on
 class ParticlePainter(FilmPainter):
     """Painter of particles for one page.
 
-    Parameters
-    ----------
-    path
-        File of the particles.
+    `path`: file of the particles.
     """
 
     path: Path

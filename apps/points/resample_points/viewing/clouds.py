@@ -45,10 +45,7 @@ PREPARED = (
 class CloudPainter(FilmPainter):
     """Painter of a cloud for one page.
 
-    Parameters
-    ----------
-    path
-        File of the cloud.
+    `path`: file of the cloud.
     """
 
     path: Path

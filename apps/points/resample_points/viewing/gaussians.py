@@ -43,10 +43,7 @@ READ_WITH = ("also", "crop", "least_opacity", "largest")  # options that the sce
 class GaussianPainter(FilmPainter):
     """Painter of 3D Gaussians for one page.
 
-    Parameters
-    ----------
-    path
-        File of the scene.
+    `path`: file of the scene.
     """
 
     path: Path
