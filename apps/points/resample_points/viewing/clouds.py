@@ -28,17 +28,11 @@ OF_FILMS = [  # options that pictures and films share
     *(option_of(CloudOptions, field) for field in CloudOptions.model_fields),
     *AROUND,
 ]
+# Options that a prepared scene depends on
 PREPARED = (
-    "also",
-    "only",
-    "crop",
-    "color_by",
-    "colormap",
-    "span",
-    "disc_limit",
-    "level",
-    "no_cache",
-)  # options that a prepared scene depends on
+    *("also", "only", "crop", "color_by", "colormap"),
+    *("span", "disc_limit", "level", "no_cache"),
+)
 
 
 @dataclass

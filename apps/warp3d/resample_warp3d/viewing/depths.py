@@ -42,15 +42,8 @@ if TYPE_CHECKING:
     from resample.view.widgets import Viewer
 
 COMMAND = "resample-warp3d render"
-SHOWN = (
-    SourceCamera,
-    Depth,
-    Aim,
-    Joint,
-    DepthWarping,
-    Written,
-    Showing,
-)  # options that a page changes
+# Options that a page changes
+SHOWN = (SourceCamera, Depth, Aim, Joint, DepthWarping, Written, Showing)
 RATE = 24.0  # frames per second, of the command
 EACH = round(STEP * RATE)  # frames from one keyframe to the next
 MODELS = (SourceCamera, Depth, TargetCamera, DepthWarping)  # option models that the command shares
@@ -60,13 +53,8 @@ OPTIONS = [
     "background",
     *(option_of(model, field) for model in MODELS for field in model.model_fields),
 ]
-FILM = {
-    "command": "resample-warp3d animate",
-    "file": FILE,
-    "steered": STEERED,
-    "options": OPTIONS,
-    "each": EACH,
-}
+COMMON = {"file": FILE, "steered": STEERED, "options": OPTIONS, "each": EACH}
+FILM = {"command": "resample-warp3d animate", **COMMON}
 LEFT_OUT = ("size", "bits", "file-quality", "export-as")
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
 HOLES = {
