@@ -52,7 +52,8 @@ export function marks(page) {
     if (!(per > 0)) return [];
     const most = (WIDEST * width) / per, power = 10 ** Math.floor(Math.log10(most));
     const length = power * [5, 2, 1].find((one) => one * power <= most), long = length * per, left = (width - long) / 2;
-    return [svg("path", { d: `M${left} ${height - 24}v6h${long}v-6` }),
+    const d = `M${left} ${height - 24}v6h${long}v-6`;
+    return [svg("path", { class: "halo", d }), svg("path", { d }),
       text(width / 2, height - 26, `${short(length)} ${page.about.unit ?? ""}`.trim())];
   }
 
