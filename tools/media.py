@@ -140,6 +140,31 @@ def stills(opened: Any, folder: Path, volume: str) -> None:
         shot(tab).save(IMAGES / "viewer-depths.webp", quality=80)
 
 
+def together(opened: Any, folder: Path, volume: str) -> None:
+    """Screenshots of two methods under a divider, of three channels, and of the sheet of keys."""
+    words = ("view", volume, "--method", "splats", "--camera", "30,20,3")
+    with served("resample-volume", *words) as address, page(opened, address, WINDOW) as tab:
+        tab.select_option("#rivals", "method=points")
+        settled(tab)
+        tab.click("#slides")
+        settled(tab)
+        shot(tab).save(IMAGES / "viewer-compare.webp", quality=80)
+    z, y, x = np.mgrid[-1:1:64j, -1:1:64j, -1:1:64j]
+    blobs = [200 * np.exp(-9 * ((x - at) ** 2 + y**2 + z**2)) for at in (-0.4, 0.0, 0.4)]
+    np.save(folder / "cells.npy", np.array(blobs).astype(np.uint8))
+    words = ("view", str(folder / "cells.npy"), "--channels", "#3366ff,lime,red")
+    with (
+        served("resample-volume", *words, "--spacing", "0.25,0.25,0.25um") as address,
+        page(opened, address, WINDOW) as tab,
+    ):
+        tab.click("#scales")
+        settled(tab)
+        shot(tab).save(IMAGES / "viewer-channels.webp", quality=80)
+        tab.keyboard.press("?")
+        settled(tab)
+        shot(tab).save(IMAGES / "viewer-keys.webp", quality=80)
+
+
 def picture(folder: Path) -> str:
     """Write a picture of a brick wall."""
     from resample_figures.figure_5 import generated
@@ -296,6 +321,7 @@ def main() -> int:
     maps()
     with tempfile.TemporaryDirectory(prefix="media-") as name, browser() as opened:
         stills(opened, Path(name), volume)
+        together(opened, Path(name), volume)
         moving(opened, volume)
     return 0
 

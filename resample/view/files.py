@@ -32,20 +32,11 @@ class SavingPainter(Painter, Protocol):
 class FileView:
     """What pages show of files that a painter reads once, see `resample.view.views.Viewable`.
 
-    Parameters
-    ----------
-    first
-        Painter that keeps what it has read; pages start from copies of it.
-    describe
-        Function that returns the facts for a page; called once.
-    refuse
-        Function that rejects invalid options.
-    kinds
-        Settings of the kinds of pictures whose kernels are compiled in advance.
-    left_out
-        Options of the command that a page does not offer.
-    little
-        Function that returns the painter of these kinds; None: one of the files.
+    `first`: painter that keeps what it has read; pages start from copies of it. `describe`:
+    function that returns the facts for a page; called once. `refuse`: function that rejects invalid
+    options. `kinds`: settings of the kinds of pictures whose kernels are compiled in advance.
+    `left_out`: options of the command that a page does not offer. `little`: function that returns
+    the painter of these kinds; None: one of the files.
     """
 
     first: SavingPainter

@@ -7,7 +7,7 @@ import time
 from collections.abc import Awaitable, Callable, Coroutine
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ Camera = Annotated[str, Field(max_length=200)]
 Text = Annotated[str, Field(max_length=1000)]
 Value = bool | int | float | Text | Annotated[list[Text], Field(max_length=32)]
 Sent = Annotated[dict[Key, Value], Field(max_length=100)]  # options by name
+Number = Annotated[float, Field(ge=-1e30, le=1e30)]
 Side = Annotated[int, Field(ge=8, le=LARGEST)]
 
 
@@ -71,8 +72,8 @@ class Pick(_Message):
     """Describe what is visible at a position."""
 
     kind: Literal["pick"]
-    x: float  # px to the right; pixel centers are at halves
-    y: float  # px down
+    x: Number  # px to the right; pixel centers are at halves
+    y: Number  # px down
 
 
 class Slice(_Message):
@@ -81,15 +82,15 @@ class Slice(_Message):
     kind: Literal["slice"]
     plane: Key  # by its name, as the view lists it
     voxel: tuple[int, int, int]  # index along x, y and z
-    window: tuple[float, float] | None = None  # values, as stored, that are black and white
+    window: tuple[Number, Number] | None = None  # values, as stored, that are black and white
 
 
 class MeasureLine(_Message):
     """Return the length of a line, and the values along it."""
 
     kind: Literal["measure"]
-    start: tuple[float, float, float]  # scene units
-    end: tuple[float, float, float]
+    start: tuple[Number, Number, Number]  # scene units
+    end: tuple[Number, Number, Number]
 
 
 class Ask(_Message):
@@ -131,11 +132,6 @@ def message_of(text: str) -> Message:
     return _adapter.validate_json(text)
 
 
-class _Job(NamedTuple):
-    draw: Draw
-    cancel: Cancel
-
-
 class PageSession:
     """Session of one page; created, called and closed by the event loop's thread.
 
@@ -155,19 +151,19 @@ class PageSession:
         self._begun = begun or (lambda: view.about["settings"])
         self._painter = view.painter()
         self._wanted: Draw | None = None
-        self._job: _Job | None = None
+        self._job: tuple[Draw, Cancel] | None = None  # in progress
         self._film: Cancel | None = None  # cancels the film in progress
         self._filming: asyncio.Task[None] | None = None
         self._news = asyncio.Event()
         self._task = asyncio.create_task(self._paint())
-        self._notices = _Notices(asyncio.get_running_loop(), self._notice)
+        self._notices = _Notices(asyncio.get_running_loop(), self._say)
         LOG.addHandler(self._notices)
 
     async def close(self) -> None:
         """Stop painting and release everything."""
         LOG.removeHandler(self._notices)
         if self._job is not None:
-            self._job.cancel.cancel()
+            self._job[1].cancel()
         if self._film is not None:
             self._film.cancel()
         self._task.cancel()
@@ -182,8 +178,8 @@ class PageSession:
             return
         if isinstance(message, Draw):
             self._wanted = message
-            if self._job is not None and not self._job.draw.moving:
-                self._job.cancel.cancel()  # but not a preview, or none would be shown
+            if self._job is not None and not self._job[0].moving:
+                self._job[1].cancel()  # but not a preview, or none would be shown
             self._news.set()
             return
         if isinstance(message, MakeFilm):
@@ -262,7 +258,7 @@ class PageSession:
                 raise CancelledError("the work was cancelled")
             if time.perf_counter() - last[0] > REPORT_INTERVAL:
                 last[0] = time.perf_counter()
-                asyncio.run_coroutine_threadsafe(self._send(message(share)), loop)
+                asyncio.run_coroutine_threadsafe(self._say(message(share)), loop)
 
         return tell
 
@@ -284,16 +280,16 @@ class PageSession:
             self._news.clear()
             if self._wanted is None:
                 continue
-            self._job = _Job(self._wanted, Cancel())
-            done = partial(_rendered, self._wanted.number)
-            tell = None if self._wanted.moving else self._telling(self._job.cancel, done)
+            draw, cancel = self._job = self._wanted, Cancel()
+            done = partial(_rendered, draw.number)
+            tell = None if draw.moving else self._telling(cancel, done)
             try:
                 with told(tell):
-                    answers: list[str | bytes] = await asyncio.to_thread(self._drawn, self._job)
+                    answers: list[str | bytes] = await asyncio.to_thread(self._drawn, draw, cancel)
             except CancelledError:
                 continue
             except Exception as error:
-                answers = [_json_message("error", self._job.draw.number, text=one_line(error))]
+                answers = [_json_message("error", draw.number, text=one_line(error))]
             finally:
                 self._job = None
             for answer in answers:
@@ -301,30 +297,29 @@ class PageSession:
             if self._shown is not None and not self._wanted.moving:
                 self._shown()
 
-    def _drawn(self, job: _Job) -> list[str | bytes]:
+    def _drawn(self, draw: Draw, cancel: Cancel) -> list[str | bytes]:
         """Picture, and the one it is compared with and their difference, if any."""
-        shown, frame = self._painted(job, job.draw.settings, "frame")
-        if job.draw.other is None and job.draw.rival is None:
+        shown, frame = self._painted(draw, cancel, draw.settings, "frame")
+        if draw.other is None and draw.rival is None:
             return [frame]
         try:
-            other, second = self._painted(job, job.draw.other, "other")
+            other, second = self._painted(draw, cancel, draw.other, "other")
         except CancelledError:
             raise
         except Exception as error:  # our picture is still useful
-            return [_json_message("other", job.draw.number, text=one_line(error)), frame]
+            return [_json_message("other", draw.number, text=one_line(error)), frame]
         gap, decibels = difference(shown, other)
         kind, data = encoded(gap)
-        about = {"kind": "difference", "number": job.draw.number, "type": kind, "gain": GAIN}
+        about = {"kind": "difference", "number": draw.number, "type": kind, "gain": GAIN}
         return [second, _framed(about | {"decibels": decibels}, data), frame]
 
     def _painted(
-        self, job: _Job, settings: Settings | None, name: str
+        self, draw: Draw, cancel: Cancel, settings: Settings | None, name: str
     ) -> tuple[PagePicture, bytes]:
         """Picture of some settings; without settings, of another renderer."""
-        draw, start = job.draw, time.perf_counter()
-        size = draw.width, draw.height
+        start, size = time.perf_counter(), (draw.width, draw.height)
         if settings is not None:
-            shown = self._painter.paint(settings, size, quick=draw.moving, cancel=job.cancel)
+            shown = self._painter.paint(settings, size, quick=draw.moving, cancel=cancel)
         elif isinstance(self._painter, Comparing):
             shown = self._painter.beside(str(draw.rival), draw.settings, size)
         else:
@@ -335,13 +330,14 @@ class PageSession:
             "kind": name,
             "number": draw.number,
             "preview": shown.is_preview,
+            "plain": not draw.moving and bool((shown.levels == shown.levels[0, 0]).all()),
             "milliseconds": round(1000 * (time.perf_counter() - start), 1),
             "type": kind,
         }
         return shown, _framed(about, data)
 
-    async def _notice(self, text: str) -> None:
-        await self._send(_json_message("notice", 0, text=text))
+    async def _say(self, text: str) -> None:
+        await self._send(text)
 
 
 class _Notices(logging.Handler):
@@ -356,7 +352,9 @@ class _Notices(logging.Handler):
         self._loop, self._tell = loop, tell
 
     def emit(self, record: logging.LogRecord) -> None:
-        asyncio.run_coroutine_threadsafe(self._tell(record.getMessage()), self._loop)
+        asyncio.run_coroutine_threadsafe(
+            self._tell(_json_message("notice", 0, text=record.getMessage())), self._loop
+        )
 
 
 def encoded(shown: PagePicture) -> tuple[str, bytes]:

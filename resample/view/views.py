@@ -200,7 +200,9 @@ def settings_of(choices: Sequence[Choices]) -> dict[str, Any]:
         for field in type(model).model_fields:
             value = getattr(model, field)
             if field in model.model_fields_set and value is not None:
-                found[option_of(type(model), field)] = _plain(value)
+                plain = list(value) if isinstance(value, tuple) else value
+                plain = str(value) if isinstance(value, Path) else plain
+                found[option_of(type(model), field)] = plain
     return found
 
 
@@ -229,13 +231,6 @@ def placed_by(camera: Any, size: Size) -> dict[str, Any]:
 def is_free(choices: Sequence[Choices]) -> bool:
     """Return whether no camera was given, so that a page may choose one that the object fills."""
     return not settings_of(choices).keys() & {"camera", "intrinsics", "panorama"}
-
-
-def _plain(value: Any) -> Any:
-    """Convert a value to JSON types."""
-    if isinstance(value, tuple):
-        return list(value)
-    return str(value) if isinstance(value, Path) else value
 
 
 def exports_of(

@@ -230,7 +230,7 @@ def test_a_picture_is_kept_beside_the_next_ones(page: Any) -> None:
     page.fill("#option-transfer", "hot")
     page.keyboard.press("Tab")
     number = still(page, number)
-    assert caption("other").startswith("kept: transfer as usual")
+    assert caption("other").startswith("kept: transfer default")
     decibels = float(caption("difference").split()[-2])
     assert 5 < decibels < 40
     page.locator(".canvas").focus()

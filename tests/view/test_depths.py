@@ -13,7 +13,7 @@ from resample.progress import Cancel
 from resample_warp3d.cli import app
 from resample_warp3d.command.choices import Depth
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.viewing import depth_view, films, suits
+from resample_warp3d.viewing import depth_view, depths, suits
 from resample_warp3d.viewing.depths import DepthPainter
 from tests.commands import ended, refused
 from tests.view.conftest import Served, check_export, frames_of, served
@@ -134,8 +134,8 @@ def test_a_film_through_cameras_of_the_page_is_that_of_the_command(
     place: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(films, "EACH", 3)
-    monkeypatch.setitem(films.FILM, "each", 3)
+    monkeypatch.setattr(depths, "EACH", 3)
+    monkeypatch.setitem(depths.FILM, "each", 3)
     with place.page() as page:
         settings = page.about["settings"] | {"target-fov": 70, "background": "white"}
         page.say("export", settings, keyframes=KEYFRAMES)

@@ -239,6 +239,7 @@ def test_a_thousand_malformed_messages_are_survived(place: Served) -> None:
         json.dumps(good | {"settings": {str(n): n for n in range(200)}}), b"\x00\x01\x02",
         json.dumps(good | {"settings": {"a": "x" * 2000}}), json.dumps(good | {"height": -4}),
         json.dumps(good | {"number": "one"}), json.dumps(good | {"more": 1}),
+        json.dumps({**good, "kind": "measure", "start": [1e308, 0, 0], "end": [0, 0, 0]}),
         text.replace("48", "Infinity"), json.dumps({**good, "kind": "save", "suffix": ".py"}),
     ]  # fmt: skip
     while len(broken) < 1000:

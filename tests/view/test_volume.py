@@ -24,7 +24,7 @@ from resample_volume.appearance import transfer_of
 from resample_volume.classification.presets import load_transfer
 from resample_volume.classification.transfer import spread
 from resample_volume.cli import app
-from resample_volume.command.choices import AppearanceChoices, ReadOptions
+from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.viewing import VolumePainter, picture, suits, volume_view, volumes
@@ -104,7 +104,7 @@ def test_vtk_is_a_rival_where_it_is_installed(
             (other, data), (gap, _), (frame, _) = (page.answer() for _ in range(3))
             assert [one["kind"] for one in (other, gap, frame)] == ["other", "difference", "frame"]
             painter = VolumePainter(volume)
-            look = painter._requests.parsed(settings | {"camera": camera})
+            look = painter.parsed(settings | {"camera": camera})
             eye, there = painter._placed_view(look, (48, 40))
             looks = transfer_of(volume, look.layers[0][1])
             by_vtk = VtkRenderer(there, looks, height=40, width=48, look=Peer(light=None))
@@ -238,10 +238,49 @@ def test_what_is_picked_is_told_and_errors_are_lines(place: Served) -> None:
             ({"projection": "sideways"}, "composite"),
             ({"speed": 3}, "no option 'speed'"),
             ({"projection": "first-hit"}, "iso"),
+            ({"window": "nan,nan"}, "its width must be above 0"),
+            ({"fov": 1e9}, "0 to below 180 are allowed"),
+            ({"ambient": -3}, "ambient: Input should be"),
         ):
             page.say("draw", settings | wrong, moving=False)
-            assert said in page.told("error")["text"]
+            text = page.told("error")["text"]
+            assert said in text
+            assert "\n" not in text
         assert page.drawn(settings)[0]["kind"] == "frame"
+
+
+@pytest.mark.parametrize("kind", ["also", "channels"])
+def test_several_volumes_are_one_picture_and_have_a_legend(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    z, y, x = np.mgrid[-1:1:12j, -1:1:12j, -1:1:12j]
+    blobs = [200 * np.exp(-6 * ((x - at) ** 2 + y**2 + z**2)) for at in (-0.4, 0.4)]
+    np.save("both.npy", np.array(blobs).astype(np.uint8))
+    for name, blob in zip("ab", blobs, strict=True):
+        np.save(f"{name}.npy", blob.astype(np.uint8))
+    if kind == "also":
+        opened = "a.npy", None, (), Added(also=("b.npy:transfer=auto:color=red",))
+    else:
+        opened = "both.npy", None, (), Added(channels="lime,red")
+    with served(volume_view(*opened)) as place, place.page() as page:
+        settings = page.about["settings"] | {"background": "black", "opacity-unit": 2.0}
+        head, data = page.drawn(settings)
+        assert [one["colors"] for one in head["legend"]][-1] == ["#ff0000"]
+        assert len(head["legend"]) == 2
+        assert page.drawn(settings, moving=True)[0]["preview"]
+        page.say("pick", settings, x=24, y=20)
+        assert float(page.told("picked")["found"]["value"]) > 0
+        page.say("export", settings)
+        texts = page.told("exported")["texts"]
+        page.say("draw", settings | {"projection": "maximum"}, moving=False)
+        assert "several volumes need the projection composite" in page.told("error")["text"]
+    assert ended(app, *shlex.split(texts["command"])[1:]) == 0
+    written = levels(Path("picture.png").read_bytes())
+    np.testing.assert_array_equal(levels(data), written)
+    assert written[..., 0].max() > 100
+    exec(texts["python"], {})
+    np.testing.assert_array_equal(levels(Path("picture.png").read_bytes())[..., :3], written)
 
 
 @pytest.mark.parametrize("more", [{}, {"projection": "maximum"}, {"projection": "additive"}])

@@ -222,7 +222,7 @@ def test_a_page_that_was_cut_off_comes_back_with_its_settings(tab: Any) -> None:
     number = still(other)
     links[0].close()
     other.wait_for_function("() => document.querySelector('.message').textContent !== ''")
-    assert "trying again" in other.inner_text(".message")
+    assert "reconnecting" in other.inner_text(".message")
     still(other, number)
     assert len(links) == 2
     assert other.input_value("#option-transfer") == "gray"

@@ -62,7 +62,7 @@ def test_a_page_tells_how_far_picks_are_apart():
         "camera": "top", "fov": 0.0, "fit": "volume", "transfer": "100..300", "classify": "pre"
     }  # fmt: skip
     camera, volume = painter._scene.placed_view(
-        "100..300", painter._requests.parsed(settings).choices.viewpoint(), size=size
+        "100..300", painter.parsed(settings).choices.viewpoint(), size=size
     )
     view = camera.view()
 

@@ -20,7 +20,7 @@ from resample.types import Frame
 from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of
 from resample_meshes.choices import MeshDrawing, MeshFormat, MeshView
-from resample_meshes.rendering import load_mesh, render_mesh
+from resample_meshes.rendering import ball_around, load_mesh, render_mesh
 from resample_meshes.shapes import Mesh
 
 COMMAND = "resample-texture mesh"
@@ -32,10 +32,7 @@ LEFT_OUT = ("size", "bits")
 class ModelPainter:
     """Painter of a mesh for one page.
 
-    Parameters
-    ----------
-    path
-        File of the mesh.
+    `path`: file of the mesh.
     """
 
     path: Path
@@ -99,12 +96,7 @@ class ModelPainter:
 def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     """Return what pages show of a mesh.
 
-    Parameters
-    ----------
-    path
-        File of the mesh.
-    begin
-        Initial options.
+    `path`: file of the mesh. `begin`: initial options.
     """
     first = ModelPainter(path)
 
@@ -119,6 +111,7 @@ def model_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
             "settings": {"camera": "30,20,1", **settings_of(begin)},
             "fills": is_free(begin),
             "measures": True,
+            "middle": ball_around(first.mesh())[0].tolist(),  # where the scale bar holds
         }
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)

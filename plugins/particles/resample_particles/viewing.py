@@ -35,10 +35,7 @@ READ_WITH = ("kind", "crop", "quantity")  # options that the scene depends on
 class ParticlePainter(FilmPainter):
     """Painter of particles for one page.
 
-    Parameters
-    ----------
-    path
-        File of the particles.
+    `path`: file of the particles.
     """
 
     path: Path
@@ -118,7 +115,7 @@ def particle_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         settings = given if "gas" in kinds or not kinds else {"type": kinds[0], **given}
         scene = first.scene(checked(settings)[0])
         count = f"{len(scene.particles):,} particles"
-        facts = page_facts(path, count, OF_FILMS, settings, begin)
+        facts = page_facts(path, count, OF_FILMS, settings, begin, scene.framing)
         return {
             **facts,
             "command": COMMAND,

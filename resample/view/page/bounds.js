@@ -77,10 +77,10 @@ export function bounds(page) {
   const lines = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
   const button = (id, title, text, onclick) => made("button", { id, title, hidden: true, onclick }, text);
-  const crop = button("crop", "Cut a box out of the volume by handles on its sides", "Crop", () => turned(crop));
-  const clip = button("clip", "Cut the volume by planes, with a handle to move and one to turn each", "Clip", () => turned(clip));
-  const add = button("clip-add", "One more plane", "+", () => added());
-  const remove = button("clip-remove", "Take a plane away", "−", () => removed());
+  const crop = button("crop", "Crop the volume to a box with handles on its sides", "Crop", () => turned(crop));
+  const clip = button("clip", "Clip the volume by planes; each has a handle that moves it and one that tilts it", "Clip", () => turned(clip));
+  const add = button("clip-add", "Add a plane", "+", () => added());
+  const remove = button("clip-remove", "Remove a plane", "−", () => removed());
   let view = null, chosen = 0;
   let sides = [], grips = []; // handles of the box, and pairs of those of planes
   lines.classList.add("lines");

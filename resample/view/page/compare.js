@@ -16,7 +16,7 @@ export function compare(page) {
     title: "Keep this picture, and compare the next ones with it", onclick: () => begun(kept ? null : { ...page.settings }, "") }, "Keep");
   const rivals = made("select", { id: "rivals", hidden: true, "aria-label": "Compare with" });
   const slides = made("button", { id: "slides", "aria-pressed": "false", hidden: true,
-    title: "A divider over both pictures, instead of side by side", onclick: () => slid(!isSlid()) }, "Divider");
+    title: "Slide a divider over both pictures instead of showing them side by side", onclick: () => slid(!isSlid()) }, "Divider");
   const over = made("img", { class: "compared", id: "compared", hidden: true, alt: "The picture it is compared with", draggable: false });
   const divider = made("div", { class: "divider", id: "divider", role: "slider", tabIndex: 0, hidden: true,
     "aria-label": "Divider: the compared picture is left of it", "aria-valuemin": "0", "aria-valuemax": "100" });
@@ -115,7 +115,7 @@ export function compare(page) {
   function differing() {
     const keys = [...new Set([...Object.keys(page.settings), ...Object.keys(kept)])];
     const found = keys.filter((key) => !LINKED.includes(key) && String(page.settings[key]) !== String(kept[key]));
-    return found.map((key) => `${key} ${kept[key] ?? "as usual"}`.slice(0, 40)).join(", ");
+    return found.map((key) => `${key} ${kept[key] ?? "default"}`.slice(0, 40)).join(", ");
   }
 
   function named(milliseconds) {

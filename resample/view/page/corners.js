@@ -161,7 +161,7 @@ export function corners(page) {
       ["0; 1, double-click", "fit it into the window; one texel for each pixel"],
       ["Home", "back to the first view"],
     ],
-    hint: "arrows move it, plus and minus make it larger and smaller",
+    hint: "arrows pan, plus and minus zoom",
     unfolds: true,
     frame: () => canvas.getBoundingClientRect(),
     begin, placed, resized, panned, zoomed, fitted, exact, toggled, rescaled, atStart,

@@ -7,7 +7,7 @@ export function exporting(page) {
   let keyframes = []; // cameras
   const dialog = made("dialog", { id: "exports" });
   const keyframe = made("button", { id: "keyframe", hidden: true,
-    title: "Remember where the camera is; Export gives the film through all keyframes",
+    title: "Keep this camera as a keyframe; Export makes a film through all keyframes",
     onclick: () => remembered([...keyframes, page.steering.keyframe?.() ?? page.settings.camera ?? BEGIN]) }, "Keyframe");
   const button = made("button", { id: "export", onclick: () => page.say("export", { keyframes }) }, "Export");
 
@@ -21,7 +21,7 @@ export function exporting(page) {
       made("button", { id: "film-make", onclick: () => { page.say("film", { keyframes }); dialog.close(); } }, "Make film.mp4"),
       made("button", { id: "film-stop", onclick: () => page.say("film", { keyframes: [] }) }, "Stop the film"),
       made("button", { id: "keyframes-save", onclick: () => download(page.about.film.file, text) }, `Save ${page.about.film.file}`),
-      made("button", { id: "keyframes-forget", onclick: () => { remembered([]); dialog.close(); } }, "Forget keyframes"),
+      made("button", { id: "keyframes-forget", onclick: () => { remembered([]); dialog.close(); } }, "Delete keyframes"),
     ];
   }
 

@@ -38,14 +38,14 @@ function spelledPoints(points) {
 export function histogram(page) {
   const element = made("canvas", { class: "histogram", id: "histogram", tabIndex: 0,
     "aria-label": "Histogram: drag to choose a window, arrows move it; brackets choose a point of the look, "
-      + "arrows then move it, Delete takes it away, Enter adds one" });
+      + "arrows then move it, Delete removes it, Enter adds one" });
   const color = made("input", { type: "color", id: "point-color", "aria-label": "Color of the point" });
   const value = made("input", { type: "number", step: "any", id: "point-value", "aria-label": "Value of the point" });
   const opacity = made("input", { type: "number", step: "any", min: 0, max: 1, id: "point-opacity", "aria-label": "Opacity of the point" });
-  const looks = made("select", { id: "looks", "aria-label": "Looks" });
+  const looks = made("select", { id: "looks", "aria-label": "Transfer functions" });
   const tools = made("div", { class: "tools" }, looks, color, value, opacity,
     made("button", { id: "point-add", title: "Add a point", "aria-label": "Add a point", onclick: () => added() }, "+"),
-    made("button", { id: "point-remove", title: "Take the point away", "aria-label": "Take the point away", onclick: () => removed() }, "−"));
+    made("button", { id: "point-remove", title: "Remove the point", "aria-label": "Remove the point", onclick: () => removed() }, "−"));
   const under = made("div", { class: "under", id: "under-pointer", role: "status" });
   let from = null, known = null, asked = "", chosen = -1, held = null;
   const span = () => page.about.histogram.high - page.about.histogram.low || 1;

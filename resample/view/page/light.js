@@ -13,8 +13,8 @@ function axesOf(up) {
 }
 
 export function lights(page) {
-  const azimuth = row({ id: "light-azimuth", name: "azimuth", low: -180, high: 180, usual: 0, title: "Degrees around, as those of the camera" }, (value, moving) => put({ azimuth: value }, moving));
-  const elevation = row({ id: "light-elevation", name: "elevation", low: -90, high: 90, usual: 0, title: "Degrees up, as those of the camera" }, (value, moving) => put({ elevation: value }, moving));
+  const azimuth = row({ id: "light-azimuth", name: "azimuth", low: -180, high: 180, usual: 0, title: "Degrees around, like the camera's" }, (value, moving) => put({ azimuth: value }, moving));
+  const elevation = row({ id: "light-elevation", name: "elevation", low: -90, high: 90, usual: 0, title: "Degrees up, like the camera's" }, (value, moving) => put({ elevation: value }, moving));
   const element = made("div", { class: "indented" }, azimuth.element, elevation.element);
   const axes = () => axesOf(page.settings.up ?? "z");
 

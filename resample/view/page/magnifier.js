@@ -8,7 +8,7 @@ export function magnifier(page) {
   const { canvas, image, picked } = page;
   const glass = made("canvas", { class: "glass", id: "glass", width: GLASS * LARGER, height: GLASS * LARGER, hidden: true });
   const button = made("button", { id: "magnify", "aria-pressed": "false",
-    title: "Show pixels under the pointer enlarged, and their levels", onclick: () => turned(glass.hidden) }, "Magnifier");
+    title: "Enlarge the pixels under the pointer, and read their levels", onclick: () => turned(glass.hidden) }, "Magnifier");
   let under = null; // where the pointer is, as a share of the picture
 
   function turned(on) {

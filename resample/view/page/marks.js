@@ -5,7 +5,7 @@ import { short } from "./axis.js";
 import { made, svg } from "./elements.js";
 
 const OPTIONS = ["axes", "scale-bar"];
-const ARM = 34, ASIDE = 52; // px: length of an axis, and from the sides to where axes meet
+const ARM = 34, FROM_SIDE = 52; // px: length of an axis, and from the sides to where axes meet
 const WIDEST = 0.25; // of the picture's width, of a scale bar
 
 export function marks(page) {
@@ -38,19 +38,22 @@ export function marks(page) {
     const order = [0, 1, 2].sort((a, b) => view.rotation[2][b] - view.rotation[2][a]);
     return order.flatMap((axis) => {
       const [right, down] = [0, 1].map((row) => view.rotation[row][axis]);
-      const [x, y] = [ASIDE + ARM * right, height - ASIDE + ARM * down];
-      return [svg("line", { class: `axis-${axis}`, x1: ASIDE, y1: height - ASIDE, x2: x, y2: y }),
-        text(ASIDE + 1.3 * ARM * right, height - ASIDE + 1.3 * ARM * down + 4, "xyz"[axis])];
+      const [x, y] = [FROM_SIDE + ARM * right, height - FROM_SIDE + ARM * down];
+      return [svg("line", { class: `axis-${axis}`, x1: FROM_SIDE, y1: height - FROM_SIDE, x2: x, y2: y }),
+        text(FROM_SIDE + 1.3 * ARM * right, height - FROM_SIDE + 1.3 * ARM * down + 4, "xyz"[axis])];
     });
   }
 
   // A round length as it appears in the middle of the scene
   function scale(width, height) {
-    const depth = view.perspective ? view.translation[2] : 1, per = (view.focal[0] * width) / view.size[0] / depth;
+    const middle = page.about.middle ?? [0, 0, 0];
+    const ahead = view.rotation[2].reduce((sum, one, n) => sum + one * middle[n], view.translation[2]);
+    const depth = view.perspective ? ahead : 1, per = (view.focal[0] * width) / view.size[0] / depth;
     if (!(per > 0)) return [];
     const most = (WIDEST * width) / per, power = 10 ** Math.floor(Math.log10(most));
     const length = power * [5, 2, 1].find((one) => one * power <= most), long = length * per, left = (width - long) / 2;
-    return [svg("path", { d: `M${left} ${height - 24}v6h${long}v-6` }),
+    const d = `M${left} ${height - 24}v6h${long}v-6`;
+    return [svg("path", { class: "halo", d }), svg("path", { d }),
       text(width / 2, height - 26, `${short(length)} ${page.about.unit ?? ""}`.trim())];
   }
 

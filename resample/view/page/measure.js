@@ -6,7 +6,7 @@ import { made, svg } from "./elements.js";
 const SPACE = 22, ASIDE = 46; // px of a chart under and left of the values, for numbers
 
 export function measure(page) {
-  const button = made("button", { id: "measure", "aria-pressed": "false", hidden: true, title: "Click two places: their distance, and the values between them", onclick: () => turned(!isOn()) }, "Measure");
+  const button = made("button", { id: "measure", "aria-pressed": "false", hidden: true, title: "Click two points: their distance, and the values along the line", onclick: () => turned(!isOn()) }, "Measure");
   const lines = svg("svg", { class: "lines measured" });
   const chart = made("canvas", { id: "profile", "aria-label": "Values along the line" }), said = made("div", { class: "under", id: "profile-said", role: "status" });
   const panel = made("div", { class: "profile", hidden: true }, said, chart);

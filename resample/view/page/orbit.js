@@ -27,7 +27,7 @@ function spelledCamera([azimuth, elevation, zoom, right, up]) {
 export function orbit(page) {
   function steered(change) {
     const camera = cameraOf(page.settings.camera ?? BEGIN);
-    if (!camera) { page.note("The camera is a file; choose a view first.", "message"); return; }
+    if (!camera) { page.note("The camera is read from a file; choose a view first.", "message"); return; }
     change(camera);
     page.changed("camera", spelledCamera(camera), true);
   }
@@ -39,7 +39,7 @@ export function orbit(page) {
       ["wheel, two fingers, + and -", "zoom to the pointer"],
       ["0, Home", "fit it into the window; back to the first view"],
     ],
-    hint: "arrows turn it, plus and minus zoom, shift and arrows move it",
+    hint: "arrows rotate, plus and minus zoom, shift and arrows pan",
     frame: () => page.canvas.getBoundingClientRect(),
     turned: (dx, dy) => steered((c) => {
       c[0] -= dx * 0.5;

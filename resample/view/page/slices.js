@@ -92,12 +92,12 @@ export function slices(page) {
     lines.classList.add("lines");
     lines.append(path);
     const caption = made("div", { class: "caption top", id: `slice-${name}-caption` });
-    const view = made("div", { class: "slice-view", id: `slice-${name}`, tabIndex: 0, role: "application", "aria-label": `${name} slice: click to move the others, wheel and arrows to leaf` }, image, lines, caption);
+    const view = made("div", { class: "slice-view", id: `slice-${name}`, tabIndex: 0, role: "application", "aria-label": `${name} slice: click to move the others, scroll through slices with the wheel or arrows` }, image, lines, caption);
     const range = made("input", { type: "range", id: `slice-${name}-range`, min: "0", max: String(most), step: "1", "aria-label": `${name} slice` });
     const number = made("input", { type: "number", id: `slice-${name}-number`, min: "0", max: String(most), step: "1", "aria-label": `${name} slice, as a number` });
     const shows = made("input", { type: "checkbox", id: `slice-${name}-show` }), cuts = made("input", { type: "checkbox", id: `slice-${name}-cut` });
     const bar = made("div", { class: "slice-bar" }, range, number,
-      made("label", { title: "Show this slice in the volume" }, shows, "show"), made("label", { title: "Cut the volume open at this slice" }, cuts, "cut"));
+      made("label", { title: "Show this slice in the volume" }, shows, "show"), made("label", { title: "Clip the volume at this slice" }, cuts, "cut"));
     const held = { plane, view, image, path, caption, range, number, shows, cuts, waiting: false, again: false };
     held.element = made("figure", { class: "pane slice" }, view, bar);
     const leafed = (to, moving) => moved(voxel.map((one, axis) => (axis === across ? to : one)), moving);

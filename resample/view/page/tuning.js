@@ -8,12 +8,12 @@ const DENSER = 64; // times more and less opaque
 
 export function tuning(page, look) {
   const range = { low: 0, high: 1, usual: 0 };
-  const low = row({ ...range, id: "window-low", name: "low", title: "The look begins at this value; slices are black there" },
+  const low = row({ ...range, id: "window-low", name: "low", title: "Lower end of the window; slices show it black" },
     (value, moving) => spread(value, look.ends()[1], moving));
-  const high = row({ ...range, id: "window-high", name: "high", title: "The look ends at this value; slices are white there" },
+  const high = row({ ...range, id: "window-high", name: "high", title: "Upper end of the window; slices show it white" },
     (value, moving) => spread(look.ends()[0], value, moving));
   const opacity = row({ id: "opacity", name: "opacity", low: 1 / DENSER, high: DENSER, usual: 1, isLog: true,
-    title: "How many times more opaque than usual: the usual length that opacities refer to, by opacity-unit" }, (factor, moving) => {
+    title: "Opacity as a multiple of the default; it sets opacity-unit" }, (factor, moving) => {
     const { usual } = look;
     if (usual() && factor > 0) page.changed("opacity-unit", Math.abs(factor - 1) < 0.005 ? undefined : Number((usual() / factor).toPrecision(6)), moving);
   });

@@ -70,14 +70,14 @@ export function show(el, connect) {
   const state = status(page), sheet = help(page);
   page.contrast = contrast(page);
   const tuned = tuning(page, look), light = theme(el, () => { look.draw(); ruler.drawn(); });
-  const views = menu("views", "View from…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
+  const views = menu("views", "View…", "View from", VIEWS, (name) => { put("camera", name); fitted(); });
   const saves = menu("save", "Save…", "Save the picture", ["PNG", "EXR"], (name) => say("save", { suffix: `.${name.toLowerCase()}` }));
-  const fit = made("button", { id: "fit", title: "All of it, as large as the window has room for (0)", onclick: fitted }, "Fit");
-  const exact = made("button", { id: "exact", title: "One texel for each pixel (1, or a double-click)", onclick: () => page.steering.exact() }, "1:1");
+  const fit = made("button", { id: "fit", title: "Fit it into the window (0)", onclick: fitted }, "Fit");
+  const exact = made("button", { id: "exact", title: "Actual size: one texel per pixel (1, double-click)", onclick: () => page.steering.exact() }, "1:1");
   const bar = made("div", { class: "bar" },
     ...past.buttons, views, fit, exact, page.contrast.button, ...cuts.buttons, sliced.button, ruler.button, scales.button, ...beside.buttons, glass.button,
     made("span", { class: "push" }), exports.keyframe, exports.button, saves,
-    made("button", { id: "reset", title: "As it began", onclick: reset }, "Reset"), light.button, sheet.button);
+    made("button", { id: "reset", title: "Back to the first view and options", onclick: reset }, "Reset"), light.button, sheet.button);
   const side = made("aside", { class: "side" }), stage = made("div", { class: "stage" }, panes);
   el.append(bar, stage, side, exports.dialog, sheet.dialog);
   light.put();
@@ -254,7 +254,7 @@ export function show(el, connect) {
     side.replaceChildren(
       made("h1", {}, title), made("div", { class: "subtitle" }, subtitle ?? ""),
       ...(page.about.histogram ? [look.element, look.under, look.tools, tuned.element, made("div", { class: "hint" },
-        "Drag a point of the curve to change the look (a double-click adds or takes one away), or elsewhere for the window.")] : []),
+        "Drag a point of the curve to edit the transfer function (double-click to add or remove one); drag elsewhere to set the window.")] : []),
       ...options.build(),
     );
     look.offer(names?.transfer ?? []);
@@ -288,7 +288,7 @@ export function show(el, connect) {
     if (head.kind === "slice") { sliced.framed(head, bytes); return; }
     if (head.kind !== "frame") { beside.framed(head, bytes); return; }
     if (fill.takes(head, bytes)) return;
-    note("", "message");
+    note(head.plain ? "Nothing is visible with these options: all pixels are alike." : "", head.plain ? "message notice" : "message");
     if (!head.preview) {
       look.ask();
       if (whole) link.settled?.(whole);

@@ -38,7 +38,7 @@ export function walk(page) {
       ["wheel, two fingers, + and -", "move forward and back"],
       ["Home", "back to where the picture was taken"],
     ],
-    hint: "arrows move the camera, shift and arrows turn it, plus and minus go ahead and back",
+    hint: "arrows move the camera, shift and arrows turn it, plus and minus move forward and back",
     frame,
     keyframe: () => ["move", "turn"].map((key) => page.settings[key] ?? "0,0,0").join(";"),
     // Steps aside; what is in the middle distance stays where it is.

@@ -28,27 +28,18 @@ OF_FILMS = [  # options that pictures and films share
     *(option_of(CloudOptions, field) for field in CloudOptions.model_fields),
     *AROUND,
 ]
+# Options that a prepared scene depends on
 PREPARED = (
-    "also",
-    "only",
-    "crop",
-    "color_by",
-    "colormap",
-    "span",
-    "disc_limit",
-    "level",
-    "no_cache",
-)  # options that a prepared scene depends on
+    *("also", "only", "crop", "color_by", "colormap"),
+    *("span", "disc_limit", "level", "no_cache"),
+)
 
 
 @dataclass
 class CloudPainter(FilmPainter):
     """Painter of a cloud for one page.
 
-    Parameters
-    ----------
-    path
-        File of the cloud.
+    `path`: file of the cloud.
     """
 
     path: Path
@@ -115,8 +106,9 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     settings = {"camera": "30,20,1", "steady": True, **settings_of(begin)}
 
     def described() -> dict[str, Any]:
-        count = len(first.surfels(settings).position)
-        return page_facts(path, f"{count:,} points", OF_FILMS, settings, begin)
+        cloud = first.surfels(settings)
+        count = f"{len(cloud.position):,} points"
+        return page_facts(path, count, OF_FILMS, settings, begin, cloud)
 
     return FileView(first, described, _checked, left_out=LEFT_OUT)
 

@@ -13,7 +13,9 @@ from resample.view.views import KEYFRAMES, ORBITING, Settings, Size, is_free, ke
 from resample_points.command.choices import CloudStart
 from resample_points.command.films import Filmed
 from resample_points.command.rendering import path_of
-from resample_points.geometry.framing import FIELD
+from resample_points.data.cloud import Cloud
+from resample_points.geometry.framing import FIELD, ball_around
+from resample_points.geometry.spacing import Surfels
 from resample_points.scenes import cameras_of
 from resample_points.viewing import view_of
 
@@ -24,12 +26,17 @@ AROUND = ("steady", "size", "background")  # options that all pictures and films
 
 
 def page_facts(
-    path: Path, subtitle: str, films: Sequence[str], settings: Settings, begin: Sequence[Choices]
+    path: Path,
+    subtitle: str,
+    films: Sequence[str],
+    settings: Settings,
+    begin: Sequence[Choices],
+    cloud: Surfels | Cloud,
 ) -> dict[str, Any]:
     """Return what a page is told of a file, as `FileView.about`.
 
     `films`: options that pictures and films share. `settings`: those that the page begins with;
-    `begin`: those that are given.
+    `begin`: those that are given. `cloud`: what cameras are framed around.
     """
     return {
         "title": path.name,
@@ -41,6 +48,7 @@ def page_facts(
         "settings": settings,
         "fills": is_free(begin),
         "measures": True,
+        "middle": ball_around(cloud)[0].tolist(),  # where the scale bar holds
     }
 
 

@@ -43,10 +43,7 @@ READ_WITH = ("also", "crop", "least_opacity", "largest")  # options that the sce
 class GaussianPainter(FilmPainter):
     """Painter of 3D Gaussians for one page.
 
-    Parameters
-    ----------
-    path
-        File of the scene.
+    `path`: file of the scene.
     """
 
     path: Path
@@ -128,7 +125,8 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
         look, options, *_ = checked(given)
         scene = first.scene(look, options)
         settings = {"camera": "30,20,1", "up": scene.up, "steady": True, **given}
-        return page_facts(path, f"{scene.count:,} Gaussians", OF_FILMS, settings, begin)
+        count = f"{scene.count:,} Gaussians"
+        return page_facts(path, count, OF_FILMS, settings, begin, scene.framing)
 
     return FileView(first, described, checked, left_out=LEFT_OUT)
 

@@ -39,6 +39,8 @@ def contents(path: Path) -> Iterator[Any]:
     try:
         with opened(path) as file:
             yield file
+    except (SeveralChannelsError, SeveralTimesError):  # which their callers answer
+        raise
     except ValueError as error:
         raise ValueError(f"{path.name} {error}") from None
 

@@ -73,60 +73,11 @@ class VolumeRequest(NamedTuple):
     picture: PictureFormat
 
 
-@dataclass
-class VolumeRequests:
-    """Requests for pictures of one volume; looks, resamplers and statistics are kept.
-
-    Parameters
-    ----------
-    volume
-        Without padding.
-    first
-        Transfer function of a channel; None: the volume has that of the options.
-    others
-        Volumes that are shown together with it, each with its transfer function.
-    """
-
-    volume: Volume
-    first: Transfer | None = None
-    others: Sequence[tuple[Volume, Transfer]] = ()
-    _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
-    _found: Memo = field(default_factory=dict)
-    _appearances: dict[Any, Appearance] = field(default_factory=dict)  # of the last requests
-
-    def parsed(self, settings: Settings) -> VolumeRequest:
-        """Return the request that options make.
-
-        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
-        be read.
-        """
-        look, resampling, beside, picture = chosen(settings, SHOWN)
-        resampler = look.renderer(resampling, self.volume.scale)
-        resampler = self._resamplers.setdefault(resampler, resampler)
-        # The look of the voxels is kept while only the camera moves.
-        still = {name: getattr(STILL, name) for name in STEERED}
-        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
-        appearance = self._appearances.get(key)
-        if appearance is None:
-            with memoizing(self._found):
-                appearance = own_look(look, self.volume, self.first, resampler)
-            appearance = beside.scene_objects(look, resampler).beside(appearance)
-            before = list(self._appearances.items())[1 - MOST_COMPARED :]
-            # Replaced whole: picks ask meanwhile.
-            self._appearances = {**dict(before), key: appearance}
-        bare = look.model_copy(update={"labels": None, "label": (), "window": None})
-        layers = [
-            (volume, own_look(bare, volume, transfer, resampler))
-            for volume, transfer in self.others
-        ]
-        return VolumeRequest(look, [(self.volume, appearance), *layers], resampler, beside, picture)
-
-
 def entry_of(volume: Volume, look: Appearance) -> dict[str, Any]:
     """Return the name of a volume and the colors that it has, as a page's legend takes them."""
     points = points_of(transfer_of(volume, look), survey(volume).span)
-    shown = [color for _, color, opacity in points if opacity > 0] or ["#808080"]
-    return {"name": volume.name, "colors": shown}
+    shown = dict.fromkeys(color for _, color, opacity in points if opacity > 0)
+    return {"name": volume.name, "colors": list(shown) or ["#808080"]}
 
 
 def own_look(
@@ -145,31 +96,54 @@ def own_look(
 class VolumePainter:
     """Pictures of a volume for one page.
 
-    Parameters
-    ----------
-    volume, first, others
-        As of `VolumeRequests`.
+    `volume`: without padding. `first`: transfer function of a channel; None: the volume has that of
+    the options. `others`: volumes that are shown together with it, each with its transfer function.
     """
 
     volume: Volume
     first: Transfer | None = None
     others: Sequence[tuple[Volume, Transfer]] = ()
     _scene: Scene = field(init=False)
-    _requests: VolumeRequests = field(init=False)
+    _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
+    _found: Memo = field(default_factory=dict)
+    _layers: dict[Any, list[VolumeLayer]] = field(default_factory=dict)  # of the last requests
     _picks: tuple[Picked, ...] = ()  # the last picks, from which the next is measured
     _vtk: Any = None  # VTK's renderer, once it was asked for
 
     def __post_init__(self) -> None:
         self._scene = Scene(self.volume)
-        self._requests = VolumeRequests(self.volume, self.first, self.others)
 
     def __copy__(self) -> "VolumePainter":
         """Painter of another page, with the same volume and a scene of its own."""
         return VolumePainter(self.volume, self.first, self.others)
 
+    def parsed(self, settings: Settings) -> VolumeRequest:
+        """Return the request that options make.
+
+        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
+        be read.
+        """
+        look, resampling, beside, picture = chosen(settings, SHOWN)
+        resampler = look.renderer(resampling, self.volume.scale)
+        resampler = self._resamplers.setdefault(resampler, resampler)
+        # The look of the voxels is kept while only the camera moves.
+        still = {name: getattr(STILL, name) for name in STEERED}
+        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
+        layers = self._layers.get(key)
+        if layers is None:
+            bare = look.model_copy(update={"labels": None, "label": (), "window": None})
+            with memoizing(self._found):
+                first = own_look(look, self.volume, self.first, resampler)
+                others = [(one, own_look(bare, one, own, resampler)) for one, own in self.others]
+            first = beside.scene_objects(look, resampler).beside(first)
+            layers = [(self.volume, first), *others]
+            before = list(self._layers.items())[1 - MOST_COMPARED :]
+            self._layers = {**dict(before), key: layers}  # replaced whole: picks ask meanwhile
+        return VolumeRequest(look, layers, resampler, beside, picture)
+
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Render with these options, see `resample.view.views.Painter`."""
-        request = self._requests.parsed(settings)
+        request = self.parsed(settings)
         quality: Quality = "preview" if quick else "final"
         frame = self._frame(request, size, ".png", quality, cancel)
         behind = request.picture.behind(".png")
@@ -178,21 +152,22 @@ class VolumePainter:
         right = levels.shape[1]
         for light in reversed(self._bars(request, frame, behind)):
             bar = screen_levels(light, background=behind)[..., : levels.shape[2]]
-            levels[:, max(0, right - bar.shape[1]) : right] = bar[:, -right:]
-            right = max(0, right - bar.shape[1])
+            if right >= bar.shape[1]:
+                levels[:, right - bar.shape[1] : right] = bar
+                right -= bar.shape[1]
         # The projection from points around the volume's center, scene units, to pixels.
         camera, volume = self._placed_view(request, size, quality)
         view = projection_of(camera.view(), size, centered(volume)[1])
-        legend = [] if quick else [entry_of(*layer) for layer in request.layers]
-        return PagePicture(levels, quick, {"view": view, **({} if quick else {"legend": legend})})
+        legend = {} if quick else {"legend": [entry_of(*layer) for layer in request.layers]}
+        return PagePicture(levels, quick, {"view": view, **legend})
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
-        self._requests.parsed(settings).choices.viewpoint()
+        self.parsed(settings).choices.viewpoint()
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
         """Write the picture as the command does."""
-        behind = self._requests.parsed(settings).picture.behind(path.suffix)
+        behind = self.parsed(settings).picture.behind(path.suffix)
         write_frame(path, self.frame(settings, size, path.suffix), 8, behind)
 
     def frame(self, settings: Settings, size: Size, suffix: str = ".png") -> Frame:
@@ -201,7 +176,7 @@ class VolumePainter:
         Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
         be read.
         """
-        request = self._requests.parsed(settings)
+        request = self.parsed(settings)
         frame, behind = self._frame(request, size, suffix), request.picture.behind(suffix)
         for bar in self._bars(request, frame, behind):
             frame = frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
@@ -242,7 +217,7 @@ class VolumePainter:
         """Render with VTK, see `resample.view.views.Comparing`."""
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
-        request = self._requests.parsed(settings)
+        request = self.parsed(settings)
         camera, volume = self._placed_view(request, size)
         self._vtk = self._vtk or registry.load("peers", VTK)()
         light = self._vtk.picture(volume, request.layers[0][1], request.resampler, camera, size)
@@ -256,7 +231,7 @@ class VolumePainter:
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
     ) -> None:
         """Write a film through keyframes as `animate` does, see `resample.view.views.Filming`."""
-        request, (width, height) = self._requests.parsed(settings), size
+        request, (width, height) = self.parsed(settings), size
         with path_file(KEYFRAMES, keyframes) as file:
             flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
         subject = Subject.of_several(request.layers, request.resampler, request.choices.fit)
@@ -288,7 +263,7 @@ class VolumePainter:
         Also tells the distance from the last pick and the angle at that to the one before; a pick
         beside the volume resets this.
         """
-        request = self._requests.parsed(settings)
+        request = self.parsed(settings)
         found = self._scene.pick(
             *(x, y, request.layers, request.choices.viewpoint()),
             size=size,
@@ -339,7 +314,7 @@ class VolumePainter:
         """`points` of the look, see `resample.view.views.Knowing`."""
         if what != "points":
             raise ValueError(f"{what!r:.40} is not known; a page can ask for points")
-        request, volume = self._requests.parsed(settings), self.volume
+        request, volume = self.parsed(settings), self.volume
         name, projection = request.choices.transfer, request.resampler.projection
         transfer, span = transfer_of(volume, request.layers[0][1], projection), survey(volume).span
         points = [

@@ -1,6 +1,7 @@
 """Interactive page of a volume, and its picture without a page."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.util import find_spec
 from typing import Any
@@ -22,7 +23,7 @@ from resample_volume.classification.scales import scale_named
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import media, of_first_channel, prepared
-from resample_volume.data.recordings import unit_of_space
+from resample_volume.data.recordings import SeveralChannelsError, unit_of_space
 from resample_volume.data.values import as_array
 from resample_volume.slicing import slice_planes
 from resample_volume.types import Volume
@@ -107,14 +108,22 @@ def painter_of(
     name: str, source: ReadOptions, begin: Sequence[Any], added: Added
 ) -> tuple[VolumePainter, ReadOptions]:
     """Return the painter of a volume, or of several; and how the first is read."""
-    if added.also or added.channels:
-        look = next((one for one in begin if isinstance(one, AppearanceChoices)), None)
-        shown = media(source, name, look or AppearanceChoices(), added, Resampler(order=Rays()))
-        arrays = [(as_array(volume), transfer_of(volume, own)) for volume, own in shown]
-        (volume, transfer), *others = arrays
-        return VolumePainter(volume, transfer if added.channels else None, others), source
-    volume, source = of_first_channel(source, lambda chosen: prepared(chosen, name))
-    return VolumePainter(volume), source
+    look = next((one for one in begin if isinstance(one, AppearanceChoices)), AppearanceChoices())
+    try:
+        if not (added.also or added.channels):
+            return VolumePainter(prepared(source, name)), source
+    except SeveralChannelsError:  # of which the file may say the looks
+        pass
+    try:
+        shown = media(source, name, look, added, Resampler(order=Rays()))
+    except SeveralChannelsError:
+        if added.also:
+            raise
+        volume, source = of_first_channel(source, lambda chosen: prepared(chosen, name))
+        return VolumePainter(volume), source
+    (volume, transfer), *others = [(as_array(one), transfer_of(one, own)) for one, own in shown]
+    in_channels = added.channels or len(others) > len(added.also)
+    return VolumePainter(volume, transfer if in_channels else None, others), source
 
 
 def histogram(volume: Volume, span: tuple[float, float]) -> dict[str, Any]:
@@ -150,13 +159,14 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     """
     given = {option: value for option, value in settings.items() if option not in ("size", "bits")}
     height, width = height_and_width(str(settings.get("size", "400")))
-    if given.keys() & {"also", "channels"}:
-        of_inputs = {
-            option_of(model, key) for model in (ReadOptions, Added) for key in model.model_fields
-        }
-        inputs = {option: given.pop(option) for option in of_inputs & given.keys()}
-        source, added = chosen(inputs, (ReadOptions, Added))
-        begin = chosen(given, SHOWN)
-        painter, _ = painter_of(volume, source, begin, added)
-        return painter.frame(given, (width, height), ".exr").over(begin[-1].behind(".exr"))
-    return render(volume, camera=given.pop("camera", None), size=(width, height), **given)
+    if not given.keys() & {"also", "channels"}:
+        with suppress(SeveralChannelsError):  # of which the file may say the looks
+            return render(volume, size=(width, height), **{"camera": None, **given})
+    of_inputs = {
+        option_of(model, key) for model in (ReadOptions, Added) for key in model.model_fields
+    }
+    inputs = {option: given.pop(option) for option in of_inputs & given.keys()}
+    source, added = chosen(inputs, (ReadOptions, Added))
+    begin = chosen(given, SHOWN)
+    painter, _ = painter_of(volume, source, begin, added)
+    return painter.frame(given, (width, height), ".exr").over(begin[-1].behind(".exr"))

@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from resample.cameras.files import read_pose
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.command.session import Session
-from resample.command.settings import Choices, Written, chosen
+from resample.command.settings import Choices, Written, chosen, option_of
+from resample.console import linear_color
+from resample.files.animations import write_film
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
@@ -21,18 +24,17 @@ from resample.files.writing import save_array
 from resample.progress import Cancel, Progress, cancellable
 from resample.scene.picking import pixel_at, position_at
 from resample.scene.previews import preview_size
-from resample.view.files import FileView, image_of, shown
-from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
-from resample_warp3d.command.animation import Range
+from resample.view.files import FileView, image_of, path_file, shown
+from resample.view.views import STEP, PagePicture, Settings, Size, placed_by, settings_of
+from resample_warp3d.command.animation import Range, poses_of, shots
 from resample_warp3d.command.choices import Depth, DepthWarping, Joint, Showing
 from resample_warp3d.command.inputs import DepthReader, Inputs, read_views, view_names
-from resample_warp3d.command.rendering import Prepared, joined, joining_of, prepared
+from resample_warp3d.command.rendering import Prepared, film_of, joined, joining_of, prepared
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.command.target import Aim
+from resample_warp3d.command.target import Aim, TargetCamera
 from resample_warp3d.command.writing import made_of
 from resample_warp3d.projection_models import CameraModel
 from resample_warp3d.types import Hole, Warped
-from resample_warp3d.viewing.films import FILM, poses_as_text, write_depth_film
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -40,15 +42,19 @@ if TYPE_CHECKING:
     from resample.view.widgets import Viewer
 
 COMMAND = "resample-warp3d render"
-SHOWN = (
-    SourceCamera,
-    Depth,
-    Aim,
-    Joint,
-    DepthWarping,
-    Written,
-    Showing,
-)  # options that a page changes
+# Options that a page changes
+SHOWN = (SourceCamera, Depth, Aim, Joint, DepthWarping, Written, Showing)
+RATE = 24.0  # frames per second, of the command
+EACH = round(STEP * RATE)  # frames from one keyframe to the next
+MODELS = (SourceCamera, Depth, TargetCamera, DepthWarping)  # option models that the command shares
+FILE = "poses.txt"
+STEERED = ["move", "turn", "pose"]
+OPTIONS = [
+    "background",
+    *(option_of(model, field) for model in MODELS for field in model.model_fields),
+]
+COMMON = {"file": FILE, "steered": STEERED, "options": OPTIONS, "each": EACH}
+FILM = {"command": "resample-warp3d animate", **COMMON}
 LEFT_OUT = ("size", "bits", "file-quality", "export-as")
 KINDS: Sequence[Settings] = ({"fill": True}, {"method": "mesh"}, {"method": "mcmillan"})
 HOLES = {
@@ -104,12 +110,7 @@ class _Rendering(NamedTuple):
 class DepthPainter:
     """Painter of a depth image for one page.
 
-    Parameters
-    ----------
-    color, depth
-        Files, as the command takes them.
-    further
-        Further views, COLOR,DEPTH,POSE.
+    `color`, `depth`: files, as the command takes them. `further`: further views, COLOR,DEPTH,POSE.
     """
 
     color: str
@@ -157,8 +158,21 @@ class DepthPainter:
         write_picture(path, seen.picture(), seen.request.options)
 
     def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
-        """Return a file of poses, see `resample.view.views.Filming`."""
-        return poses_as_text(cameras, self.taken(settings), settings)
+        """Return a file of poses, see `resample.view.views.Filming`.
+
+        Poses are from world to camera, four lines each; cameras are `move;turn`, relative to the
+        initial one.
+        """
+        pose, poses = settings.get("pose"), []
+        start = (
+            self.taken(settings).camera.world_to_camera if pose is None else read_pose(str(pose))
+        )
+        for camera in cameras:
+            move, _, turn = camera.partition(";")
+            moved = np.asarray(Aim(move=move, turn=turn or "0,0,0").step() @ start)
+            rows = [" ".join(repr(float(number)) for number in row) for row in moved]
+            poses.append("\n".join(rows) + "\n")
+        return "\n".join(poses)
 
     def film(
         self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
@@ -166,7 +180,20 @@ class DepthPainter:
         """Write a film through poses as `animate` does, see `resample.view.views.Filming`."""
         if self.further:
             raise ValueError("films are made from one view; open the page without --view")
-        write_depth_film((self.color, self.depth), settings, size, keyframes, path, progress)
+        given = {key: value for key, value in settings.items() if key not in STEERED}
+        if unknown := [key for key in given if key not in OPTIONS]:
+            raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
+        background = linear_color(str(given.pop("background", "black"))) or (0.0, 0.0, 0.0)
+        spelled = {**given, "size": f"{size[0]}x{size[1]}"}
+        eye, meaning, target, warping = chosen(spelled, MODELS)
+        target.check_target()
+        taken = read_views(DepthReader.checked(eye, meaning), self.color, self.depth)
+        with path_file(FILE, keyframes) as file:
+            frames = EACH * (len(keyframes.split("\n\n")) - 1) + 1
+            camera = target.camera_model(taken.camera, taken.shape, eye.convention)
+            way = poses_of(str(file), frames, None, camera.world_to_camera, Range(1.0, 1.0))
+        film = film_of(Session(), taken, size[::-1], warping, background)
+        write_film(path, shots(way, camera, film.frame, film.job), RATE, progress=progress)
 
     def taken(self, settings: Settings) -> Inputs:
         """Return the files, read and prepared; raises as `save` does."""
@@ -200,14 +227,8 @@ def depth_view(
 ) -> FileView:
     """Return what pages show of a depth image.
 
-    Parameters
-    ----------
-    color, depth
-        Files, as the command takes them.
-    begin
-        Initial options.
-    further
-        Further views, COLOR,DEPTH,POSE.
+    `color`, `depth`: files, as the command takes them. `begin`: initial options. `further`: further
+    views, COLOR,DEPTH,POSE.
     """
     first = DepthPainter(color, depth, further)
     settings = {"move": "0,0,0", **settings_of(begin)}
