@@ -14,6 +14,7 @@ from resample.lengths import unit_of_length
 from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.limits import check_items
 from resample.reading.native import damage
+from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.data.values import require_memory
 from resample_volume.files.headers import (
