@@ -71,11 +71,12 @@ class Refined(NamedTuple):
     chosen: str  # one of `REFINES`, except auto
     step: float  # quantization step of nearness before refinement
     enlargement: Enlargement | None = None  # of the map before refinement, if one was found
+    noise: float = 0.0  # of nearness before refinement
 
     @property
     def choice(self) -> "RefinementChoice":
         """What was chosen, for other pictures of the shot."""
-        return RefinementChoice(self.chosen, self.enlargement, self.findings)
+        return RefinementChoice(self.chosen, self.enlargement, self.findings, self.noise)
 
 
 class RefinementChoice(NamedTuple):
@@ -84,6 +85,7 @@ class RefinementChoice(NamedTuple):
     name: str  # one of `REFINES`, except auto
     enlargement: Enlargement | None
     findings: Findings
+    noise: float
 
 
 def refine(
@@ -143,7 +145,9 @@ def refine(
     if name == "none":
         findings = NOTHING._replace(unknown=float(np.mean(nearness <= 0)))
         return Refined(image, confidence, findings, name, quantum)
-    if noise is None:
+    if noise is None and like is not None:
+        noise = like.noise
+    elif noise is None:
         noise = noise_of(nearness, linked(nearness, quantum, 0.0))
     color = np.nan_to_num(np.ascontiguousarray(image.color, np.float32), posinf=0.0, neginf=0.0)
     findings = inspect(color, nearness, noise, quantum) if like is None else like.findings
@@ -159,18 +163,20 @@ def refine(
     if like is not None:
         chosen = like.name
     if chosen == "none":
-        return Refined(image, confidence, findings, chosen, quantum)
+        return Refined(image, confidence, findings, chosen, quantum, noise=noise)
     task = RefinementTask(
         scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
     )
     if chosen == "densify":
         nearness, confidence = _densified(task, nearness)
-        return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum)
+        image = image._replace(nearness=nearness)
+        return Refined(image, confidence, findings, chosen, quantum, noise=noise)
     nearness, confidence = _repaired(task, chosen, nearness, small)
     if name != "auto" or findings.is_measured:
         nearness, confidence = _filled(task, nearness, confidence)
     how = None if small is None else small.how
-    return Refined(image._replace(nearness=nearness), confidence, findings, chosen, quantum, how)
+    image = image._replace(nearness=nearness)
+    return Refined(image, confidence, findings, chosen, quantum, how, noise)
 
 
 def _chosen(findings: Findings, is_enlarged: bool, small: SmallMap | None) -> str:
