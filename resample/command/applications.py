@@ -35,6 +35,7 @@ FETCH = """Download and verify a public data set and print its folder; without a
         Folder to keep it in. [default: the user's cache]
     """
 DEMO_FOLDER = Path("demo")
+VIEWED = ("points", "texture", "volume", "warp3d")  # applications to which `resample view` leads
 DEMO = """{1}
 
     For example:
@@ -111,10 +112,14 @@ def check_added(app: App, words: Sequence[str], option: str, value: str) -> None
     now = getattr(command, "now", None)
     if now is not None:
         return check_added(registry.load("apps", now), rest, option, value)
-    marks = {} if command is None else marks_of(command)
-    topic = about(marks.get(option.removeprefix("--")), value)
-    is_own = topic is OptionTopic.SOURCE and value.startswith((OWN_FOLDER, PREFIX))
-    if topic is not OptionTopic.APPEARANCE and not is_own:
+    called = [] if command is None else [command]
+    if called and "words" in inspect.signature(called[0]).parameters:  # `resample view` passes on
+        called = [registry.load("apps", name)["view"].default_command for name in VIEWED]
+    named = option.removeprefix("--")
+    known = [marks for one in called if named in (marks := marks_of(one))]
+    topics = {about(marks[named], value) for marks in known} or {about(None, value)}
+    is_own = topics == {OptionTopic.SOURCE} and value.startswith((OWN_FOLDER, PREFIX))
+    if topics != {OptionTopic.APPEARANCE} and not is_own:
         raise ValueError(f"a sample adds {option}={value:.60}, which is not about the look")
     return None
 

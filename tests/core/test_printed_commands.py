@@ -1,4 +1,4 @@
-"""Every command of the documents runs as it is printed, on small files of the names it has."""
+"""Every command of the documents, and of -h, runs as it is printed, on small files."""
 
 import re
 import shlex
@@ -10,6 +10,8 @@ import pytest
 from tests import printed
 from tests.commands import ended
 from tests.core.test_docs import app_of
+from tests.core.test_helping import APPS
+from tests.core.test_helping import commands as all_commands
 from tools.pages import commands
 
 # Pages whose commands other tests run: tests/volume/test_jobs.py, warp3d/test_stereo_photos.py.
@@ -17,10 +19,16 @@ ELSEWHERE = ("jobs.md", "headset.md")
 # Figures of the paper, which need its volumes or minutes; a plugin that one page writes; and forms.
 APART = re.compile(r" figures |python |hann:width| \.\.\. |FILE|^resample plugins")
 PUBLIC = re.compile(r"\$\(resample-volume fetch (\w+)\)")  # is loaded from the web
+EXAMPLES = re.compile(r"^ +(resample[\w-]* .*sample:.*)$", re.MULTILINE)  # of `-h`
+HELPED = [
+    (Path(program), line)
+    for program, command in all_commands()
+    for line in EXAMPLES.findall(APPS[program][command].default_command.__doc__.replace("\\\n", ""))
+]
 LINES = sorted(
     {
-        PUBLIC.sub(r"\1.nhdr", line).partition(" #")[0].strip()
-        for page, line in commands()
+        " ".join(PUBLIC.sub(r"\1.nhdr", line).partition(" #")[0].split())
+        for page, line in [*commands(), *HELPED]
         if page.name not in ELSEWHERE and not APART.search(line)
     }
 )
