@@ -52,7 +52,7 @@ def converted(session: "Session", file: Path, output: Path, options: ConvertOpti
     from resample.cameras.files import read_pose
     from resample.console import say
     from resample.memory import amount
-    from resample_points.command.gaussians import gaussians_of
+    from resample_points.command.gaussians import gaussians_read
     from resample_points.data.gaussians import Gaussians
     from resample_points.data.harmonics import COUNTS
     from resample_points.data.joining import DOWN, placed_gaussians, with_up
@@ -60,7 +60,7 @@ def converted(session: "Session", file: Path, output: Path, options: ConvertOpti
 
     clouds = CloudOptions(also=options.also, crop=options.crop)
     kept = GaussianOptions(least_opacity=options.least_opacity, largest=options.largest)
-    scene = gaussians_of(session, file, clouds, kept).gaussians
+    scene = gaussians_read(session, file, clouds, kept)
     if not isinstance(scene, Gaussians):
         raise ValueError(f"{file.name} has {scene.file.count:,} Gaussians, too many for the memory")
     if options.pose is not None:

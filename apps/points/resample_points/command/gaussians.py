@@ -298,12 +298,25 @@ class GaussianPictures:
 def gaussians_of(
     session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
 ) -> GaussianPictures:
-    """Read the Gaussians of a command, join and crop them."""
+    """Read the Gaussians that a command draws."""
+    from resample_points.data.gaussians import Gaussians
+    from resample_points.data.training import training_of
+
+    whole = gaussians_read(session, file, clouds, options)
+    if isinstance(whole, Gaussians) and whole.training is None:
+        seen = training_of(whole.position, whole.scale, whole.opacity)
+        whole = whole._replace(training=seen)
+    return GaussianPictures(whole, options, clouds.threads)
+
+
+def gaussians_read(
+    session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
+) -> "Gaussians | StoredGaussians":
+    """Read Gaussians, join and crop them."""
     from resample.messages import naming
     from resample_points.data.gaussians import Crop, cropped_gaussians
     from resample_points.data.joining import joined_gaussians
     from resample_points.data.selecting import corners_of
-    from resample_points.data.training import training_of
     from resample_points.files.gaussians.reading import read_gaussians, stored_gaussians
     from resample_points.painting.gaussians import StoredGaussians
 
@@ -311,17 +324,13 @@ def gaussians_of(
     with session.stage("read", bar="reading"):
         stored = None if clouds.also else stored_gaussians(file)
         if stored is not None and stored.count * BYTES > int(SHARE * free_memory()):
-            return GaussianPictures(StoredGaussians(stored, crop), options, clouds.threads)
+            return StoredGaussians(stored, crop)
         others = [_with_pose(text) for text in clouds.also]
         scenes = [read_gaussians(name) for name in (file, *(name for name, _ in others))]
         poses = [None, *(pose for _, pose in others)]
         whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes, poses)
         with naming(file.name):
-            whole = cropped_gaussians(whole, **crop._asdict())
-    if whole.training is None:
-        seen = training_of(whole.position, whole.scale, whole.opacity)
-        whole = whole._replace(training=seen)
-    return GaussianPictures(whole, options, clouds.threads)
+            return cropped_gaussians(whole, **crop._asdict())
 
 
 def _with_pose(text: str) -> "tuple[Path, Doubles | None]":
