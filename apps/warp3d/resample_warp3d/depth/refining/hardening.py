@@ -23,7 +23,7 @@ Kinds = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 REACH = 8  # px, largest distance of voters; more in maps of large blocks
-FIRST = 2  # px up to which all samples vote at first; beyond, those on axes and some others
+FIRST = 3  # px up to which all samples vote at first; beyond, those on axes and some others
 DENSE = 4  # px up to which all samples vote; beyond, one in a sixth of the reach
 FAR, NEAR = 0.5, 0.125  # of the reach, standard deviations of the weights for a surface, and for
 LEAST_NEAR = 2.0  # px: its nearness
