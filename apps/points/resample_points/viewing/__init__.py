@@ -11,10 +11,9 @@ if TYPE_CHECKING:
     from resample.view.files import FileView
     from resample.view.widgets import Viewer
     from resample_points.viewing.clouds import cloud_view
-    from resample_points.viewing.films import picture
 
 __all__ = ["cloud_view", "picture", "suits", "view", "view_of"]
-HOMES = {"cloud_view": "clouds", "picture": "films"}
+HOMES = {"cloud_view": "clouds", "picture": "pictures"}
 __getattr__ = attributes(__name__, HOMES)
 
 

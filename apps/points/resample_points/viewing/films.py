@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from resample.command.settings import Choices, FrameFormat
 from resample.files.animations import write_film
 from resample.progress import Progress
-from resample.view.files import path_file, picture_function
+from resample.view.files import path_file
 from resample.view.views import KEYFRAMES, ORBITING, Settings, Size, is_free, keyframes_as_toml
 from resample_points.command.choices import CloudStart
 from resample_points.command.films import Filmed
@@ -17,11 +17,9 @@ from resample_points.data.cloud import Cloud
 from resample_points.geometry.framing import FIELD, ball_around
 from resample_points.geometry.spacing import Surfels
 from resample_points.scenes import cameras_of
-from resample_points.viewing import view_of
 
 FILM = "resample-points animate"
 RATE = 24.0  # frames per second, of the command
-picture = picture_function(view_of)
 AROUND = ("steady", "size", "background")  # options that all pictures and films share
 
 
