@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.progress import Cancel
-from resample.scene.scenes import LITTLE
+from resample.scene import LITTLE
 from resample.view.views import Painter, Settings, Size, controls_of
 
 if TYPE_CHECKING:

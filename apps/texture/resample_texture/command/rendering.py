@@ -20,7 +20,7 @@ from resample.command.session import OTHERS, Session, bytes_written, libraries, 
 from resample.files import pictures
 from resample.files.formats import WriteOptions, holds_missing, takes_alpha
 from resample.files.metadata.fields import FileMetadata
-from resample.files.metadata.geotiff import Geo, moved, unplaced
+from resample.files.metadata.tags import Geo, moved, unplaced
 from resample.files.pictures import (
     Kind,
     LoadablePicture,

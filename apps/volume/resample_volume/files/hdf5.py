@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from resample.lengths import unit_of_length
-from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
+from resample.reading.arrays import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.native import damage
 from resample_volume.data.memory import require_memory
 from resample_volume.files.parsing.headers import Check, OneOfAll, header, recording

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.hdf5 import dataset_in, hard_members
+from resample.reading.arrays import dataset_in, hard_members
 from resample.reading.limits import check_items
 from resample.reading.native import damage
 from resample_volume.data.memory import require_memory

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
 from resample.messages import check_numbers, doubles_of, shortly
-from resample.outofcore.caching import memoized
+from resample.outofcore.passes import memoized
 from resample.types import Frame
 from resample_volume.classification.automatic import BRIGHT
 from resample_volume.classification.value_statistics import Survey, survey

@@ -9,7 +9,7 @@ import numpy as np
 
 from resample.command.settings import height_and_width
 from resample.registry import missing, names
-from resample.scene.scenes import LITTLE
+from resample.scene import LITTLE
 from resample.types import Frame
 from resample.view.files import FileView
 from resample.view.views import ORBITING, Settings, is_free, settings_of

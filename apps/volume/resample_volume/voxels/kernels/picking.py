@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.rays.splines import value_and_slope_at
+from resample.engine.rays.coefficients import value_and_slope_at
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import Doubles, Flags, Floats, Indices, SplineField
 
