@@ -92,7 +92,7 @@ class Bounds(NamedTuple):
 class SplineField(NamedTuple):
     """A scalar field on a lattice as cubic B-spline coefficients.
 
-    They extend two samples beyond each side; see `resample.engine.rays.splines`.
+    They extend two samples beyond each side; see `resample.engine.rays.coefficients`.
     """
 
     coefficient: Coefficients  # (N,) z slowest; value = zero + scale × Σ coefficient × weight

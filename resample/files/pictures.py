@@ -27,7 +27,7 @@ from resample.files.metadata.fields import (
     turn,
     upright,
 )
-from resample.files.metadata.geotiff import moved
+from resample.files.metadata.tags import moved
 from resample.files.stores.opening import Address, Place, place_of
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits

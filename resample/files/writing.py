@@ -25,7 +25,7 @@ from platform import node
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from resample.messages import one_line
-from resample.reading.owners import BY_OTHERS, NotOwnError, check_own, tell_unused
+from resample.reading.limits import BY_OTHERS, NotOwnError, check_own, tell_unused
 
 try:
     import fcntl

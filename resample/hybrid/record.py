@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from resample.engine.jit import inner_step, kernel
-from resample.engine.sorting import Pairs, bits_of, paired, sort_pairs
+from resample.engine.tiles import Pairs, bits_of, paired, sort_pairs
 from resample.types import Floats, Record
 
 NOTHING, POINT, SPLAT = 0, 1, 2
@@ -35,7 +35,7 @@ RECORD = np.dtype(
 def depth_order(key: Floats) -> Pairs:
     """Keys and indices (N,) from near to far (section 4.1, strict depth order).
 
-    Equal keys keep their order. `resample.engine.sorting.member_of` a pair is its index.
+    Equal keys keep their order. `resample.engine.tiles.member_of` a pair is its index.
     """
     pair = np.empty(key.size, np.uint64)
     for n in range(key.size):

@@ -199,7 +199,7 @@ class BrickArray:
     shape: Step
     dtype: np.dtype[Any]
     side: Step  # elements of a brick; the last along each axis may be smaller
-    found: dict[Any, Any] = field(default_factory=dict)  # facts, see `resample.outofcore.caching`
+    found: dict[Any, Any] = field(default_factory=dict)  # facts, see `resample.outofcore.passes`
     memory: int | None = None  # memory limit for all that is made of them; None: the machine's
     reads: int = 0  # counts bricks read
     pinned: PinnedCache | None = None  # pinned bricks, as stored in the file

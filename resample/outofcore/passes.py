@@ -4,20 +4,65 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
-from functools import cache, partial
+from contextvars import ContextVar
+from functools import cache, partial, wraps
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from resample.progress import Executor, Progress, shared_out, told
 
-MOST_THREADS = 8
-DIGIT = 16  # bits
-
 P = TypeVar("P")
 R = TypeVar("R")
+Given = ParamSpec("Given")
+
+Memo = dict[tuple[Any, ...], Any]  # by function, arguments and values
+
+_kept: ContextVar[Memo | None] = ContextVar("kept", default=None)
+
+
+@contextmanager
+def memoizing(kept: Memo) -> Iterator[None]:
+    """Enable memoization within a block.
+
+    Values must neither change nor be freed while results about them are kept.
+    """
+    token = _kept.set(kept)
+    try:
+        yield
+    finally:
+        _kept.reset(token)
+
+
+def memo_of(values: Any) -> Memo:
+    """Return what is kept about values; without a scene nothing is kept for long."""
+    kept: Memo | None = getattr(values, "found", _kept.get())
+    return {} if kept is None else kept
+
+
+def memoized(of: Callable[[Any], Any]) -> Callable[[Callable[Given, R]], Callable[Given, R]]:
+    """Memoize a function that only depends on values and numbers, in a scene or on the values."""
+
+    def decorated(find: Callable[Given, R]) -> Callable[Given, R]:
+        @wraps(find)
+        def found(*args: Given.args, **kwargs: Given.kwargs) -> R:
+            first, *others = args
+            kept = memo_of(of(first))
+            key = (find, id(of(first)), *others, *sorted(kwargs.items()))
+            if key not in kept:
+                kept[key] = find(*args, **kwargs)
+            result: R = kept[key]
+            return result
+
+        return found
+
+    return decorated
+
+
+MOST_THREADS = 8
+DIGIT = 16  # bits
 
 
 class PassContext(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import kernel
-from resample.engine.sorting import member_of, settle_ties
+from resample.engine.tiles import member_of, settle_ties
 from resample.hybrid.blend import WAITING, OverBlend
 from resample.hybrid.classify import Widths
 from resample.hybrid.footprint import flat_table, footprint_table
@@ -19,7 +19,7 @@ from resample.hybrid.splats import LookupTables
 from resample.hybrid.voxels import OrderedVoxels, place_voxels
 from resample.painting.scenes.scene import Clock, PaintTarget, PreparedScene, spacing_of
 from resample.profiles.filters import Box, PixelFilter
-from resample.profiles.memoization import once
+from resample.profiles.named import once
 from resample.profiles.orders import sheets_of
 from resample.profiles.reconstruction import Reconstruction, variance
 from resample.profiles.subpixels import painted_on_subpixels, subpixels_of

@@ -44,8 +44,7 @@ from resample.types import (
 
 if TYPE_CHECKING:
     from resample.engine.rays.extremes import Blocks
-    from resample.engine.rays.marching import BrickBounds
-    from resample.engine.rays.media import Medium, SummedClassifier
+    from resample.engine.rays.media import BrickBounds, Medium, SummedClassifier
     from resample.engine.rays.meshes import Way
     from resample.engine.rays.painting import Output
 
@@ -487,9 +486,8 @@ def _blocks(most: Flags, shift: int) -> "Blocks":
 
 def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
     """Field with its classifier, in the classifier's columns."""
-    from resample.engine.rays.marching import SampleSpace
-    from resample.engine.rays.media import Medium
-    from resample.engine.rays.splines import PAD, bundled
+    from resample.engine.rays.coefficients import PAD, bundled
+    from resample.engine.rays.media import Medium, SampleSpace
 
     classifier, spline, lattice = field.classifier, field.spline, field.lattice
     columns = classifier.table.shape[1] // field.classifiers - 1
@@ -602,8 +600,7 @@ def visible_cells(
 
     `bounds`: as of `spline_of`. `extinction`: (K,) of values between two `ends`.
     """
-    from resample.engine.rays.coefficients import VisibleValues, find_visible_cells
-    from resample.engine.rays.splines import bundled
+    from resample.engine.rays.coefficients import VisibleValues, bundled, find_visible_cells
 
     per_value = (extinction.size - 1) / (ends[1] - ends[0])
     # A cell or brick is visible if a column within its bounds is.
@@ -621,7 +618,7 @@ def visible_cells(
 
 def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
     """Bricks for ray casting; bounds are in columns."""
-    from resample.engine.rays.marching import BrickBounds
+    from resample.engine.rays.media import BrickBounds
 
     classifier, cells, apart = field.classifier, UNKNOWN, field.apart
     if style.projection == COMPOSITE:

@@ -22,7 +22,7 @@ from resample.painting.shaped.ellipsoids import (
     listed,
 )
 from resample.profiles.filters import PixelFilter
-from resample.profiles.memoization import once
+from resample.profiles.named import once
 from resample.profiles.reconstruction import Reconstruction, footprint_table, variance
 from resample.profiles.subpixels import painted_on_subpixels, subpixels_of
 from resample.progress import Progress

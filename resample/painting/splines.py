@@ -33,8 +33,7 @@ def spline_of(
     in a file too.
     """
     from resample.engine.jit import threads
-    from resample.engine.rays.coefficients import BRICK, find_bounds
-    from resample.engine.rays.splines import PAD, bundled
+    from resample.engine.rays.coefficients import BRICK, PAD, bundled, find_bounds
 
     given, base = _native(values)
     low, high = _range(given)

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample import registry
-from resample.reading.limits import neighbour
-from resample.reading.owners import NotOwnError, own_bytes, tell_unused
+from resample.reading.limits import NotOwnError, neighbour, own_bytes, tell_unused
 from resample.reading.texts import json_of
 
 if TYPE_CHECKING:

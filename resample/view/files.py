@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from resample.command.settings import height_and_width
 from resample.progress import Cancel
-from resample.scene.scenes import LITTLE
+from resample.scene import LITTLE
 from resample.view.views import Painter, Settings, Size, controls_of
 
 if TYPE_CHECKING:

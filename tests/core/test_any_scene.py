@@ -8,9 +8,7 @@ import pytest
 from resample import Cancel, CancelledError, cancellable
 from resample.cameras.models import Camera
 from resample.progress import watched_cancel
-from resample.scene.picking import lines_of, pixel_at, place_at
-from resample.scene.previews import preview_size
-from resample.scene.scenes import AnyScene
+from resample.scene import AnyScene, lines_of, pixel_at, place_at, preview_size
 from resample_points import Cloud, CloudScene, render_cloud
 from resample_texture import PictureScene
 from resample_volume import Scene

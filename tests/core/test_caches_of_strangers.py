@@ -12,8 +12,8 @@ from resample import registry
 from resample.engine.compiled import compiling, entries
 from resample.engine.compiled.entries import Entry
 from resample.files.writing import load_arrays, store_arrays
-from resample.reading import owners
-from resample.reading.owners import NotOwnError, own_bytes
+from resample.reading import limits as owners
+from resample.reading.limits import NotOwnError, own_bytes
 from resample.samples import finding
 from resample.samples.finding import CONTENTS, expanded, kept
 from tests import commands

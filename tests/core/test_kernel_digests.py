@@ -207,7 +207,7 @@ def test_a_digest_is_the_same_in_every_process(monkeypatch):
 
 def test_what_numba_compiles_in_place_of_a_function_counts():
     from resample.engine.compiled import digests
-    from resample.engine.rays import splines
+    from resample.engine.rays import coefficients as splines
 
     jit.compiler()
     adding = jit.kernel(lambda flat: splines.sums_at(flat, (1, 2), (0, 1, 2), (0.5, 0.5, 0.5)))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import kernel
-from resample.engine.sorting import (
+from resample.engine.tiles import (
     FEW,
     HALF,
     bits_of,

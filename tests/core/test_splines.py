@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, spline_filter
 
 from resample.engine.jit import kernel
-from resample.engine.rays import splines
-from resample.engine.rays.coefficients import BRICK, SLAB
-from resample.engine.rays.splines import PAD
+from resample.engine.rays import coefficients as splines
+from resample.engine.rays.coefficients import BRICK, PAD, SLAB
 from resample.painting.rays import visible_cells
 from resample.painting.splines import spline_of
 from resample.types import SplineField

@@ -9,8 +9,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 
 from resample.files.images import read_channels
-from resample.files.metadata.geotiff import geo_of, moved
-from resample.files.metadata.tags import Tag, add_tags, text_tag
+from resample.files.metadata.tags import Tag, add_tags, geo_of, moved, text_tag
 from resample_texture import cli
 from tests import commands
 from tests.commands import store

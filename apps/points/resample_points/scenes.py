@@ -16,9 +16,7 @@ from resample.cameras.viewpoints import Orbit, Spelled, Viewpoint, viewpoint_of
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.progress import Cancel
-from resample.scene.picking import pixel_at
-from resample.scene.previews import PER, enlarged_frame, preview_size
-from resample.scene.scenes import AnyScene, Quality
+from resample.scene import PER, AnyScene, Quality, enlarged_frame, pixel_at, preview_size
 from resample.types import Doubles, Frame
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.files.readers import read_cloud

@@ -11,8 +11,7 @@ from resample.calling import takes
 from resample.cameras.models import AnyConvention
 from resample.painting.scenes.plans import shape_of
 from resample.progress import Cancel
-from resample.scene.previews import PER, enlarged
-from resample.scene.scenes import AnyScene, Quality
+from resample.scene import PER, AnyScene, Quality, enlarged
 from resample.types import Floats
 from resample_texture.arguments import (
     PREMULTIPLIED,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import array_like, most_of
 from resample.messages import check_kind, check_numbers, doubles_of, shortly
-from resample.outofcore.caching import memoized
+from resample.outofcore.passes import memoized
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import LARGEST
 from resample.profiles.named import OneOf

@@ -9,7 +9,7 @@ from resample.cameras.models import AnyCamera
 from resample.painting.choices import Projection
 from resample.profiles.reconstruction import footprint_table
 from resample.resampler import Resampler
-from resample.scene.picking import lines_of
+from resample.scene import lines_of
 from resample.types import Doubles, View
 from resample_volume.classification.scales import value_at
 from resample_volume.image_planes import settled
@@ -57,7 +57,7 @@ def voxels_at(
     level, the surface, a plane of values more opaque than that, or its extreme; -1 where there is
     none. And the transmittance (N,) of all.
     """
-    from resample.engine.rays.splines import bundled
+    from resample.engine.rays.coefficients import bundled
     from resample_volume.kernels.voxels import PickedField, pick_in_field, pick_voxels
 
     voxels, projection = subject.voxels, resampler.projection

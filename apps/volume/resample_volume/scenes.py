@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Spelled, viewpoint_of
-from resample.outofcore.caching import Memo, memoizing
+from resample.outofcore.passes import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
 from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
-from resample.scene.previews import PER, Shrunk, enlarged_frame
-from resample.scene.scenes import AnyScene, Quality, is_quick
+from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick
 from resample.types import Frame
 from resample_volume.appearance import (
     Appearance,

@@ -12,8 +12,7 @@ from resample.cameras.panoramic import Equirectangular
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.progress import Cancel
-from resample.scene.previews import PER, enlarged
-from resample.scene.scenes import AnyScene, Quality
+from resample.scene import PER, AnyScene, Quality, enlarged
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining.conditioning import Refine
 from resample_warp3d.methods.hybrid import Hybrid, Preview

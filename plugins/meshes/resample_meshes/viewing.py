@@ -14,8 +14,7 @@ from resample.command.settings import Choices, chosen
 from resample.files.saving import screen_levels, write_frame
 from resample.profiles.interpolation import Bilinear
 from resample.progress import Cancel, cancellable
-from resample.scene.picking import pixel_at, position_at
-from resample.scene.previews import preview_size
+from resample.scene import pixel_at, position_at, preview_size
 from resample.types import Frame
 from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, is_free, placed_by, settings_of

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.hdf5 import (
+from resample.reading.arrays import (
     dataset_in,
     group_in,
     member,

@@ -8,9 +8,9 @@ from typing import Any
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
-from resample.outofcore.caching import Memo, memoizing
+from resample.outofcore.passes import Memo, memoizing
 from resample.progress import Cancel, cancellable
-from resample.scene.previews import PER, enlarged, preview_size
+from resample.scene import PER, enlarged, preview_size
 from resample.view.files import FileView, picture_function
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_particles.choices import DensityOptions, write_map
@@ -66,7 +66,7 @@ class ParticlePainter(FilmPainter):
         A column has no depth: its position is where its line meets the plane across the view that
         a slice shows, or that goes through the middle of the particles.
         """
-        from resample.scene.picking import pixel_at
+        from resample.scene import pixel_at
 
         _, scene, camera = self._placed(settings, size)
         found = scene.measure(camera, size[::-1])

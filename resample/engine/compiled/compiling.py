@@ -35,7 +35,7 @@ from numba.np.numpy_support import as_dtype
 
 from resample.engine.compiled import digests, library
 from resample.engine.compiled.entries import FIRST, SUFFIX, Entry, read, write
-from resample.reading.owners import check_own
+from resample.reading.limits import check_own
 
 try:
     import fcntl

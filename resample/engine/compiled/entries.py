@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from resample.reading.owners import NotOwnError, check_own, own_bytes
+from resample.reading.limits import NotOwnError, check_own, own_bytes
 
 LOG = logging.getLogger("resample")
 FIRST = b"resample kernel 2\n"  # bytes that files begin with

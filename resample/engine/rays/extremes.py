@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from resample.engine.jit import inner_step
+from resample.engine.rays.coefficients import samples_around, value_at
 from resample.engine.rays.integrators import NOTHING, Result, integrate, measured
-from resample.engine.rays.marching import Ray, depth_at, place_at
-from resample.engine.rays.media import Medium, is_known
-from resample.engine.rays.splines import samples_around, value_at
+from resample.engine.rays.media import Medium, Ray, depth_at, is_known, place_at
 from resample.engine.roles import plays
 from resample.engine.vectors import Vector, combine, scaled
 from resample.types import Flags

@@ -12,34 +12,32 @@ import numpy as np
 
 from resample.engine.jit import inner_step
 from resample.engine.lookup import VISIBLE, absorbed
-from resample.engine.rays.marching import (
-    Ray,
-    brick_at,
-    depth_at,
-    next_step,
-    place_at,
-    steps_out,
-)
+from resample.engine.rays.coefficients import value_and_slope_at, value_at
 from resample.engine.rays.media import (
     Aims,
     Light,
     Medium,
+    Ray,
     SummedClassifier,
     aims_at,
+    brick_at,
     clamped,
     classified,
+    depth_at,
     depth_cue_at,
     faced,
     is_known,
     length_of,
     lights_between,
+    next_step,
     number_at,
+    place_at,
     position,
     reflected,
+    steps_out,
     tinted,
     value_of,
 )
-from resample.engine.rays.splines import value_and_slope_at, value_at
 from resample.engine.roles import called_role, plays, role
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import SplineField

@@ -19,13 +19,14 @@ from resample.engine.rays.integrators import (
     Result,
     integrate,
 )
-from resample.engine.rays.marching import Ray, ray_at
 from resample.engine.rays.media import (
     Light,
     Medium,
+    Ray,
     aims_at,
     depth_cue_at,
     light_shares_at,
+    ray_at,
     reflect,
 )
 from resample.engine.roles import plays, role

@@ -25,8 +25,18 @@ from resample.engine.rays.integrators import (
     sample_at,
     step_after,
 )
-from resample.engine.rays.marching import Ray, depth_at, next_step, place_at, ray_at
-from resample.engine.rays.media import Aims, Light, Medium, aims_at, position
+from resample.engine.rays.media import (
+    Aims,
+    Light,
+    Medium,
+    Ray,
+    aims_at,
+    depth_at,
+    next_step,
+    place_at,
+    position,
+    ray_at,
+)
 from resample.engine.rays.meshes import cast
 from resample.engine.rays.painting import Output, paint_tile
 from resample.engine.roles import plays

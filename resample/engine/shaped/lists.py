@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.engine.shaped.records import WIDTH, span_of
-from resample.engine.sorting import HALF, Pairs, member_of, settle
-from resample.engine.tiles import overlapping_tiles
+from resample.engine.tiles import HALF, Pairs, member_of, overlapping_tiles, settle
 from resample.types import Floats, Indices
 
 CHUNKS = 32  # fixed, so that lists never depend on the number of threads

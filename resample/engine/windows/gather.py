@@ -22,22 +22,33 @@ from resample.engine.windows.boxes import (
     scratch_size,
 )
 from resample.engine.windows.footprints import (
+    DOWN,
     LEAN,
     LIMITED,
     MOST_CORNERS,
     NEARLY,
+    OTHER,
+    ROWS,
+    WIDE,
     GridView,
     PixelFootprint,
     PixelGeometry,
+    RowScratch,
     area,
     averaged,
+    boxes_of,
     cut_to,
     fold,
     footprint_at,
+    has_fewer,
     is_box,
     is_small,
+    measure_rows,
     nth_part,
     parts_of,
+    place_of,
+    row_scratch,
+    side_of,
 )
 from resample.engine.windows.limits import (
     ALONG_Y,
@@ -53,19 +64,6 @@ from resample.engine.windows.limits import (
     part_of,
     tolerances,
     towards,
-)
-from resample.engine.windows.rows import (
-    DOWN,
-    OTHER,
-    ROWS,
-    WIDE,
-    RowScratch,
-    boxes_of,
-    has_fewer,
-    measure_rows,
-    place_of,
-    row_scratch,
-    side_of,
 )
 from resample.types import Doubles, Floats, Single
 

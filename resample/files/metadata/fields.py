@@ -15,19 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.files.metadata.colors import assumed_of, colors_of, marks_of
-from resample.files.metadata.geotiff import TAGS, Geo, geo_of, tags_of
 from resample.files.metadata.tags import (
     LONG,
     PNG_START,
     SHORT,
+    TAGS,
     Directory,
+    Geo,
     Tag,
     add_tags,
     block_of,
     block_tags,
     chunks,
+    geo_of,
     put_into_png,
     read_tags,
+    tags_of,
     text,
     text_tag,
 )

@@ -123,7 +123,7 @@ def facts_of(raster: "Raster", what: str, system: "CoordinateSystem | None") -> 
     import numpy as np
 
     from resample.files.metadata.fields import FileMetadata
-    from resample.files.metadata.geotiff import Geo
+    from resample.files.metadata.tags import Geo
 
     matrix = np.diag([raster.resolution, -raster.resolution, 1.0, 1.0])
     matrix[:2, 3] = raster.left, raster.top

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from resample.files.metadata.geotiff import KEYS, NUMBERS, WORDS
-from resample.files.metadata.tags import ASCII, DOUBLE, SHORT, Directory, Tag
+from resample.files.metadata.tags import ASCII, DOUBLE, KEYS, NUMBERS, SHORT, WORDS, Directory, Tag
 from resample_points.files.las import records_of
 
 OWNER, WKT = "LASF_Projection", 2112

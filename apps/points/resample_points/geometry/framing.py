@@ -11,7 +11,7 @@ from resample.cameras.models import Camera, Orthographic
 from resample.cameras.poses import UpAxis, orbit
 from resample.cameras.viewpoints import Sphere
 from resample.messages import number
-from resample.outofcore.caching import memoized
+from resample.outofcore.passes import memoized
 from resample.painting.scenes.plans import shape_of
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import Cloud, check_cloud, places

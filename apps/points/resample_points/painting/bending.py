@@ -17,7 +17,7 @@ from resample.cameras.panoramic import Equirectangular, check_panorama, places_o
 from resample.cameras.pixels import directions, distorted_places, undistorted_places
 from resample.cameras.poses import rigid
 from resample.profiles.named import plugin_of
-from resample.scene.picking import lines_of
+from resample.scene import lines_of
 from resample.types import Doubles, Floats
 from resample_points.data.parts import rows_of
 from resample_points.geometry.spacing import Surfels

@@ -12,9 +12,9 @@ from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
-from resample.outofcore.caching import Memo, memoizing
+from resample.outofcore.passes import Memo, memoizing
 from resample.progress import Cancel, cancellable
-from resample.scene.previews import preview_size
+from resample.scene import preview_size
 from resample.view.files import FileView
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_points.command.choices import CloudAim, CloudOptions

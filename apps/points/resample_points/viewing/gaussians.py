@@ -11,10 +11,9 @@ from resample.cameras.models import Camera
 from resample.command.session import Session
 from resample.command.settings import Choices, FrameFormat, chosen, option_of
 from resample.files.saving import screen_levels
-from resample.outofcore.caching import Memo, memoizing
+from resample.outofcore.passes import Memo, memoizing
 from resample.progress import Cancel, cancellable
-from resample.scene.picking import pixel_at, place_at
-from resample.scene.previews import PER, enlarged, preview_size
+from resample.scene import PER, enlarged, pixel_at, place_at, preview_size
 from resample.view.files import FileView
 from resample.view.views import PagePicture, Settings, Size, placed_by, settings_of
 from resample_points.command.choices import CloudAim, CloudOptions

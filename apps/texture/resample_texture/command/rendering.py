@@ -21,7 +21,7 @@ from resample.files import pictures
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.formats import WriteOptions, holds_missing, takes_alpha
 from resample.files.metadata.fields import FileMetadata
-from resample.files.metadata.geotiff import Geo, moved, unplaced
+from resample.files.metadata.tags import Geo, moved, unplaced
 from resample.files.pictures import (
     Kind,
     LoadablePicture,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.outofcore.caching import memoized
+from resample.outofcore.passes import memoized
 from resample.types import Doubles
 from resample_volume.classification.transfer import Point, TransferFunction, from_points
 from resample_volume.data.scanning import Counts, Histogram, are_few, step_of

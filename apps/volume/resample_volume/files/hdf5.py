@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import unit_of_length
-from resample.reading.hdf5 import dataset_in, group_in, hard_members, names_in, numbers_of, opened
+from resample.reading.arrays import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.limits import check_items
 from resample.reading.native import damage
 from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from resample.messages import one_line
-from resample.reading.hdf5 import SIGNATURE, dataset_in, group_in
+from resample.reading.arrays import SIGNATURE, dataset_in, group_in
 from resample.reading.limits import check_items, check_unpacked
 from resample.reading.native import damage, lacking, plain
 from resample_volume.data.values import require_memory

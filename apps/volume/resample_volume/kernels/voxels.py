@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
-from resample.engine.rays.splines import value_and_slope_at
+from resample.engine.rays.coefficients import value_and_slope_at
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import Doubles, Flags, Floats, Indices, Lamp, SplineField
 

@@ -14,10 +14,10 @@ from resample.files.animations import write_film
 from resample.files.conversion import levels_of
 from resample.files.saving import screen_levels, write_frame
 from resample.measuring.color_bars import with_color_bar
-from resample.outofcore.caching import Memo, memoizing
+from resample.outofcore.passes import Memo, memoizing
 from resample.progress import Cancel, Progress, progress_here
 from resample.resampler import Resampler
-from resample.scene.scenes import Quality
+from resample.scene import Quality
 from resample.types import Floats, Frame
 from resample.view.files import path_file
 from resample.view.views import (

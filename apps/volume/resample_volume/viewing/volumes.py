@@ -12,7 +12,7 @@ from resample.command.settings import chosen, height_and_width, option_of
 from resample.profiles.orders import Rays
 from resample.registry import missing, names
 from resample.resampler import Resampler
-from resample.scene.scenes import LITTLE
+from resample.scene import LITTLE
 from resample.types import Frame
 from resample.view.files import FileView
 from resample.view.views import ORBITING, Settings, is_free, settings_of

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like, is_in_file
-from resample.outofcore.caching import memo_of, memoized
-from resample.outofcore.passes import DIGIT, counts_by_digit, ranked
+from resample.outofcore.passes import DIGIT, counts_by_digit, memo_of, memoized, ranked
 from resample.painting.choices import MAXIMA, MEASURING, Projection
 from resample.painting.rays import bricks_to_next, thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of

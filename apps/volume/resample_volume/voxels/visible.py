@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.outofcore.caching import memoized
+from resample.outofcore.passes import memoized
 from resample.types import Doubles, Floats, Indices
 from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (

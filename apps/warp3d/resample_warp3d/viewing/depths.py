@@ -22,8 +22,7 @@ from resample.files.pictures import Kind, Picture
 from resample.files.saving import write_picture
 from resample.files.writing import save_array
 from resample.progress import Cancel, Progress, cancellable
-from resample.scene.picking import pixel_at, position_at
-from resample.scene.previews import preview_size
+from resample.scene import pixel_at, position_at, preview_size
 from resample.view.files import FileView, image_of, path_file, shown
 from resample.view.views import STEP, PagePicture, Settings, Size, placed_by, settings_of
 from resample_warp3d.command.animation import Range, poses_of, shots
