@@ -23,7 +23,7 @@ def lines(*columns):
 
 
 def text(path, content):
-    path.write_text(content)
+    path.write_text(content, encoding="utf-8")
     return read_cloud(path)
 
 

@@ -595,7 +595,7 @@ def test_other_shapes_of_picture_are_refused(shape):
     [
         ({"method": "hybird"}, "did you mean 'hybrid'.*bilinear.*paper"),
         ({"filter": "gauss"}, "known filters: area, box"),
-        ({"interpolation": "linear"}, "known interpolations: area-spline, bilinear"),
+        ({"interpolation": "linearly"}, "known interpolations: area-spline, bilinear"),
     ],
 )
 def test_an_unknown_plugin_is_answered_with_the_known_ones(choice, known):

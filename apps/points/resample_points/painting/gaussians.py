@@ -388,7 +388,8 @@ def shown_part(gaussians: Gaussians | StoredGaussians) -> Cloud:
     inner = position[kept] if kept.any() else position
     low, high = inner.min(axis=0), inner.max(axis=0)
     if reach > (high - low).max():  # a few, or one within the other: they are larger than apart
-        inner = np.stack([low - reach, high + reach])
+        corners = np.indices((2, 2, 2)).reshape(3, -1).T
+        inner = np.where(corners, high + reach, low - reach)
     nothing = np.empty((0, 3), np.float32)
     return Cloud(inner, nothing, nothing, np.empty(0, np.float32))
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from resample_points.viewing.clouds import cloud_view
 
 __all__ = ["cloud_view", "picture", "suits", "view", "view_of"]
-HOMES = {"cloud_view": "clouds", "picture": "pictures"}
+HOMES = {"cloud_view": "clouds", "picture": "pictures", "map_of": "particles"}
 __getattr__ = attributes(__name__, HOMES)
 
 
