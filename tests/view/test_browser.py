@@ -64,10 +64,10 @@ def page(browser: Any, place: Served) -> Iterator[Any]:
 
 
 def still(page: Any, after: str = "") -> str:
-    """Number of the whole picture that the page shows, once it is another than one before."""
+    """Number of the picture of the options shown, once it is another than one before."""
     page.wait_for_function(
         "before => { const image = document.querySelector('.canvas img');"
-        " return image.complete && image.dataset.preview === 'false'"
+        " return image.complete && document.querySelector('#badge').classList.contains('final')"
         " && image.dataset.number !== before; }",
         arg=after,
     )
