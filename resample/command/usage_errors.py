@@ -56,6 +56,10 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         known = [name[2:] for name in names if name.startswith("--")]
         option = meant(given.lstrip("-"), known)
         remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
+        others = getattr(sys.modules.get(getattr(error.target, "__module__", "")), "app", ())
+        if given.lstrip("-") in others:
+            called = _command(error).rpartition(" ")[0]
+            remedy += f" There is a command {called} {given.lstrip('-')}, too."
         return visible(f"Unknown option: {given}. {remedy}")
     if isinstance(error, MissingArgumentError) and error.argument is not None:
         # Describe a missing value, or a missing option or input.
@@ -70,7 +74,7 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         wrong = [word for word in left if word.startswith("-")]
         if wrong and meant(wrong[0].partition("=")[0].lstrip("-"), [name.lstrip("-")]):
             return visible(f"Unknown option: {wrong[0]}. Did you mean {name}?")
-        if name == "--output" and len(left) == 1:
+        if name == "--output" and len(left) == 1 and not wrong:
             return visible(f"{_command(error)} needs --output; did you mean -o {left[0]}?")
         shown = "--output (-o)" if name == "--output" else name
         example = f"{_command(error)} -h shows examples"

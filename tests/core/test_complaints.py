@@ -233,3 +233,8 @@ def test_what_is_to_be_installed_is_so_for_the_python_that_runs(
 def test_files_come_first(words, line, capsys, tmp_path):
     (tmp_path / "given.npy").write_bytes(b"")
     assert line in said(capsys, *words.split())
+
+
+def test_an_option_that_is_a_command_is_answered_with_the_command(capsys):
+    line = said(capsys, *["texture", "resize", "a.png", "b.png", "--scale", "0.5"])
+    assert line.endswith("Did you mean --size? There is a command resample-texture scale, too.")
