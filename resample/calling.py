@@ -67,7 +67,7 @@ NAMES = {
     "lighting lights": ("", "shading light"),
     "num_threads n_threads nthreads": ("threads", "workers"),
     "jobs n_jobs cpus cores j": ("", "threads workers"),
-    "tf transfer_function preset": ("transfer", "colormap"),
+    "tf transfer_function preset transfer": ("transfer", "colormap"),
     "voxel_size voxelsize pixdim": ("spacing", ""),
     "width height w h": ("", "width size factor"),
 }

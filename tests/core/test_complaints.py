@@ -76,7 +76,16 @@ def test_every_synonym_leads_to_an_option_of_some_command():
     known = {name.replace("-", "_") for name in options}
     alike = {one for _, names in NAMES.values() for one in names.split()}
     assert alike <= known
-    arguments = {"matrix", "source", "target", "world_to_camera", "xyz", "scene", "position"}
+    arguments = {
+        "matrix",
+        "source",
+        "target",
+        "world_to_camera",
+        "xyz",
+        "scene",
+        "position",
+        "distortion",
+    }
     arguments |= {"new_matrix", "rotation", "scale", "opacity", "normal", "shape", "colors"}
     same = {one for names, _ in NAMES.values() for one in names.split()}
     assert same <= known | arguments
