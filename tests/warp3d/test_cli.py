@@ -501,6 +501,7 @@ def test_the_right_picture_leads_to_the_left_one():
     source, left = read_image("color.png"), shifted("--eyes", "left")
     assert np.allclose(left[:8, 2:, :3], source[:8, :30], atol=1e-6)
     assert np.array_equal(left, shifted("--fraction", "-1"))
+    assert np.array_equal(left, shifted("--from", "right"))
 
 
 @pytest.mark.sweep

@@ -3,11 +3,15 @@ import numpy as np
 import pytest
 
 from resample.cameras.models import Camera
+from resample.command.session import Session
 from resample.engine.jit import kernel, threads
 from resample.files.pictures import Kind, Picture
+from resample.samples.rooms import room
 from resample_comparisons.warp3d.scenes import generated
 from resample_warp3d import warp
+from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.inputs import DepthInput
+from resample_warp3d.command.rendering import prepared
 from resample_warp3d.depth.preparation import prepare
 from resample_warp3d.depth.refining import conditioning
 from resample_warp3d.depth.refining.conditioning import REFINES, refine
@@ -183,6 +187,33 @@ def test_a_map_that_is_shifted_goes_back(right, down, scene):
     assert refined.findings.shift == (-right, -down)
     inner = slice(8, -8), slice(8, -8)
     np.testing.assert_array_equal(refined.image.nearness[inner], scene.nearness[inner])
+
+
+@pytest.mark.some(2)
+@pytest.mark.parametrize(("right", "down"), [(0, 0), (1, 0), (2, 0), (-3, 0), (0, -2), (0, 3)])
+def test_a_sensor_map_too_wide_by_a_pixel_says_how_far_it_is_off(right, down):
+    seen = room(384)
+    wide = cv2.dilate(np.float32(1.0) / seen.depth, np.ones((1, 2)))
+    found = refine(depth_image(np.roll(wide, (down, right), (0, 1)), seen.color)).findings
+    assert found.offset == pytest.approx((-right - 0.5 if right else 0, -down), abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("right", "down", "told"),
+    [
+        (0, 0, ""),
+        (2, 0, "2.0 px right of its colors"),
+        (-1, -3, "1.0 px left of and 3.0 px above its"),
+    ],
+)
+def test_how_far_depth_is_off_is_said(right, down, told, scene, capsys):
+    moved = spoiled(scene, lambda nearness: np.roll(nearness, (down, right), (0, 1)))
+    picture = Picture(moved.color, Kind(("R", "G", "B"), 8, is_encoded=True))
+    view = DepthInput(picture, moved, Camera.from_fov(60.0, SIZE, SIZE), None)
+    prepared(Session(), [view], DepthWarping())
+    said = capsys.readouterr().err
+    assert told in said
+    assert bool(said) == bool(told)
 
 
 @pytest.mark.sweep

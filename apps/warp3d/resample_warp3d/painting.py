@@ -44,7 +44,7 @@ def painted(
             f"{type(method).__name__} warps from pinhole to pinhole; for lenses, panoramas and"
             " parallel rays use the method hybrid"
         )
-    look: PassageMethod = method if pixel is None else partial(_filtered, method, pixel)
+    look: PassageMethod = method if pixel is None else partial(filtered, method, pixel)
     if not isinstance(passage.target, Equirectangular):
         return look(source, passage, shape)
     check_panorama(shape)
@@ -106,12 +106,6 @@ def trusted(rendered: Rendered, source: Source, passage: Passage) -> Floats:
     return sure
 
 
-def _filtered(
-    method: Hybrid, pixel: PixelFilter, source: Source, passage: Passage, shape: Shape
-) -> Rendered:
-    return filtered(method, pixel, source, passage, shape)
-
-
 def _last_known(nearness: Floats) -> Floats:
     """Return the last finite number to the left of each pixel; inf if there is none."""
     width = nearness.shape[1]
@@ -127,8 +121,9 @@ def _halves(look: PassageMethod, source: Source, passage: Passage, shape: Shape)
     target = passage.target
     for turned in (0, 1):
         way = Passage(passage.source, _turned(target, turned * math.pi), shape)
-        frame = height, half + 2 * MARGIN
-        part = look(source, way.in_frame(_shifted(MARGIN - first)), frame)
+        shifted = np.eye(3)
+        shifted[0, 2] = MARGIN - first
+        part = look(source, way.in_frame(shifted), (height, half + 2 * MARGIN))
         columns = (np.arange(first, first + half) + turned * half) % width
         for into, each in zip(whole, part, strict=True):
             into[:, columns] = each[:, MARGIN:-MARGIN]
@@ -139,13 +134,6 @@ def _turned(target: object, yaw: float) -> Equirectangular:
     if not isinstance(target, Equirectangular):
         raise TypeError("only panoramas are turned")
     return target.turned(yaw)
-
-
-def _shifted(right: float) -> Doubles:
-    """Return a horizontally shifted frame (3, 3)."""
-    frame = np.eye(3)
-    frame[0, 2] = right
-    return frame
 
 
 def _cap(method: Hybrid, source: Source, passage: Passage, whole: Rendered, rows: int) -> None:

@@ -125,7 +125,10 @@ def project(
             flat = point[..., :2] / np.where(weight > 0.0, weight, np.nan)[..., None]
             return flat * (camera.sx, camera.sy) + (camera.cx, camera.cy), nearness
         flat = point[..., :2] / far[..., None]
-    return _through_lens(camera, flat), nearness
+    on_screen = flat @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
+    if camera.distortion is not None:
+        on_screen = distorted_places(camera, on_screen)
+    return on_screen, nearness
 
 
 def unproject(
@@ -181,16 +184,6 @@ def taken_by(camera: CameraModel, image: DepthImage) -> tuple[DepthImage, Camera
     return image._replace(nearness=nearness), camera.moved(pose)
 
 
-def _through_lens(camera: Camera, flat: Doubles) -> Doubles:
-    """Project points of the plane at distance 1 to px."""
-    place = flat @ camera.matrix[:2, :2].T + camera.matrix[:2, 2]
-    return place if camera.distortion is None else distorted_places(camera, place)
-
-
-def _whole() -> Doubles:
-    return np.eye(3)
-
-
 @dataclass(frozen=True, eq=False)
 class Passage:
     """Map from a source's samples to a target's pixels, and back.
@@ -215,7 +208,7 @@ class Passage:
     source: Camera | Orthographic
     target: CameraModel
     shape: Shape
-    frame: Doubles = field(default_factory=_whole)
+    frame: Doubles = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
         if not isinstance(self.source, Camera | Orthographic):

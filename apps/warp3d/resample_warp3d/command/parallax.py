@@ -3,6 +3,7 @@
 import re
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
+from cyclopts import Parameter
 from pydantic import Field, model_validator
 
 from resample.command.flags import SIZE, Hyphen, OptionTopic, Shape, Switch
@@ -141,12 +142,22 @@ class Parallax(Choices):
         ),
     ] = None
 
+    source_eye: Annotated[
+        Literal["left", "right"] | None,
+        Parameter(name="--from", show=False),
+        Field(description="Whose picture the source is, as in 0.2: --eyes names the other one."),
+    ] = None
+
     @model_validator(mode="before")
     @classmethod
-    def _of_numbers(cls, given: Any) -> Any:
-        """Take a number for `eyes` for their distance."""
+    def _of_eyes(cls, given: Any) -> Any:
+        """Take a number for `eyes` for their distance, and the source's eye for the other one."""
         if isinstance(given, dict) and NUMBER.fullmatch(str(given.get("eyes"))):
             given = {**given, "eye_distance": given["eyes"], "eyes": None}
+        if isinstance(given, dict) and given.get("source_eye"):
+            if given.get("eyes"):
+                raise ValueError("--from and --eyes both say which eye is made; give --eyes")
+            given = {**given, "eyes": "left" if given["source_eye"] == "right" else "right"}
         return given
 
     def is_around(self, eye: SourceCamera) -> bool:

@@ -22,6 +22,7 @@ from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, RefinementChoice
+from resample_warp3d.depth.refining.inspecting import Findings
 from resample_warp3d.projection_models import CameraModel, Way, mapping_between
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
@@ -97,11 +98,22 @@ def _prepared(view: DepthInput, choice: DepthWarping, like: RefinementChoice | N
     is_auto = choice.refine == "auto"
     name = "none" if is_auto and choice.unmixed else choice.refine
     refined = view.refined(name, choice.noise, like)
-    if is_auto and like is None and refined.chosen != "none":
-        say(f"depth: {REFINEMENTS[refined.chosen]}; --refine none keeps it unchanged")
+    if is_auto and like is None:
+        parts = _displacement(refined.findings), REFINEMENTS.get(refined.chosen, "")
+        if any(parts):
+            say(f"depth: {'; '.join(filter(None, parts))}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None
     return Prepared(source, view.camera, refined, layer)
+
+
+def _displacement(found: Findings) -> str:
+    """Say how far depth lies beside its colors; nothing if that is hardly a pixel."""
+    sides = zip(
+        found.offset, found.shift, (("left of", "right of"), ("above", "below")), strict=True
+    )
+    told = [f"{abs(by):.1f} px {words[by < 0]}" for by, whole, words in sides if whole]
+    return f"it lies {' and '.join(told)} its colors" if told else ""
 
 
 def warped(
@@ -248,7 +260,7 @@ def _findings(refined: Refined) -> dict[str, Any]:
         "blur, px": round(found.sigma, 3),
         "aligned": round(found.aligned, 3),
         "overshoot": round(found.overshoot, 3),
-        "shift, px": list(found.shift),
+        "offset, px": [round(each, 2) for each in found.offset],
         "enlargement": round(found.enlargement, 4),
         "unknown": round(found.unknown, 6),
         "confidence": round(float(refined.confidence.mean()), 6),

@@ -47,7 +47,7 @@ def read_depth(path: str | Path) -> Raw:
     elif suffix == ".r3d":
         raw = _read_recording(file, name or "0")
     elif suffix == ".depth":
-        raw = _read_floats(file)
+        raw = _floats(file.read_bytes(), str(file), "<f4", (0, 0))
     elif suffix == ".bin":
         raw = _read_colmap(file)
     elif suffix in (".npy", ".npz"):
@@ -171,11 +171,6 @@ def _read_recording(path: Path, frame: str) -> Raw:
         sure = _floats(unpacked(path, member), f"{path}: {member}", "u1", raw.shape)
         raw = np.where(sure > 0, raw, np.float32(np.nan))
     return raw
-
-
-def _read_floats(path: Path) -> Raw:
-    """Read bare float32, packed by LZFSE or not; the size tells their shape."""
-    return _floats(path.read_bytes(), str(path), "<f4", (0, 0))
 
 
 def _floats(data: bytes, name: str, kind: str, shape: tuple[int, ...]) -> Raw:

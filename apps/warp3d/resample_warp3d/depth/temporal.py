@@ -258,7 +258,8 @@ def align(film: Iterable[Thumbnail]) -> Alignment:
     """Align the maps of a film; shots whose maps agree already are left unchanged."""
     shots: list[_Shot] = []
     for picture in film:
-        if not shots or _is_other(shots[-1], picture):
+        last = shots[-1].color if shots else picture.color[:0]
+        if last.shape != picture.color.shape or is_cut(last, picture.color):
             shots.append(_Shot.begun(picture))
         else:
             shots[-1].add(picture)
@@ -271,8 +272,3 @@ def align(film: Iterable[Thumbnail]) -> Alignment:
     ends = np.cumsum([0, *(len(shot.fits) for shot in shots)])
     scale, shift = np.array(fits, np.float64).reshape(-1, 2).T
     return Alignment(scale, shift, tuple(int(start) for start in ends[:-1]), better)
-
-
-def _is_other(shot: _Shot, picture: Thumbnail) -> bool:
-    """Whether a picture begins another shot."""
-    return picture.color.shape != shot.color.shape or is_cut(shot.color, picture.color)

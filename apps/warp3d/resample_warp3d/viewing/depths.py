@@ -84,13 +84,6 @@ class _DepthRequest(NamedTuple):
         return self.written.options()
 
 
-class _Ready(NamedTuple):
-    """Sources read and prepared."""
-
-    taken: Inputs
-    sources: list[Prepared]
-
-
 class _Rendering(NamedTuple):
     """A rendered view and its options."""
 
@@ -115,7 +108,7 @@ class DepthPainter:
     color: str
     depth: str
     further: Sequence[str] = ()
-    _ready: tuple[Any, _Ready] | None = field(init=False, default=None)  # (options, sources)
+    _ready: tuple[Any, tuple[Inputs, list[Prepared]]] | None = field(init=False, default=None)
     _last: _Rendering | None = field(init=False, default=None)  # the view to pick from
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
@@ -196,7 +189,7 @@ class DepthPainter:
 
     def taken(self, settings: Settings) -> Inputs:
         """Return the files, read and prepared; raises as `save` does."""
-        return self._sources(_checked(settings)).taken
+        return self._sources(_checked(settings))[0]
 
     def _rendered(self, settings: Settings, size: Size) -> _Rendering:
         request = _checked({**settings, "size": f"{size[0]}x{size[1]}"})
@@ -206,15 +199,15 @@ class DepthPainter:
         together = joined(Session(), sources, target, size[::-1], request.warping, joining)
         return _Rendering(request, taken.picture.kind, together.warped, target)
 
-    def _sources(self, request: _DepthRequest) -> _Ready:
-        """Return the sources, cached while only the camera moves."""
+    def _sources(self, request: _DepthRequest) -> tuple[Inputs, list[Prepared]]:
+        """Return the sources, read and prepared; cached while only the camera moves."""
         eye, meaning, warping = request.eye, request.meaning, request.warping
         key = eye, meaning, warping.noise, warping.refine, warping.unmixed, warping.has_layer
         if self._ready is None or self._ready[0] != key:
             reader = DepthReader.checked(eye, meaning, labels=warping.unmixed)
             further = [view_names(text) for text in self.further]
             taken = read_views(reader, self.color, self.depth, further)
-            self._ready = key, _Ready(taken, prepared(Session(), taken.views, warping))
+            self._ready = key, (taken, prepared(Session(), taken.views, warping))
         return self._ready[1]
 
 

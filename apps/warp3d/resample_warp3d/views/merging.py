@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,36 +140,25 @@ def merge(
     nearness = np.stack(
         [np.where(view.coverage > 0, 1.0 / view.depth, 0).astype(np.float32) for view in ordered]
     )
-    front, is_front = _surface(ordered, nearness, factors, blend)
-    behind, _ = _surface(ordered, np.where(is_front, 0, nearness), factors, blend)
-    rest = np.float32(1) - front.coverage
-    is_near = front.coverage > 0
-    coverage = front.coverage + rest * behind.coverage
-    near = np.where(is_near, front.nearness, behind.nearness)
-    return Warped(
-        front.image + rest[..., None] * behind.image,
-        coverage,
-        np.divide(1.0, near, out=np.full_like(near, np.inf), where=near > 0),
-        _holes(ordered, coverage),
-        np.where(is_near, front.magnification, behind.magnification),
-        np.where(is_near, front.confidence, behind.confidence),
-    )
-
-
-class MergedSurface(NamedTuple):
-    """One surface as shown by several views, (H, W[, C]); all 0 where there is none."""
-
-    image: Floats
-    coverage: Floats
-    nearness: Floats
-    magnification: Floats
-    confidence: Floats
+    is_front, (image, coverage, *front) = _surface(ordered, nearness, factors, blend)
+    hidden = np.where(is_front, 0, nearness)
+    _, (image_behind, coverage_behind, *behind) = _surface(ordered, hidden, factors, blend)
+    rest = np.float32(1) - coverage
+    near, magnification, confidence = np.where(coverage > 0, front, behind)
+    coverage = coverage + rest * coverage_behind
+    depth = np.divide(1.0, near, out=np.full_like(near, np.inf), where=near > 0)
+    image = image + rest[..., None] * image_behind
+    return Warped(image, coverage, depth, _holes(ordered, coverage), magnification, confidence)
 
 
 def _surface(
     views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: Blend
-) -> tuple[MergedSurface, NDArray[np.bool_]]:
-    """Return the nearest surface of several views (V, H, W), and where each shows it."""
+) -> tuple[NDArray[np.bool_], list[Floats]]:
+    """Find the nearest surface of several views (V, H, W).
+
+    Returns where each shows it, and its image, coverage, nearness, magnification and confidence,
+    (H, W[, C]); all 0 where there is none.
+    """
     solid = np.stack([view.coverage >= SOLID for view in views])
     front = np.where(solid, nearness, 0).max(axis=0)
     is_front = (nearness >= front * (1.0 - SAME)) & (nearness > 0)
@@ -185,9 +174,8 @@ def _surface(
         magnification += weight * view.magnification
         confidence = np.maximum(confidence, np.where(shown, view.confidence, 0))
     share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
-    return MergedSurface(
-        image * share[..., None], coverage * share, near * share, magnification * share, confidence
-    ), is_front
+    means = (each * share for each in (coverage, near, magnification))
+    return is_front, [image * share[..., None], *means, confidence]
 
 
 def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:

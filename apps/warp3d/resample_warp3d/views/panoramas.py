@@ -91,7 +91,8 @@ def faces(
     pose = np.eye(4) if world_to_camera is None else np.asarray(world_to_camera, np.float64)
     made = []
     for rows, columns, turned in _blocks(height, width):
-        ray = rays_at(_centers(rows, columns), (height, width)) @ turned[:3, :3].T
+        center = np.stack(np.broadcast_arrays(columns + 0.5, rows[:, None] + 0.5), axis=2)
+        ray = rays_at(center, (height, width)) @ turned[:3, :3].T
         focal = width / (2.0 * math.pi)  # as many px per radian as the panorama has
         camera = Camera.from_intrinsics(focal, focal, 0.0, 0.0, turned @ pose)
         block = np.ix_(rows, columns % width)
@@ -113,8 +114,3 @@ def _blocks(height: int, width: int) -> Iterator[tuple[Indices, Indices, Doubles
     pole = np.arange(quarter + SHARED)
     yield pole, whole, turn(0.0, 0.5 * math.pi)
     yield height - 1 - pole[::-1], whole, turn(0.0, -0.5 * math.pi)
-
-
-def _centers(rows: Indices, columns: Indices) -> Doubles:
-    """Return the centers of pixels, (rows, columns, 2) px."""
-    return np.stack(np.broadcast_arrays(columns + 0.5, rows[:, None] + 0.5), axis=2)

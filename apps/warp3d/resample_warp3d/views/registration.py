@@ -35,14 +35,9 @@ class Sampled(NamedTuple):
     points: tuple[Doubles, ...]  # (N, 3) of both, in the camera
 
 
-class Errors(NamedTuple):
-    """Errors of the colors and depths (2, N) of one view's points in another view."""
-
-    error: Doubles
-    slope: Doubles  # (2, N, 12) by translation and rotation of the first and the second view
-
-
-Pairs = dict[tuple[int, int], Errors]
+# Errors of the colors and depths (2, N) of points of a view in another one, and their slopes
+# (2, N, 12) by translation and rotation of the first and the second view.
+Pairs = dict[tuple[int, int], tuple[Doubles, Doubles]]
 
 
 def refined_poses(
@@ -111,14 +106,14 @@ def _compared(
         color = soft[first][0][views[first].chosen[which]].astype(np.float64)
         turn = poses[second] @ np.linalg.inv(poses[first])
         errors = _errors(views[second], soft[second], turn, views[first].points[which], color)
-        if errors.error.shape[1] >= FEWEST:
+        if errors[0].shape[1] >= FEWEST:
             found[first, second] = errors
     return found
 
 
 def _errors(
     view: Sampled, soft: Sequence[Floats], turn: Doubles, point: Doubles, color: Doubles
-) -> Errors:
+) -> tuple[Doubles, Doubles]:
     """Compare points (N, 3) of another camera, and their colors, with a view."""
     there = point @ turn[:3, :3].T + turn[:3, 3]
     there[:, 2] = np.where(there[:, 2] > 0, there[:, 2], np.nan)
@@ -141,7 +136,7 @@ def _errors(
     for by in toward:
         back = by @ turn[:3, :3]
         slopes.append(np.c_[-back, -np.cross(point, back), by, np.cross(there, by)])
-    return Errors(np.stack([change, depth]), np.stack(slopes))
+    return np.stack([change, depth]), np.stack(slopes)
 
 
 def _interpolated(maps: Sequence[Floats], at: Doubles) -> Doubles:
@@ -159,13 +154,13 @@ def _interpolated(maps: Sequence[Floats], at: Doubles) -> Doubles:
 
 def _deviations(pairs: Pairs) -> Doubles:
     """Return the median absolute errors of colors and depths."""
-    errors = np.abs(np.concatenate([each.error for each in pairs.values()], axis=1))
+    errors = np.abs(np.concatenate([error for error, _ in pairs.values()], axis=1))
     return np.asarray(np.maximum(np.median(errors, axis=1), 1e-6))
 
 
 def _agreement(pairs: Pairs, deviations: Doubles) -> float:
     """Count the points that agree, those that are off by two deviations half."""
-    errors = (each.error / (TOLERANT * deviations[:, None]) for each in pairs.values())
+    errors = (error / (TOLERANT * deviations[:, None]) for error, _ in pairs.values())
     return sum(float(np.sum(1.0 / (1.0 + np.square(each)))) for each in errors)
 
 
@@ -174,9 +169,8 @@ def _step(pairs: Pairs, moved: Doubles, unit: Doubles) -> Doubles:
     count = len(moved)
     normal, right = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     deviations = _deviations(pairs)[:, None]
-    for pair, errors in pairs.items():
-        error = errors.error / deviations
-        slope = errors.slope * np.tile(unit, 2) / deviations[..., None]
+    for pair, (off, by) in pairs.items():
+        error, slope = off / deviations, by * np.tile(unit, 2) / deviations[..., None]
         weight = 1.0 / (1.0 + np.square(error / TOLERANT))
         square = np.einsum("kn,kni,knj->ij", weight, slope, slope, optimize=False)
         toward = np.einsum("kn,kni->i", weight * error, slope).reshape(2, 6)

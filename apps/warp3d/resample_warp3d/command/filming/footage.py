@@ -18,7 +18,6 @@ from resample.files.animations import check_rate
 from resample.files.pictures import Picture, read_picture
 from resample.files.sequences import FILMS, READ, USUAL, Frames, frames_of
 from resample.files.writing import replacing
-from resample.types import Floats
 from resample_warp3d.command.filming.depth_model import DepthModel
 from resample_warp3d.command.inputs import read_names
 from resample_warp3d.depth.encodings import Raw
@@ -331,11 +330,8 @@ def _as_is(picture: Picture) -> Picture:
 
 def _as_stored(picture: Picture) -> Picture:
     """Return a picture of a film with its levels as they are stored, 0..1."""
-    return picture._replace(data=_levels(picture.data))
-
-
-def _levels(light: Floats) -> Floats:
-    return np.asarray(np.rint(to_srgb(np.clip(light, 0.0, 1.0)) * 255.0) / 255.0, np.float32)
+    levels = np.rint(to_srgb(np.clip(picture.data, 0.0, 1.0)) * 255.0) / 255.0
+    return picture._replace(data=np.asarray(levels, np.float32))
 
 
 def _gray_levels(picture: Picture) -> Raw:

@@ -57,6 +57,7 @@ ALIKE = 4.0  # enlargement up to which both may have the same
 SLIGHT = 2e-3  # relative: larger errors are compared
 MADE_UP = 0.5  # confidence of a unanimous vote for an unknown sample
 AGREED, UNANIMOUS = 0.95, 0.995  # share of the votes that an unknown sample needs, if in front
+WIDE_GAP = 13  # px, side of squares that only shadows beside things hold; these are behind
 IN_FRONT = 1.1  # times the nearness of the farthest surface around: more is in front
 NOWHERE = 1e30  # nearness: larger than any
 LEAST_SIDE = 32  # px: pictures are not reduced to less
@@ -329,18 +330,22 @@ def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Flo
     """Fill unknown nearness from known samples, round by round.
 
     What a sensor misses beside an edge is mostly behind it, so the votes for anything nearer than
-    the farthest surface around must be all but unanimous; wrong samples in front hide right ones.
+    the farthest surface around must be all but unanimous, and count for nothing in wide gaps, which
+    are shadows: wrong samples in front hide right ones.
     """
     import cv2
 
     around = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
+    square = np.ones((WIDE_GAP, WIDE_GAP), np.uint8)
+    is_wide = cv2.morphologyEx((nearness <= 0).astype(np.uint8), cv2.MORPH_OPEN, square) > 0
+    in_front = np.where(is_wide, np.inf, UNANIMOUS)
     for _ in range(MOST_ROUNDS):
         unknown = (nearness <= 0).astype(np.uint8)
         if not unknown.any():
             break
         found, share = counted(task, ballot_of(task, nearness), unknown, nearness)
         farthest = cv2.erode(np.where(unknown, np.float32(NOWHERE), nearness), around)
-        least = np.where(found > IN_FRONT * farthest, UNANIMOUS, AGREED)
+        least = np.where(found > IN_FRONT * farthest, in_front, AGREED)
         nearness = np.where((unknown > 0) & (share < least), np.float32(0), found)
         share = np.where(nearness > 0, MADE_UP * share, 0)
         agreed = np.where(unknown > 0, share, agreed).astype(np.float32)

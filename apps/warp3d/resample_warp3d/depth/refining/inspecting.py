@@ -40,6 +40,8 @@ MANY_GAPS = 50  # of a map; a sky visible through objects makes fewer
 FEW = 100  # edges; fewer are not evaluated
 CLOSE = 6  # px on each side of an edge where colors are compared with those at it
 UNSHIFTED = 0.85  # of the largest color change: with more at edges, the map is not shifted
+HARDLY = 0.8  # px, offset up to which a map is not shifted
+APART = 0.75  # px that a map with an offset may be too wide or too narrow
 CONTRAST = 1.5  # least ratio of color change near edges to that farther away
 MOST_EDGES = 1 << 16
 USUAL = 0.5587  # mean of the lower 80 % of |x|, x normal with deviation 1
@@ -60,7 +62,7 @@ class Findings(NamedTuple):
     unknown: float  # share of its samples without depth
     is_measured: bool  # noisy, quantized or full of gaps: unknown samples were lost, not empty
     overshoot: float = 0.0  # of the jump, by which soft edges exceed both of their sides
-    shift: tuple[int, int] = (0, 0)  # px right and down, from the map to the picture
+    offset: tuple[float, float] = (0.0, 0.0)  # px right and down, from the map to the picture
     is_sparse: bool = False  # scattered samples, or lines of them
     enlargement: float = 1.0  # times, by which a smaller map was enlarged
 
@@ -68,6 +70,12 @@ class Findings(NamedTuple):
     def is_soft(self) -> bool:
         """Whether edges span several samples."""
         return self.soft > MANY_SOFT and self.sigma > FAINT
+
+    @property
+    def shift(self) -> tuple[int, int]:
+        """Whole px right and down from the map to the picture, 0 if the map is hardly off."""
+        right, down = (round(each) if abs(each) > HARDLY else 0 for each in self.offset)
+        return right, down
 
     @property
     def remedy(self) -> str:
@@ -102,8 +110,8 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     sharp = edges_of(nearness, Edges(1, 1.0, least, 2.0 * step))
     unknown = float(np.mean(nearness <= 0))
     is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max() or _is_torn(nearness))
-    aligned, shift = _aligned(color, sharp)
-    return Findings(soft, sigma, is_depth, aligned, unknown, is_measured, overshoot, shift)
+    aligned, offset = _aligned(color, sharp)
+    return Findings(soft, sigma, is_depth, aligned, unknown, is_measured, overshoot, offset)
 
 
 def is_sparse(nearness: Floats) -> bool:
@@ -208,7 +216,7 @@ def depth_of(nearness: Floats) -> Floats:
     return found
 
 
-def _aligned(color: Floats, mark: NDArray[np.uint8]) -> tuple[float, tuple[int, int]]:
+def _aligned(color: Floats, mark: NDArray[np.uint8]) -> tuple[float, tuple[float, float]]:
     """Return the color change at edges, of the largest within a few px, and a common shift.
 
     The first is 1 if not measurable: few edges, or colors that change equally everywhere.
@@ -226,14 +234,25 @@ def _aligned(color: Floats, mark: NDArray[np.uint8]) -> tuple[float, tuple[int, 
     return float(total[CLOSE] / max(beside.max(), 1e-30)), (right, down)
 
 
-def _common(even: Doubles, count: Doubles) -> int:
-    """Return the shift along an axis that edges of both sides agree on, px; 0 for none."""
+def _common(even: Doubles, count: Doubles) -> float:
+    """Return the shift along an axis that edges of both sides agree on, px; 0 if it is not clear.
+
+    Where the map is too wide or too narrow, edges of both sides are off in opposite directions.
+    """
     middle = even.shape[1] // 2
-    lag = even.argmax(axis=1)
+    lag = [_peak(each) - middle for each in even]
     peak = even.max(axis=1)
     is_clear = (peak > CONTRAST * np.median(even, axis=1)) & (even[:, middle] < UNSHIFTED * peak)
-    is_common = lag[0] - middle == middle - lag[1] and bool(is_clear.all())
-    return int(lag[0] - middle) if is_common and count.min() >= FEW else 0
+    is_common = abs(lag[0] + lag[1]) < 2.0 * APART and bool(is_clear.all()) and count.min() >= FEW
+    return 0.5 * (lag[0] - lag[1]) if is_common else 0.0
+
+
+def _peak(values: Doubles) -> float:
+    """Return where values are largest, by a parabola through three of them."""
+    n = min(max(int(values.argmax()), 1), values.size - 2)
+    before, here, after = values[n - 1 : n + 2]
+    bend = before - 2.0 * here + after
+    return float(n + 0.5 * (before - after) / bend) if bend < 0 else float(n)
 
 
 def known(image: DepthImage) -> Floats:
