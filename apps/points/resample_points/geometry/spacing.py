@@ -255,20 +255,25 @@ def _measured_places(
     if count > 1 and largest is not None and np.isfinite(largest):
         with portion(MEASURING, 1.0):
             limit(found.nearest, found.spacing, _sizes(axes), float(largest), axes)
-            _shrink_strays(found)
+            _shrink_strays(found, largest)
 
 
-def _shrink_strays(found: MeasuredDiscs) -> None:
+def _shrink_strays(found: MeasuredDiscs, largest: float) -> None:
     """Make discs of points that lie on no surface half as large as most, if they are much larger.
 
     Strays in empty space have strays around them, so their neighbours do not limit their discs.
+    Some have neighbours that lie flat by chance; these are limited by what the others have now.
     """
     axes, size = found.axes, _sizes(found.axes)
     usual = np.median(size[:: max(1, len(size) // SAMPLED)])
-    for rows in rows_of(axes):
-        large = rows.start + np.flatnonzero(size[rows] > MUCH * usual)
-        stray = large[shape_of(found, large).is_cloud]
+    large = [rows.start + np.flatnonzero(size[rows] > MUCH * usual) for rows in rows_of(axes)]
+    for some in large:
+        stray = some[shape_of(found, some).is_cloud]
         axes[stray] *= (0.5 * usual / size[stray])[:, None, None]
+        size[stray] = 0.5 * usual
+    for some in large:
+        around = np.quantile(size[found.nearest[some]], 0.75, axis=1, method="higher")
+        axes[some] *= np.minimum(1.0, largest * around / size[some])[:, None, None]
 
 
 def _measured_alone(
