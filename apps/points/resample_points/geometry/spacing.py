@@ -24,10 +24,11 @@ from resample.messages import check_threads, number, warn
 from resample.progress import portion, told
 from resample.types import Doubles, Floats, Indices
 from resample_points.data.cloud import Cloud, check_cloud
+from resample_points.data.curves import curve_through
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
 from resample_points.geometry.rings import MeasuredDiscs, has_lines, shape_of, widened
 from resample_points.geometry.scanner import scanned
-from resample_points.geometry.sorting import Ordered, curve_through, in_order
+from resample_points.geometry.sorting import Ordered, in_order
 
 NEIGHBOURS = 13  # with the point itself
 NEIGHBOURS_OF_SCANS = 21  # the same, by direction: two rings to each side
