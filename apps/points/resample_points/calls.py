@@ -254,8 +254,6 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
     if isinstance(scene, Cloud | Surfels | CloudScene | Gaussians):
         return scene
     if isinstance(scene, str | PathLike):
-        from pathlib import Path
-
         path = Path(scene)
         return read_gaussians(path) if is_gaussians(path) else read_cloud(path)
     place: Any = np.asarray(getattr(scene, "points", scene))  # of Open3D or a trimesh.PointCloud

@@ -52,6 +52,12 @@ def check_cloud(given: Any, kinds: Any) -> None:
         )
 
 
+def rows_in(cloud: Cloud, rows: slice) -> Cloud:
+    """Return rows of a cloud."""
+    columns = {name: column[rows] for name, column in cloud.columns.items()}
+    return Cloud(*(part[rows] for part in cloud[:4]), columns)
+
+
 def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
     """Select points of a cloud by mask or indices."""
     if which.dtype == np.bool_:

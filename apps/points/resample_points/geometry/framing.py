@@ -168,8 +168,10 @@ def framed_together(
     slope = _slopes(camera, size)
     around = seen._replace(middle=middle)
     away = LEAST
-    for pair in _some(angles):
-        sides = _sides(around, orbit(np.zeros(3), 1.0, *pair, up)[:3, :3], slope)
+    each = sorted(set(angles))
+    # On an orbit cosines change by under 1 % between two of so many.
+    for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int):
+        sides = _sides(around, orbit(np.zeros(3), 1.0, *each[n], up)[:3, :3], slope)
         away = max(away, float((sides / slope).max()))
     return [camera.moved(orbit(middle, away, *pair, up)) for pair in angles]
 
@@ -179,12 +181,6 @@ def ball_around(cloud: Cloud | Surfels) -> Sphere:
     seen = _visible(cloud)
     middle = seen.box_middle()
     return Sphere(middle, max(seen.farthest_from(middle) + seen.reach, LEAST))
-
-
-def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Select representative angles; on an orbit cosines change by under 1 % between two."""
-    each = sorted(set(angles))
-    return [each[n] for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int)]
 
 
 def _parallel(seen: Framing, size: tuple[int, int], pose: Doubles) -> Orthographic:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from resample.memory.mapped import most_of
 from resample.progress import report
 from resample.types import Doubles, Floats, Indices
-from resample_points.data.cloud import Cloud, checked, drawable, some_of
+from resample_points.data.cloud import Cloud, checked, drawable, rows_in, some_of
 from resample_points.data.curves import (
     BATCH_SIZE,
     Codes,
@@ -127,12 +127,6 @@ def _ascending(code: Codes) -> tuple[Indices, Codes]:
     return order, grouped
 
 
-def _rows(cloud: Cloud, rows: slice) -> Cloud:
-    """Return rows of a cloud, without columns."""
-    position, normal, color, radius, _ = cloud
-    return Cloud(position[rows], normal[rows], color[rows], radius[rows])
-
-
 class _PreparedCloud(NamedTuple):
     """A cloud in files that is prepared for sorting part by part."""
 
@@ -142,7 +136,7 @@ class _PreparedCloud(NamedTuple):
 
     def part(self, rows: slice) -> Cloud:
         """Return the points of some rows that can be drawn, relative to the origin."""
-        given = _rows(self.cloud, rows)
+        given = rows_in(self.cloud, rows)
         points = _drawn(given, self.radius)
         number = np.arange(*rows.indices(len(self.cloud.position)), dtype=np.int32)
         if len(points.position) < len(number):
@@ -178,9 +172,10 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     A sample of the points determines where buckets end along the curve; all points are then moved
     to their buckets, which are sorted one by one.
     """
+    cloud = cloud._replace(columns={})
     low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
     for rows in rows_of(cloud.position):
-        position = checked(_rows(cloud, rows)).position
+        position = checked(rows_in(cloud, rows)).position
         if len(position):
             least, greatest = corners(position)
             low, high = np.minimum(low, least), np.maximum(high, greatest)
@@ -194,8 +189,7 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     ordered, start = _moved(given, curve, ends, count)
     for first, last in pairwise(start.tolist()):
         rows = slice(first, last)
-        own = {SOURCE: ordered.columns[SOURCE][rows]}
-        part = _rows(ordered, rows)._replace(columns=own)
+        part = rows_in(ordered, rows)
         part = some_of(part, canonical(part, curve))
         for each, values in zip(_arrays(ordered), _arrays(part), strict=True):
             each[rows] = values
