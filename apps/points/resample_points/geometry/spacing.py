@@ -364,8 +364,8 @@ def measured_once(
         measure()
         return
     path = folder() / f"{_name(position, normal, largest, zero)}.npz"
-    found = _read(path, len(position))
-    if found is not None:
+    found = (load_arrays(path, "measured") or {}).get("measured", UNKNOWN)
+    if found.shape == (len(position), WIDTH) and found.dtype == np.float32:
         normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
         return
     measure()
@@ -380,12 +380,3 @@ def _name(position: Floats, normal: Floats, largest: float, zero: Doubles) -> st
     for array in (position, normal):
         digest.update(np.ascontiguousarray(array, np.float32).data)
     return digest.hexdigest()[:40]
-
-
-def _read(path: Path, count: int) -> Floats | None:
-    """Read a cache file; None if it is missing or damaged."""
-    held = load_arrays(path, "measured")
-    found = None if held is None else held["measured"]
-    if found is None or found.shape != (count, WIDTH) or found.dtype != np.float32:
-        return None
-    return found
