@@ -54,8 +54,9 @@ def check_cloud(given: Any, kinds: Any) -> None:
 
 def rows_in(cloud: Cloud, rows: slice) -> Cloud:
     """Return rows of a cloud."""
-    columns = {name: column[rows] for name, column in cloud.columns.items()}
-    return Cloud(*(part[rows] for part in cloud[:4]), columns)
+    position, normal, color, radius, columns = cloud
+    kept = {name: column[rows] for name, column in columns.items()}
+    return Cloud(position[rows], normal[rows], color[rows], radius[rows], kept)
 
 
 def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:

@@ -171,7 +171,7 @@ def framed_together(
     each = sorted(set(angles))
     # On an orbit cosines change by under 1 % between two of so many.
     for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int):
-        sides = _sides(around, orbit(np.zeros(3), 1.0, *each[n], up)[:3, :3], slope)
+        sides = _sides(around, orbit(np.zeros(3), 1.0, *each[int(n)], up)[:3, :3], slope)
         away = max(away, float((sides / slope).max()))
     return [camera.moved(orbit(middle, away, *pair, up)) for pair in angles]
 
