@@ -55,7 +55,6 @@ LEAST_APART, MOST_APART = 2, 16  # sub-pixels between two that are sampled first
 BENDS = 0.01  # fraction of the values' range; largest bend where sub-pixels are interpolated
 LARGE = 0.9  # px per voxel above which one ray through the pixel's center suffices
 SPREAD = 0.6  # px per voxel below which sub-pixels are not on a grid
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 OF_SPREAD, MOST_SPREAD = 1.75, 16  # rays per side of a pixel then, times px per voxel; at most
 FIRST_RAYS = 3  # per side of a pixel that are cast first, at least
 STEEP = 0.3  # of the largest extinction, between neighbouring columns
@@ -117,7 +116,7 @@ class RayPainter:
         rows: tuple[int, int],
     ) -> tuple[PaintTarget, Statistics]:
         """Paint rows of a picture (height, width) of fields; meshes are those of the first."""
-        from resample.engine.rays.painting import Evenness, Output
+        from resample.engine.rays.painting import GOLDEN, Evenness, Output
 
         clock, style = Clock(), self.style
         fields, media = _visible_fields(fields, [_medium(field, view, self) for field in fields])

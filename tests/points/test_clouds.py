@@ -477,6 +477,12 @@ def test_strays_in_many_clumps_do_not_either(rng):
     assert max(_filled(cloud, (60, 80))) > 0.88
 
 
+def test_twelve_strays_in_a_thousand_do_not_make_the_rest_small(rng):
+    cloud = _cloud(np.concatenate([_ball(6000), rng.uniform(-100, 100, (72, 3))]))
+    assert max(_filled(cloud, (60, 80))) > 0.88
+    assert np.linalg.norm(prepare_cloud(cloud).axes, axis=2).max() < 0.2
+
+
 def test_a_thin_pole_is_no_stray():
     pole = np.c_[np.zeros((30, 2)), np.linspace(1.0, 3.0, 30)]
     camera = framed(_cloud(np.concatenate([_ball(20000), pole])), size=(60, 80))

@@ -10,12 +10,14 @@ import pytest
 
 from conftest import real
 from resample import registry
+from resample_points import cli
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.joining import with_up
 from resample_points.files.gaussians import sog
 from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
 from resample_points.files.gaussians.writing import write_gaussians
 from resample_points.files.readers import read_cloud
+from tests import commands
 from tests import splats as made
 from tests.fuzz.files import put
 
@@ -337,6 +339,15 @@ def test_activations_that_were_applied_before_writing_are_said(tmp_path, caplog)
     columns.update({f"scale_{n}": SCENE.scale[:, n] for n in range(3)})
     read_gaussians(written(tmp_path / "twice.ply", made.ply_of(columns)))
     assert "as if activations had been applied" in caplog.messages[0]
+
+
+def test_what_a_file_may_mean_is_said_once(tmp_path, capsys):
+    columns = made.trained_columns(SCENE) | {"opacity": SCENE.opacity}
+    columns |= {f"scale_{n}": SCENE.scale[:, n] for n in range(3)}
+    path = written(tmp_path / "twice.ply", made.ply_of(columns))
+    words = "render", path, "--size", "24x18", "-o", tmp_path / "out.png"
+    assert commands.ended(cli.app, *words) == 0
+    assert capsys.readouterr().err.count("as if activations had been applied") == 1
 
 
 # Real files

@@ -5,11 +5,12 @@ import pytest
 from scipy.spatial import cKDTree
 
 from resample_points.data.cloud import Cloud
+from resample_points.data.curves import curve_through
 from resample_points.geometry import sorting, spacing
 from resample_points.geometry.kernels.cells import Spaced
 from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
 from resample_points.geometry.kernels.neighbours import blocks_of
-from resample_points.geometry.sorting import canonical, curve_through
+from resample_points.geometry.sorting import canonical
 from resample_points.geometry.spacing import prepare_cloud
 
 RNG = np.random.default_rng(5)

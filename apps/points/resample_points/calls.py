@@ -175,13 +175,11 @@ def _chosen(options: Mapping[str, Any], look: type["Choices"]) -> list[Any]:
     from resample_points.command.choices import CloudStart
 
     models = (look, CloudStart, FrameFormat)
-    apart = {"camera", "steady", "size", "bits", "also", "level", "no_cache", "eyes", "deep",
-             "color_by", "color_bar", "span", "threads", "filter", "colormap"}  # fmt: skip
     known = [
-        option_of(model, field).replace("-", "_")
+        name
         for model in models
         for field in model.model_fields
-        if field not in apart
+        if (name := option_of(model, field).replace("-", "_")) in RenderOptions.__annotations__
     ]
     return chosen(understood("render", dict(options), known), models)
 
@@ -256,8 +254,6 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
     if isinstance(scene, Cloud | Surfels | CloudScene | Gaussians):
         return scene
     if isinstance(scene, str | PathLike):
-        from pathlib import Path
-
         path = Path(scene)
         return read_gaussians(path) if is_gaussians(path) else read_cloud(path)
     place: Any = np.asarray(getattr(scene, "points", scene))  # of Open3D or a trimesh.PointCloud

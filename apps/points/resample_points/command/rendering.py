@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
     from resample.files.animations import Shots
-    from resample.types import Doubles, Floats
+    from resample.types import Floats
     from resample_points.data.cloud import Cloud
     from resample_points.data.coloring import Scale
     from resample_points.geometry.spacing import Surfels
@@ -240,20 +240,14 @@ def film_job(cameras: Sequence[Any], shape: "Shape", background: Any) -> dict[st
 
     from resample.files.animations import fingerprint
 
-    numbers = np.stack([_numbers(camera) for camera in cameras])
+    numbers = [  # intrinsics, in perspective or parallel
+        each.matrix if hasattr(each, "matrix") else (each.sx, each.sy, each.cx, each.cy)
+        for each in cameras
+    ]
     poses = np.stack([camera.world_to_camera for camera in cameras])
     return {
-        "cameras": fingerprint(numbers, poses),
+        "cameras": fingerprint(np.array(numbers, np.float64), poses),
         "size": list(shape),
         "background": list(background),
         "version": installed_version(),
     }
-
-
-def _numbers(camera: Any) -> "Doubles":
-    """Return the intrinsics of a camera that orbits, in perspective or parallel."""
-    import numpy as np
-
-    if hasattr(camera, "matrix"):
-        return np.asarray(camera.matrix, np.float64)
-    return np.array([camera.sx, camera.sy, camera.cx, camera.cy])

@@ -52,6 +52,13 @@ def check_cloud(given: Any, kinds: Any) -> None:
         )
 
 
+def rows_in(cloud: Cloud, rows: slice) -> Cloud:
+    """Return rows of a cloud."""
+    position, normal, color, radius, columns = cloud
+    kept = {name: column[rows] for name, column in columns.items()}
+    return Cloud(position[rows], normal[rows], color[rows], radius[rows], kept)
+
+
 def some_of(cloud: Cloud, which: NDArray[Any]) -> Cloud:
     """Select points of a cloud by mask or indices."""
     if which.dtype == np.bool_:

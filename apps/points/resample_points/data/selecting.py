@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import is_in_file
 from resample.types import Doubles
-from resample_points.data.cloud import AXES, Cloud, columns_of, part_of, some_of
+from resample_points.data.cloud import AXES, Cloud, columns_of, part_of, rows_in, some_of
 from resample_points.data.parts import CloudBuilder, rows_of, span_in, storage_for, zeros_beside
 
 GRAY = 0.8  # linear color of points without one, beside points that have colors
@@ -81,7 +81,7 @@ def select_points(cloud: Cloud, only: Sequence[str] = (), crop: str | None = Non
         return some_of(cloud, kept)
     chosen = CloudBuilder(storage_for(int(np.count_nonzero(kept)), "the selection"))
     for rows in rows_of(kept):
-        chosen.add(some_of(_rows(cloud, rows), np.asarray(kept[rows])))
+        chosen.add(some_of(rows_in(cloud, rows), np.asarray(kept[rows])))
     return chosen.cloud()
 
 
@@ -113,7 +113,7 @@ def join_clouds(clouds: Sequence[Cloud]) -> Cloud:
     has_radii = all(len(cloud.radius) for cloud in clouds)
     for cloud in clouds:
         for rows in rows_of(cloud.position):
-            part = _rows(cloud, rows)
+            part = rows_in(cloud, rows)
             size = len(part.position)
             normal = part.normal if len(part.normal) else np.zeros((size, 3), np.float32)
             color = part.color if len(part.color) else np.full((size, 3), GRAY, np.float32)
@@ -181,15 +181,3 @@ def _values(cloud: Cloud, name: str) -> NDArray[Any]:
     if name not in AXES:
         raise ValueError(f"there is no column {name!r}; known: {', '.join(columns_of(cloud))}")
     return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])
-
-
-def _rows(cloud: Cloud, rows: slice) -> Cloud:
-    """Return rows of a cloud."""
-    position, normal, color, radius, columns = cloud
-    return Cloud(
-        position[rows],
-        normal[rows],
-        color[rows],
-        radius[rows],
-        {name: column[rows] for name, column in columns.items()},
-    )

@@ -1,5 +1,6 @@
 """Read PCD files of the Point Cloud Library."""
 
+import math
 import struct
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -45,7 +46,8 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
             map(int, header["SIZE"]),
             [PCD_TYPES[word.upper()] for word in header["TYPE"]],
         )
-        points = int(header["POINTS"][0]) if "POINTS" in header else _area(header)
+        sides = ["POINTS"] if "POINTS" in header else ["WIDTH", "HEIGHT"]
+        points = math.prod(int(header[side][0]) for side in sides)
         # Padding is often called _ several times.
         own = [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
         described = zip(own, types, sizes, counts, strict=True)
@@ -57,10 +59,6 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
         )
     except (KeyError, IndexError, ValueError, TypeError):
         raise ValueError("has no PCD header with FIELDS, SIZE, TYPE and POINTS that fit") from None
-
-
-def _area(header: dict[str, list[str]]) -> int:
-    return int(header["WIDTH"][0]) * int(header["HEIGHT"][0])
 
 
 def _compressed_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:

@@ -23,6 +23,7 @@ FILLED = 0.95  # share of the frame's width or height that the cloud fills
 DIRECTIONS = 25  # view directions of a film that determine its distance
 LEAST = 1e-12  # scene units, least distance from the camera to the cloud
 STRAY = 0.01  # of all points; separate clumps that hold less are ignored
+TINY, TINY_STRAY = 0.001, 0.05  # the same for clumps that hold at most so few each
 PER_CELL = 8  # points per cell, if spread evenly over the bounding box
 ROUNDING = 1e-12  # relative; above the rounding of sums of three products
 LEAST_CELLS, MOST_CELLS = 3, 32  # along the longest side of the box
@@ -167,8 +168,10 @@ def framed_together(
     slope = _slopes(camera, size)
     around = seen._replace(middle=middle)
     away = LEAST
-    for pair in _some(angles):
-        sides = _sides(around, orbit(np.zeros(3), 1.0, *pair, up)[:3, :3], slope)
+    each = sorted(set(angles))
+    # On an orbit cosines change by under 1 % between two of so many.
+    for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int):
+        sides = _sides(around, orbit(np.zeros(3), 1.0, *each[int(n)], up)[:3, :3], slope)
         away = max(away, float((sides / slope).max()))
     return [camera.moved(orbit(middle, away, *pair, up)) for pair in angles]
 
@@ -178,12 +181,6 @@ def ball_around(cloud: Cloud | Surfels) -> Sphere:
     seen = _visible(cloud)
     middle = seen.box_middle()
     return Sphere(middle, max(seen.farthest_from(middle) + seen.reach, LEAST))
-
-
-def _some(angles: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Select representative angles; on an orbit cosines change by under 1 % between two."""
-    each = sorted(set(angles))
-    return [each[n] for n in np.linspace(0, len(each) - 1, min(len(each), DIRECTIONS)).astype(int)]
 
 
 def _parallel(seen: Framing, size: tuple[int, int], pose: Doubles) -> Orthographic:
@@ -242,14 +239,9 @@ def _visible(cloud: Cloud | Surfels) -> Framing:
     axes = cloud.axes if isinstance(cloud, Surfels) else np.zeros((0, 2, 3), np.float32)
     kept: Flags = zeros_beside(position, (len(position),), np.bool_)
     kept[:] = True
-    left = len(position)
-    stray = int(STRAY * left)  # how many may be ignored in all
-    while stray > 0:
-        before = left
-        left = _leave_out(position, kept, stray)
-        if left == before:
-            break
-        stray -= before - left
+    before, left = 0, len(position)
+    while left != before:
+        before, left = left, _leave_out(position, kept, left)
     part, low, high = _boxes(position, kept)
     reach = max((_reach(axes[rows], kept[rows]) for rows in rows_of(axes)), default=0.0)
     origin = cloud.origin if isinstance(cloud, Surfels) else np.zeros(3)
@@ -276,14 +268,14 @@ def _reach(axes: Floats, kept: Flags) -> float:
     return math.sqrt(float(square.max(initial=0.0)))
 
 
-def _leave_out(position: Floats | Doubles, kept: Flags, most: int) -> int:
-    """Drop the smallest clumps, `most` points in all; return how many points are left.
+def _leave_out(position: Floats | Doubles, kept: Flags, before: int) -> int:
+    """Drop the smallest clumps of the points kept before; return how many points are left.
 
     Clumps are points in adjacent cells of a grid over the kept points' bounding box.
     """
     _, lows, highs = _boxes(position, kept)
     low, high = lows.min(axis=0), highs.max(axis=0)
-    count = round((int(np.count_nonzero(kept)) / PER_CELL) ** (1 / 3))
+    count = round((before / PER_CELL) ** (1 / 3))
     cells = min(max(count, LEAST_CELLS), MOST_CELLS)
     side = float((high - low).max()) / cells or 1.0
 
@@ -298,7 +290,9 @@ def _leave_out(position: Floats | Doubles, kept: Flags, most: int) -> int:
     holds = np.bincount(clump.ravel(), held).astype(np.int64)
     order = np.argsort(holds, kind="stable")
     is_stray = np.zeros(len(holds), np.bool_)
-    is_stray[order] = np.cumsum(holds[order]) <= most
+    held, whole = holds[order], len(position)
+    most = np.where(held <= TINY * whole, TINY_STRAY, STRAY) * whole
+    is_stray[order] = whole - before + np.cumsum(held) <= most
     left = 0
     for rows in rows_of(position):
         together = ~is_stray[clump.ravel()[cell_of(rows)]]

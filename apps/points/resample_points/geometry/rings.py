@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
+from resample_points.data.curves import MortonCurve, curve_through
 from resample_points.data.parts import on_threads, rows_of, zeros_beside
-from resample_points.geometry.sorting import MortonCurve, curve_through
 
 SAMPLED = 4096  # points by which a cloud without lines is recognized
 LINED = 0.02  # least share of them along lines

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats
+from resample_points.data.curves import MortonCurve, corners
 from resample_points.data.parts import on_threads, zeros_beside
 from resample_points.geometry.rings import MeasuredDiscs
-from resample_points.geometry.sorting import MortonCurve, corners
 
 AROUND = MortonCurve(np.full(3, -1, np.float32), 2.0)  # the curve through all directions
 STEP = 1 << 13  # points at a time

@@ -12,37 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.memory.mapped import most_of
-from resample.progress import report, told
+from resample.progress import report
 from resample.types import Doubles, Floats, Indices
-from resample_points.data.cloud import Cloud, checked, drawable, some_of
+from resample_points.data.cloud import Cloud, checked, drawable, rows_in, some_of
+from resample_points.data.curves import (
+    BATCH_SIZE,
+    Codes,
+    MortonCurve,
+    corners,
+    curve_in,
+    curve_through,
+)
 from resample_points.data.parts import on_threads, rows_of, zeros_beside
 
-BATCH_SIZE = 256  # points compared at a time
 NEAR = 1 << 15  # points sorted at a time, which fit into the processor's cache
 LOWER = np.uint64(63 - 16)  # bits of a code below those counted by the first sort
 SAMPLED = 1 << 16  # points sampled to choose the ends of buckets
 SORTED = 160  # bytes per point while its bucket is sorted
 
 SOURCE = "row of the given cloud"  # column of a cloud in files while it is sorted
-
-Codes = NDArray[np.uint64]
-
-
-class MortonCurve(NamedTuple):
-    """A Morton curve with 2²¹ steps per axis through a box."""
-
-    low: Floats  # (3,) least coordinates
-    extent: float  # of the box's longest side
-
-    def codes(self, position: Floats | Doubles) -> Codes:
-        """Return the codes (N,) of points (N, 3) along the curve."""
-        from resample_points.geometry.kernels.curve import codes
-
-        code: Codes = np.empty(len(position), np.uint64)
-        place = np.ascontiguousarray(position, np.float32)
-        with told(None):  # part of larger work
-            codes(place, self.low, (2**21 - 1) / self.extent, code)
-        return code
 
 
 class Ordered(NamedTuple):
@@ -101,28 +89,6 @@ def _middle(low: Floats | Doubles, high: Floats | Doubles) -> Doubles:
     return np.asarray(0.5 * low + 0.5 * high, np.float64)
 
 
-def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:
-    """Return least and greatest coordinates (3,) of at least one point."""
-    whole = len(position) // BATCH_SIZE * BATCH_SIZE
-    if not whole:
-        return position.min(axis=0), position.max(axis=0)
-    rows = position[:whole].reshape(-1, 3 * BATCH_SIZE)  # long rows are compared faster
-    low, high = rows.min(axis=0).reshape(-1, 3), rows.max(axis=0).reshape(-1, 3)
-    rest = position[whole:]
-    return np.concatenate([low, rest]).min(axis=0), np.concatenate([high, rest]).max(axis=0)
-
-
-def curve_through(position: Floats | Doubles) -> MortonCurve:
-    """Return the curve through the bounding box of points (N, 3)."""
-    if not len(position):
-        return MortonCurve(np.zeros(3, np.float32), 1.0)
-    return _curve_in(*(np.asarray(corner, np.float32) for corner in corners(position)))
-
-
-def _curve_in(low: Floats, high: Floats) -> MortonCurve:
-    return MortonCurve(low, float((high - low).max()) or 1.0)
-
-
 def canonical(cloud: Cloud, curve: MortonCurve) -> Indices:
     """Return the order along a curve; points with equal codes by all their attributes."""
     code = curve.codes(cloud.position)
@@ -161,12 +127,6 @@ def _ascending(code: Codes) -> tuple[Indices, Codes]:
     return order, grouped
 
 
-def _rows(cloud: Cloud, rows: slice) -> Cloud:
-    """Return rows of a cloud, without columns."""
-    position, normal, color, radius, _ = cloud
-    return Cloud(position[rows], normal[rows], color[rows], radius[rows])
-
-
 class _PreparedCloud(NamedTuple):
     """A cloud in files that is prepared for sorting part by part."""
 
@@ -176,7 +136,7 @@ class _PreparedCloud(NamedTuple):
 
     def part(self, rows: slice) -> Cloud:
         """Return the points of some rows that can be drawn, relative to the origin."""
-        given = _rows(self.cloud, rows)
+        given = rows_in(self.cloud, rows)
         points = _drawn(given, self.radius)
         number = np.arange(*rows.indices(len(self.cloud.position)), dtype=np.int32)
         if len(points.position) < len(number):
@@ -212,9 +172,10 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     A sample of the points determines where buckets end along the curve; all points are then moved
     to their buckets, which are sorted one by one.
     """
+    cloud = cloud._replace(columns={})
     low, high, count = np.full(3, np.inf), np.full(3, -np.inf), 0
     for rows in rows_of(cloud.position):
-        position = checked(_rows(cloud, rows)).position
+        position = checked(rows_in(cloud, rows)).position
         if len(position):
             least, greatest = corners(position)
             low, high = np.minimum(low, least), np.maximum(high, greatest)
@@ -223,13 +184,12 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     given = _PreparedCloud(cloud, radius, origin)
     if not count:
         return Ordered(origin, given.part(slice(0)), np.zeros(0, np.int32))
-    curve = _curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
+    curve = curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
     ends = _ends(given, curve, 2 * count // most)
     ordered, start = _moved(given, curve, ends, count)
     for first, last in pairwise(start.tolist()):
         rows = slice(first, last)
-        own = {SOURCE: ordered.columns[SOURCE][rows]}
-        part = _rows(ordered, rows)._replace(columns=own)
+        part = rows_in(ordered, rows)
         part = some_of(part, canonical(part, curve))
         for each, values in zip(_arrays(ordered), _arrays(part), strict=True):
             each[rows] = values

@@ -24,10 +24,11 @@ from resample.messages import check_threads, number, warn
 from resample.progress import portion, told
 from resample.types import Doubles, Floats, Indices
 from resample_points.data.cloud import Cloud, check_cloud
+from resample_points.data.curves import curve_through
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
 from resample_points.geometry.rings import MeasuredDiscs, has_lines, shape_of, widened
 from resample_points.geometry.scanner import scanned
-from resample_points.geometry.sorting import Ordered, curve_through, in_order
+from resample_points.geometry.sorting import Ordered, in_order
 
 NEIGHBOURS = 13  # with the point itself
 NEIGHBOURS_OF_SCANS = 21  # the same, by direction: two rings to each side
@@ -255,20 +256,25 @@ def _measured_places(
     if count > 1 and largest is not None and np.isfinite(largest):
         with portion(MEASURING, 1.0):
             limit(found.nearest, found.spacing, _sizes(axes), float(largest), axes)
-            _shrink_strays(found)
+            _shrink_strays(found, largest)
 
 
-def _shrink_strays(found: MeasuredDiscs) -> None:
+def _shrink_strays(found: MeasuredDiscs, largest: float) -> None:
     """Make discs of points that lie on no surface half as large as most, if they are much larger.
 
     Strays in empty space have strays around them, so their neighbours do not limit their discs.
+    Some have neighbours that lie flat by chance; these are limited by what the others have now.
     """
     axes, size = found.axes, _sizes(found.axes)
     usual = np.median(size[:: max(1, len(size) // SAMPLED)])
-    for rows in rows_of(axes):
-        large = rows.start + np.flatnonzero(size[rows] > MUCH * usual)
-        stray = large[shape_of(found, large).is_cloud]
+    large = [rows.start + np.flatnonzero(size[rows] > MUCH * usual) for rows in rows_of(axes)]
+    for some in large:
+        stray = some[shape_of(found, some).is_cloud]
         axes[stray] *= (0.5 * usual / size[stray])[:, None, None]
+        size[stray] = 0.5 * usual
+    for some in large:
+        around = np.quantile(size[found.nearest[some]], 0.75, axis=1, method="higher")
+        axes[some] *= np.minimum(1.0, largest * around / size[some])[:, None, None]
 
 
 def _measured_alone(
@@ -358,8 +364,8 @@ def measured_once(
         measure()
         return
     path = folder() / f"{_name(position, normal, largest, zero)}.npz"
-    found = _read(path, len(position))
-    if found is not None:
+    found = (load_arrays(path, "measured") or {}).get("measured", UNKNOWN)
+    if found.shape == (len(position), WIDTH) and found.dtype == np.float32:
         normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
         return
     measure()
@@ -374,12 +380,3 @@ def _name(position: Floats, normal: Floats, largest: float, zero: Doubles) -> st
     for array in (position, normal):
         digest.update(np.ascontiguousarray(array, np.float32).data)
     return digest.hexdigest()[:40]
-
-
-def _read(path: Path, count: int) -> Floats | None:
-    """Read a cache file; None if it is missing or damaged."""
-    held = load_arrays(path, "measured")
-    found = None if held is None else held["measured"]
-    if found is None or found.shape != (count, WIDTH) or found.dtype != np.float32:
-        return None
-    return found

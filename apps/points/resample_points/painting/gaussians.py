@@ -186,6 +186,7 @@ class StoredGaussians:
     """
 
     def __init__(self, file: "TrainedFile", crop: Crop | None = None) -> None:
+        file.tell()
         self.file, self.crop = file, crop or Crop()
         facts = file.empty(0)
         self.is_antialiased, self.up = facts.is_antialiased, facts.up

@@ -81,7 +81,7 @@ def usual_resolution(cloud: Cloud) -> float:
     rough = math.sqrt(across * down / max(len(cloud.position), 1)) or max(across, down)
     if not rough > 0:
         raise ValueError("all points lie above one place; give a resolution")
-    exact = _spacing(cloud, raster_of(cloud, rough)) * (1.0 + EXACT)
+    exact = _counted(cloud, raster_of(cloud, rough))[0] * (1.0 + EXACT)
     power = 10.0 ** math.floor(math.log10(exact))
     return next(k for k in (5.0, 2.0, 1.0) if k * power <= exact) * power
 
@@ -138,9 +138,10 @@ def rasterized(
 
     values, is_class = _values(cloud, quantity), quantity == "class"
     check_threads(threads)
-    side = max(LEAST, SPREAD * _spacing(cloud, raster) / raster.resolution)
+    spacing, held = _counted(cloud, raster)
+    side = max(LEAST, SPREAD * spacing / raster.resolution)
     with jit.threads(jit.workers() if threads is None else threads):
-        for first, last in _bands(cloud, raster):
+        for first, last in _bands(raster, held):
             if quantity == "density":
                 yield first, _density(cloud, raster, first, last)
             else:
@@ -174,24 +175,23 @@ def _cells(cloud: Cloud, raster: Raster, rows: slice) -> Doubles:
     return np.where(np.abs(place - near) < EXACT, near, place)
 
 
-def _spacing(cloud: Cloud, raster: Raster) -> float:
-    """Return the usual distance of neighbours in x and y, scene units, where there are points."""
-    count = len(cloud.position)
+def _counted(cloud: Cloud, raster: Raster) -> tuple[float, NDArray[np.int64]]:
+    """Return the usual distance of neighbours in x and y, scene units, and points of each row."""
+    count, held = len(cloud.position), np.zeros(raster.height, np.int64)
     side = max(math.sqrt(PER_SQUARE * raster.height * raster.width / count), 1.0)  # cells
     shape = math.ceil(raster.height / side), math.ceil(raster.width / side)
     is_held = np.zeros(shape, np.bool_)
     for rows in rows_of(cloud.position):
-        column, row = np.minimum(_cells(cloud, raster, rows) / side, np.array(shape[::-1]) - 1).T
-        is_held[row.astype(np.int64), column.astype(np.int64)] = True
-    return math.sqrt(np.count_nonzero(is_held) / count) * side * raster.resolution
-
-
-def _bands(cloud: Cloud, raster: Raster) -> Iterator[tuple[int, int]]:
-    """Yield first and last rows of bands whose cells and points fit into memory."""
-    held = np.zeros(raster.height, np.int64)
-    for rows in rows_of(cloud.position):
-        row = np.minimum(_cells(cloud, raster, rows)[:, 1], raster.height - 1).astype(np.int64)
+        place = _cells(cloud, raster, rows)
+        column, row = np.minimum(place / side, np.array(shape[::-1]) - 1).astype(np.int64).T
+        is_held[row, column] = True
+        row = np.minimum(place[:, 1], raster.height - 1).astype(np.int64)
         held += np.bincount(row, minlength=raster.height)
+    return math.sqrt(np.count_nonzero(is_held) / count) * side * raster.resolution, held
+
+
+def _bands(raster: Raster, held: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
+    """Yield first and last rows of bands whose cells and points fit into memory."""
     until, first = np.cumsum(held), 0
     most = max(1, MOST_CELLS // raster.width)
     while first < raster.height:

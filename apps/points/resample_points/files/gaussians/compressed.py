@@ -39,12 +39,14 @@ def read_compressed(file: PlyFile) -> Gaussians:
     colors = levels[:, :3]
     if "min_r" in file.names("chunk"):
         colors = _between(chunks, colors, "", "rgb")
+    packed = vertices["packed_rotation"]
+    three = _levels(packed, ((20, 10), (10, 10), (0, 10)))
     position = _between(chunks, _levels(vertices["packed_position"], BITS), "", "xyz")
     scale = _between(chunks, _levels(vertices["packed_scale"], BITS), "scale_", "xyz")
     return Gaussians(
         position=position,
         scale=exponentials(scale),
-        rotation=_rotations(vertices["packed_rotation"]),
+        rotation=quaternions_of((three - np.float32(0.5)) / ROOT, packed >> np.uint32(30)),
         opacity=np.ascontiguousarray(levels[:, 3]),
         color=(colors - np.float32(0.5)) / np.float32(CONSTANT),
         harmonics=_harmonics(file, count),
@@ -90,12 +92,6 @@ def _between(chunks: NDArray[np.void], levels: Floats, prefix: str, axes: str) -
     with np.errstate(invalid="ignore", over="ignore"):
         made: Floats = low[place] * (1 - levels) + high[place] * levels
     return made
-
-
-def _rotations(packed: NDArray[np.uint32]) -> Floats:
-    """Return quaternions w, x, y, z."""
-    three = _levels(packed, ((20, 10), (10, 10), (0, 10)))
-    return quaternions_of((three - np.float32(0.5)) / ROOT, packed >> np.uint32(30))
 
 
 def _harmonics(file: PlyFile, count: int) -> NDArray[np.int16]:

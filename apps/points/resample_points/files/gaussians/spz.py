@@ -76,13 +76,14 @@ def read_spz(path: Path) -> Gaussians:
         head, streams, extensions = _unpacked_streams(path, data)
     position, opacity, color, scale, rotation, rest = streams
     level = color.reshape(-1, 3).astype(np.float32) / np.float32(255)
+    kept = rest.reshape(head.count, head.width, 3)[:, : COUNTS[-1]]
     return Gaussians(
         position=_positions(head, position),
         scale=exponentials(scale.reshape(-1, 3).astype(np.float32) / 16 - 10),
         rotation=_rotations(head, rotation),
         opacity=opacity.astype(np.float32) / np.float32(255),
         color=(level - np.float32(0.5)) / np.float32(0.15),
-        harmonics=_harmonics(head, rest),
+        harmonics=kept.astype(np.int16) - np.int16(128),
         harmonic_step=1 / 128,
         is_antialiased=bool(head.flags & ANTIALIASED),
         up=_up(extensions) if head.flags & EXTENDED else "y",
@@ -215,12 +216,6 @@ def _rotations(head: _SpzHeader, data: NDArray[np.uint8]) -> Floats:
         size = (bits & np.uint32(511)).astype(np.float32) * (ROOT / np.float32(511))
         three[:, n] = np.where(bits & np.uint32(512), -size, size)
     return np.roll(quaternions_of(three, packed >> np.uint32(30)), 1, axis=1)  # from x, y, z, w
-
-
-def _harmonics(head: _SpzHeader, data: NDArray[np.uint8]) -> NDArray[np.int16]:
-    """Return coefficients (N, K, 3) of at most degree 3, in steps of 1 / 128."""
-    kept = data.reshape(head.count, head.width, 3)[:, : COUNTS[-1]]
-    return kept.astype(np.int16) - np.int16(128)
 
 
 def _up(extensions: bytes) -> str | None:

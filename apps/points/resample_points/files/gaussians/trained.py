@@ -31,6 +31,7 @@ def read_trained(file: PlyFile) -> Gaussians:
     Files without `scale_2` hold flat Gaussians.
     """
     stored = TrainedFile(file)
+    stored.tell()
     made = stored.empty(stored.count)
     for rows in parts_of(stored.count):
         stored.decode(made, rows, rows)
@@ -56,11 +57,14 @@ class TrainedFile:
         missing = sorted(NEEDED - file.names())
         if missing:
             raise ValueError(f"has no property {missing[0]} of Gaussians")
-        file.tell_scales()
         self.path, self._file, self._records = file.path, file, file.records("vertex")
         self.count = check_count(file.path.name, len(self._records))
         self._rest = _rest_names(file.names())
         self._step = _step(self._records, self._rest)
+
+    def tell(self) -> None:
+        """Say what of the file may not mean what its writer meant, once it is shown."""
+        self._file.tell_scales()
         some = self._records[:: max(1, self.count // SAMPLED)]
         opacity = some["opacity"]
         is_share = opacity.min() >= 0 and opacity.max() <= 1
@@ -68,7 +72,7 @@ class TrainedFile:
             LOG.warning(
                 "%s: no scale is below 0 and opacities are 0 to 1, as if activations had been"
                 " applied before it was written; they are read as logarithms and logits",
-                file.path.name,
+                self.path.name,
             )
 
     def empty(self, count: int) -> Gaussians:

@@ -4,10 +4,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.files.writing import replacing
-from resample.types import Floats
+from resample_points.data.curves import curve_through
 from resample_points.data.gaussians import Gaussians, checked_gaussians, some_gaussians
 from resample_points.data.joining import DOWN, with_up
 from resample_points.files.gaussians.compressed import compressed_bytes
@@ -20,7 +19,6 @@ COMPRESSED = ".compressed.ply"
 SUFFIXES = (".ply", COMPRESSED, ".spz", ".sog", ".splat")
 NAMED = ("x", "y", "z")  # axes that PLY files name
 UP = "y"  # of SPZ
-BITS = 16  # of the order along a Morton curve, per axis
 
 
 def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
@@ -67,7 +65,8 @@ def write_gaussians(path: str | Path, gaussians: Gaussians) -> None:
     elif not (is_ply and scene.up in NAMED):
         scene = with_up(scene, DOWN)
     if suffix != ".ply":
-        scene = some_gaussians(scene, np.argsort(_codes(scene.position), kind="stable"))
+        codes = curve_through(scene.position).codes(scene.position)
+        scene = some_gaussians(scene, np.argsort(codes, kind="stable"))
     comments = ["comment SplatRenderMode: mip"] * scene.is_antialiased
     if scene.up in NAMED:
         comments.append(f"comment Vertical Axis: {scene.up}")
@@ -90,15 +89,3 @@ def suffix_of(path: Path) -> str:
     if not known:
         raise ValueError(f"{path.name}: Gaussians are written as {', '.join(SUFFIXES)}")
     return max(known, key=len)
-
-
-def _codes(position: Floats) -> NDArray[np.int64]:
-    """Return places (N,) along a Morton curve, on which neighbours follow each other."""
-    low = position.min(axis=0)
-    extent = np.maximum((position - low).max(), np.float32(1e-30))
-    step = ((position - low) / extent * ((1 << BITS) - 1)).astype(np.int64)
-    code = np.zeros(len(position), np.int64)
-    for bit in range(BITS):
-        for axis in range(3):
-            code |= (step[:, axis] >> bit & 1) << (3 * bit + axis)
-    return code
