@@ -21,6 +21,10 @@ class DepthRanges(NamedTuple):
     found: Alignment | None = None  # None: depth was not aligned
     extent: float | None = None  # of the nearness of depth to be kept steady; None: it is not
 
+    def first_of(self, n: int) -> int:
+        """Return the first picture of a picture's shot."""
+        return max(start for start in self.starts if start <= n)
+
     def reader(self, reader: DepthReader, n: int) -> DepthReader:
         """Return the reader of a picture's depth."""
         return reader if self.ends is None else reader._replace(ends=self.ends[n])
