@@ -9,6 +9,7 @@ from resample.engine.jit import Counter, parallel_kernel, tasks
 from resample.types import Floats
 
 STRETCH = 1 << 15  # numbers per task
+ONE, INFINITE = 0x3F800000, 0x7F800000  # bits of float32
 
 
 class ShortOrLong(NamedTuple):
@@ -50,6 +51,24 @@ def put_levels(
             # Clamp; NaN becomes 0.
             value = min(max(values[k], np.float32(0)), np.float32(1))
             levels[k] = table[np.uint64(np.int32(value * most + np.float32(0.5)))]
+
+
+@parallel_kernel
+def put_encoded(
+    counter: Counter, bounds: NDArray[np.int32], starts: NDArray[np.uint8],
+    bits: NDArray[np.int32], levels: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Quantize float32 values (N,), given by their bits, to levels (N,) with any bounds.
+
+    `bounds`: bits of the least value above each level, (256,). `starts`: the level of values by
+    their leading 16 bits, of which each holds one bound at most.
+    """
+    for n in tasks(counter, -(-levels.size // STRETCH)):
+        for k in range(n * STRETCH, min((n + 1) * STRETCH, levels.size)):
+            # Clamp to 0..1; NaN becomes 0.
+            value = min(bits[k], ONE) if 0 < bits[k] <= INFINITE else 0
+            level = np.uint64(starts[np.uint64(value >> 16)])
+            levels[k] = level + np.uint64(value >= bounds[level])
 
 
 @parallel_kernel

@@ -1,5 +1,6 @@
 """What picture formats can store: options, and conversion of pictures to stored values."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -262,19 +263,47 @@ def levels(data: Floats, form: str, *, has_alpha: bool, is_light: bool) -> NDArr
     whose largest number stands for 1. `is_light`: encode all but opacity by the sRGB curve;
     otherwise values are stored linearly.
     """
-    data = np.nan_to_num(data, nan=0.0, posinf=np.inf, neginf=-np.inf)
     if not is_light:
-        planes = np.clip(data, 0.0, 1.0)
-    elif has_alpha:
-        alpha = data[..., -1:]
-        color = np.divide(
-            data[..., :-1], alpha, out=np.zeros_like(data[..., :-1]), where=alpha > 0.0
-        )
-        planes = np.concatenate([_curve(color), np.clip(alpha, 0.0, 1.0)], axis=2)
-    else:
-        planes = _curve(data)
-    made: NDArray[Any] = np.floor(planes * np.iinfo(form).max + 0.5).astype(form)
+        return _quantized(data, form)
+    if not has_alpha:
+        return _encoded(data, form)
+    alpha = data[..., -1:]
+    color = np.divide(data[..., :-1], alpha, out=np.zeros_like(data[..., :-1]), where=alpha > 0.0)
+    return np.concatenate([_encoded(color, form), _quantized(alpha, form)], axis=2)
+
+
+def _quantized(shares: Floats, form: str) -> NDArray[Any]:
+    """Round values 0..1 to levels of an unsigned type; NaN becomes 0, others are clipped."""
+    known = np.clip(np.nan_to_num(shares, nan=0.0), 0.0, 1.0)
+    return np.asarray(np.floor(known * np.iinfo(form).max + 0.5).astype(form))
+
+
+def _encoded(light: Floats, form: str) -> NDArray[Any]:
+    """Quantize light on the sRGB curve; 8 bits by a table, with the same result."""
+    if form != "uint8" or light.dtype != np.float32:
+        return _quantized(np.asarray(to_srgb(np.clip(light, 0.0, 1.0)), np.float32), form)
+    from resample.engine.levels import put_encoded
+
+    made = np.empty(light.shape, np.uint8)
+    bits = np.ascontiguousarray(light).view(np.int32)
+    put_encoded(*_least_light(), bits.reshape(-1), made.reshape(-1))
     return made
+
+
+@cache
+def _least_light() -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return the bits of the least light of each level's successor, and levels by leading bits."""
+    level = np.arange(256)
+    one = np.float32(1.0).view(np.int32)
+    low, high = np.full(256, -1, np.int32), np.full(256, one, np.int32)
+    for _ in range(31):
+        middle = (low + high) // 2
+        light = np.maximum(middle, 0).view(np.float32)
+        is_reached = _quantized(to_srgb(light), "uint8") > level
+        low, high = np.where(is_reached, low, middle), np.where(is_reached, middle, high)
+    high[-1] = np.iinfo(np.int32).max  # the last level has none
+    firsts = np.arange((one >> 16) + 1) << 16
+    return high, np.searchsorted(high, firsts, "right").astype(np.uint8)
 
 
 def fits(missing: float | None, form: str) -> bool:
@@ -308,7 +337,3 @@ def _neighbour(word: Any) -> Any:
     if word.dtype.kind == "f":
         return np.nextafter(word, np.float32(0.0 if word else 1.0))
     return word - 1 if word == np.iinfo(word.dtype).max else word + 1
-
-
-def _curve(color: Floats) -> Floats:
-    return np.asarray(to_srgb(np.clip(color, 0.0, 1.0)), np.float32)

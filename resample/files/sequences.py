@@ -216,10 +216,14 @@ def _animated_frames(path: Path) -> Iterator[Picture]:
 
 def _shades(levels: NDArray[Any]) -> Picture:
     """Picture from levels (H, W, 3 or 4) of 8 or 16 bits; without alpha if opaque."""
+    from resample.engine.levels import decode, levels_of
+
     bits = 8 * levels.itemsize
     light = from_srgb((np.arange(1 << bits) / ((1 << bits) - 1.0)).astype(np.float32))
     kind = Kind(("R", "G", "B"), bits, is_encoded=True)
-    color = np.asarray(light[levels[..., :3]], np.float32)
+    color = np.empty((*levels.shape[:2], 3), np.float32)
+    stored = np.ascontiguousarray(levels[..., :3]).reshape(-1)
+    decode(light, levels_of(stored), color.reshape(-1))
     if levels.shape[2] == 3 or bool((levels[..., 3] == 255).all()):
         return Picture(color, kind)
     alpha = levels[..., 3:].astype(np.float32) / np.float32(255.0)

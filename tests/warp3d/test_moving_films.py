@@ -12,6 +12,7 @@ from PIL import Image
 from resample.files.images import read_image
 from resample.samples.rooms import room
 from resample_warp3d import cli
+from resample_warp3d.command.filming import sources
 from tests import commands
 from tests.elsewhere import assert_same_film, frames, pickle_for_workers
 
@@ -285,18 +286,31 @@ def test_a_flight_writes_the_depth_of_its_frames():
     np.testing.assert_allclose(first[known], np.load("stack.npy")[0][known], atol=1e-3)
 
 
+def test_small_maps_of_a_shot_are_enlarged_as_its_first_one(monkeypatch):
+    decisions = iter([True])  # another question would fail
+    monkeypatch.setattr(sources, "is_sharpened", lambda _: next(decisions))
+    np.save("small.npy", np.load("stack.npy")[:, ::2, ::2])
+    words = ["render", "pictures", "small.npy", *FAST, *MOVED, "--depth-output", "z/*.npy"]
+    assert ended(*words, "-o", "out") == 0
+    for file in Path("z").iterdir():
+        z = np.load(file)
+        assert ((z > 1.2) & (z < 1.8)).any()
+
+
 # Relative depth
 
 
-def still_film(bits):
-    """A still film of a room, of which the scale of relative depth varies by 15 %."""
+def still_film(bits, noise=0.0):
+    """A still film of a room; the scale of its relative depth varies by 15 %, and it has noise."""
     picture, near = room(48)[0], 1 / room(48)[1].astype(float)
     rng = np.random.default_rng(5)
     for name in ("still", "relative"):
         Path(name).mkdir()
     for n in range(4):
         cv2.imwrite(f"still/{n}.png", picture)
-        raw = np.exp(rng.normal(0, 0.15)) * near + rng.normal(0, 0.05) * near.max()
+        smooth = cv2.GaussianBlur(rng.normal(0, 1, near.shape), (0, 0), 2)
+        noisy = near + noise * near.max() * smooth / smooth.std()
+        raw = np.exp(rng.normal(0, 0.15)) * noisy + rng.normal(0, 0.05) * near.max()
         if bits is None:
             np.save(f"relative/{n}.npy", raw)
             continue
@@ -321,6 +335,12 @@ def test_a_still_film_does_not_flicker_where_its_depths_scale_varies(bits, capsy
     stats = json.loads(Path("stats.json").read_text(encoding="utf-8"))
     assert stats["temporal"] == "aligned"
     assert len(stats["scale"]) == 4
+
+
+def test_a_still_film_does_not_flicker_where_its_depth_is_noisy():
+    words = [*still_film(None, noise=0.03), "--fill"]
+    assert ended(*words, "-o", "out") == 0
+    assert flicker("out") <= 4
 
 
 def test_without_alignment_relative_depth_has_one_range():

@@ -1,6 +1,6 @@
 """Read depth images from the command line's files and options."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -40,6 +40,7 @@ from resample_warp3d.depth.refining.conditioning import (
     RefinementChoice,
     refine,
 )
+from resample_warp3d.depth.refining.inspecting import is_sharpened
 from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.projection_models import CameraModel, taken_by
 from resample_warp3d.registering import registered
@@ -124,6 +125,7 @@ class DepthReader(NamedTuple):
     meaning: Depth
     labels: bool = False  # colors are labels, kept as stored
     ends: tuple[float, float] | None = None  # range of relative depth, for films
+    is_soft: Callable[[Floats], bool] = is_sharpened  # whether a small map's edges are soft
 
     @classmethod
     def checked(cls, eye: SourceCamera, meaning: Depth, *, labels: bool = False) -> "DepthReader":
@@ -198,7 +200,7 @@ def view_of(
     if meaning.depth_intrinsics is not None:
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
-    image = _depth_image(picture, names, nearness)
+    image = _depth_image(picture, names, nearness, reader.is_soft)
     image = image._replace(place=lens_places(camera, shape))
     is_fitted = nearness.shape != shape
     is_registered = meaning.depth_intrinsics is not None
@@ -214,7 +216,7 @@ def _parallel_view(
     encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
     with naming(names[1]):
         nearness = encoding.nearness(raw)
-    image, moved = taken_by(camera, _depth_image(picture, names, nearness))
+    image, moved = taken_by(camera, _depth_image(picture, names, nearness, reader.is_soft))
     if not isinstance(moved, Orthographic):
         raise TypeError("an orthographic camera stays orthographic")
     is_fitted = raw.shape[:2] != picture.data.shape[:2]
@@ -255,7 +257,7 @@ def _taken_around(
     encoding = _plain_encoding(reader, ("z", "ray", "inverse", "relative", "relative-z"))
     with naming(names[1]):
         nearness = encoding.nearness(raw)
-    image = _depth_image(picture, names, nearness)
+    image = _depth_image(picture, names, nearness, reader.is_soft)
     near = image.nearness
     length = np.divide(1.0, near, out=np.zeros_like(near), where=near > 0)
     camera, is_fitted = reader.eye.camera_model(shape), raw.shape[:2] != shape
@@ -353,7 +355,10 @@ def _check_known(nearness: Floats, depth: str) -> None:
         raise ValueError(f"{depth} has no depth at all; check its kind and its file")
 
 
-def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> DepthImage:
+def _depth_image(
+    picture: Picture, names: tuple[str, str], nearness: Floats,
+    is_soft: Callable[[Floats], bool] = is_sharpened,
+) -> DepthImage:  # fmt: skip
     """Combine picture and nearness at the picture's size; drop pixels with invalid colors."""
     color, depth = names
     height, width, channels = picture.data.shape
@@ -364,7 +369,7 @@ def _depth_image(picture: Picture, names: tuple[str, str], nearness: Floats) -> 
     )
     _check_known(nearness, depth)
     try:
-        image = fitted(DepthImage(picture.data, nearness))
+        image = fitted(DepthImage(picture.data, nearness), is_soft)
     except ValueError:
         stored = f"{depth} has {nearness.shape[1]} x {nearness.shape[0]}"
         raise ValueError(

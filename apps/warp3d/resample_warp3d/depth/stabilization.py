@@ -17,8 +17,9 @@ SAME = 6.0 / 255.0  # change of the root of light up to which a color is the sam
 NOISIEST = 16.0 / 255.0  # the same, at most
 OF_COLOR = 3.0  # times the median change of smooth parts, which is noise
 TEXTURED = 0.9  # quantile of the local contrast above which pixels show whether the camera moves
-LEAST, MOST = 0.0025, 0.05  # difference that is noise, as a share of the depth's extent
-OF_DEPTH = 6.0  # times the median difference of unchanged pixels
+LEAST, MOST = 0.0025, 0.15  # difference that is noise, as a share of the depth's extent
+COMMON = 0.05  # the same, at most, where all pixels differ alike
+OF_DEPTH = 9.0  # times the median deviation of unchanged pixels
 STANDING = 0.7  # share of unchanged textured pixels; with fewer the camera moves
 SPARSE = 7  # pixels from one to the next that medians are taken of
 
@@ -61,9 +62,12 @@ class SteadyDepth:
         """Return the share of each change of depth that is followed."""
         import cv2
 
+        few = (nearness - held)[::SPARSE, ::SPARSE][same[::SPARSE, ::SPARSE]] / self.extent
+        middle = np.median(few) if few.size else 0.0
+        spread = np.median(np.abs(few - middle)) if few.size else 0.0
+        common = min(OF_DEPTH * abs(middle), COMMON)
+        noise = float(np.clip(OF_DEPTH * spread, max(LEAST, common), MOST))
         change = cv2.absdiff(nearness, held) / np.float32(self.extent)
-        few = change[::SPARSE, ::SPARSE][same[::SPARSE, ::SPARSE]]
-        noise = float(np.clip(OF_DEPTH * np.median(few) if few.size else 0.0, LEAST, MOST))
         share = np.clip(change / np.float32(noise) - np.float32(1.0), 0.0, 1.0)
         share[~same | (held <= 0)] = 1.0
         share[same & (held > 0) & (nearness <= 0)] = 0.0  # gaps that come and go

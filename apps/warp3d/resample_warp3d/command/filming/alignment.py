@@ -21,6 +21,10 @@ class DepthRanges(NamedTuple):
     found: Alignment | None = None  # None: depth was not aligned
     extent: float | None = None  # of the nearness of depth to be kept steady; None: it is not
 
+    def first_of(self, n: int) -> int:
+        """Return the first picture of a picture's shot."""
+        return max(start for start in self.starts if start <= n)
+
     def reader(self, reader: DepthReader, n: int) -> DepthReader:
         """Return the reader of a picture's depth."""
         return reader if self.ends is None else reader._replace(ends=self.ends[n])
@@ -66,13 +70,6 @@ def ranges_of(
     if filming.temporal == "none":
         ends = min(low for low, _ in each), max(high for _, high in each)
         return DepthRanges([ends] * count)
-    _mention(found)
-    near, far = reader.meaning.range()
-    return DepthRanges(found.ends(each), found.starts, found, 1.0 / near - 1.0 / far)
-
-
-def _mention(found: Alignment) -> None:
-    """Report what was done to a film's depth."""
     parts = []
     if any(found.aligned):
         parts.append(
@@ -84,3 +81,5 @@ def _mention(found: Alignment) -> None:
         parts.append(f"each shot has its own range; cuts before picture {cuts}")
     if parts:
         say(f"depth: {'; '.join(parts)}; --temporal none takes them as they are")
+    near, far = reader.meaning.range()
+    return DepthRanges(found.ends(each), found.starts, found, 1.0 / near - 1.0 / far)

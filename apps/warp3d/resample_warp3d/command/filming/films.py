@@ -25,7 +25,6 @@ from resample_warp3d.command.rendering import check_memory, joined, joining_of
 from resample_warp3d.command.stereo import StereoRendering
 from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
-from resample_warp3d.types import Warped
 
 
 class FilmWriting(NamedTuple):
@@ -75,12 +74,18 @@ def rendered_film(
 
     def pictures(progress: Progress | None, start: int) -> Iterator[Picture]:
         for n in range(start, len(footage)):
-            picture, seen = _from_aim(session, film, n, (reader, aim, writing.output))
+            taken, sources = film.prepared(n)
+            shape = aim.shape(taken.shape)
+            if n == 0:
+                check_memory(taken.views, shape, writing.output)
+            camera = aim.camera_model(taken.camera, taken.shape, reader.eye.convention)
+            joining = joining_of(taken, Joint.usual(), unmixed=warping.unmixed)
+            seen = joined(session, sources, camera, shape, warping, joining).warped
             if depths is not None:
                 depths.write(n, seen.depth)
             if progress is not None:
                 progress((n + 1) / len(footage))
-            yield picture
+            yield made_of(seen, taken.picture.kind, warping)
 
     with session.stage("film", bar="rendering") as progress, appearing(depths):
         target.write(partial(pictures, progress), {})
@@ -88,21 +93,6 @@ def rendered_film(
         about = {"pictures": len(footage), **ranges.report(), "seconds": session.times()}
         write_json(extras.stats, about)
     return True
-
-
-def _from_aim(
-    session: Session, film: FilmSources, n: int, to: tuple[DepthReader, Aim, Path]
-) -> tuple[Picture, Warped]:
-    """Render a picture of a film from the new viewpoint."""
-    reader, aim, output = to
-    taken, sources = film.prepared(n)
-    shape = aim.shape(taken.shape)
-    if n == 0:
-        check_memory(taken.views, shape, output)
-    camera = aim.camera_model(taken.camera, taken.shape, reader.eye.convention)
-    joining = joining_of(taken, Joint.usual(), unmixed=film.warping.unmixed)
-    seen = joined(session, sources, camera, shape, film.warping, joining).warped
-    return made_of(seen, taken.picture.kind, film.warping), seen
 
 
 def stereo_film(

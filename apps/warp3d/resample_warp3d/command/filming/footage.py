@@ -13,8 +13,8 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.colors import to_srgb
 from resample.files.animations import check_rate
+from resample.files.formats import levels
 from resample.files.pictures import Picture, read_picture
 from resample.files.sequences import FILMS, READ, USUAL, Frames, frames_of
 from resample.files.writing import replacing
@@ -268,9 +268,9 @@ def _part_of(series: FrameSeries[Raw], first: int, count: int) -> FrameSeries[Ra
 
 
 def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
-    levels = frames_of(Path(depth))
-    if levels is not None:
-        return DecodedSeries(levels, _gray_levels)
+    grays = frames_of(Path(depth))
+    if grays is not None:
+        return DecodedSeries(grays, _gray_levels)
     files = files_in(depth, lambda _: True)
     if files:
         return FileSeries(files, read_depth)
@@ -330,11 +330,10 @@ def _as_is(picture: Picture) -> Picture:
 
 def _as_stored(picture: Picture) -> Picture:
     """Return a picture of a film with its levels as they are stored, 0..1."""
-    levels = np.rint(to_srgb(np.clip(picture.data, 0.0, 1.0)) * 255.0) / 255.0
-    return picture._replace(data=np.asarray(levels, np.float32))
+    stored = levels(picture.data, "uint8", has_alpha=False, is_light=True)
+    return picture._replace(data=np.asarray(stored / np.float32(255.0), np.float32))
 
 
 def _gray_levels(picture: Picture) -> Raw:
     """Return the gray levels 0..255 (H, W) of a film's picture."""
-    gray = to_srgb(np.clip(picture.data[..., 0], 0.0, 1.0))
-    return np.rint(gray * 255.0).astype(np.uint8)
+    return levels(picture.data[..., :1], "uint8", has_alpha=False, is_light=True)[..., 0]

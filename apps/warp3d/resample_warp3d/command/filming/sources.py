@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from resample.command.flags import Shape
 from resample.command.session import Session
+from resample.types import Floats
 from resample_warp3d.command.choices import DepthWarping
 from resample_warp3d.command.filming.alignment import DepthRanges
 from resample_warp3d.command.filming.footage import Footage
@@ -17,19 +18,35 @@ from resample_warp3d.command.inputs import (
 )
 from resample_warp3d.command.rendering import Prepared, prepared
 from resample_warp3d.depth.refining.conditioning import RefinementChoice
+from resample_warp3d.depth.refining.inspecting import is_sharpened
 from resample_warp3d.depth.stabilization import SteadyDepth
 
 ReadInputs = Callable[[int], Inputs]
 
 
 def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> ReadInputs:
-    """Return the function that reads a picture of a film with its depth; warns of doubt once."""
+    """Return the function that reads a picture of a film with its depth; warns of doubt once.
+
+    Whether small maps are soft, and how they are enlarged, is decided by a shot's first picture.
+    """
     if reader.meaning.confidence is not None:
         raise ValueError("--confidence is of one picture; leave it out for films")
 
+    softness: dict[int, bool] = {}  # by first picture
+
     def read(n: int) -> Inputs:
-        own, names = ranges.reader(reader, n), footage.names(n)
+        first, names = ranges.first_of(n), footage.names(n)
+        if first not in softness and n != first:
+            read(first)
+
+        def is_soft(nearness: Floats) -> bool:
+            if first not in softness:
+                softness[first] = is_sharpened(nearness)
+            return softness[first]
+
+        own = ranges.reader(reader, n)._replace(is_soft=is_soft)
         taken = inputs_of(own, footage.pictures[n], footage.depths[n], names)
+        softness.setdefault(first, False)
         if n == 0:
             for view in taken.views[:1]:
                 mention_doubt(own, view, names[1])
@@ -76,7 +93,7 @@ class FilmSources:
         extent = self.ranges.extent
         if extent is None:
             return self._checked(n)
-        start, taken = self.first_of(n), None
+        start, taken = self.ranges.first_of(n), None
         if self._last is not None and start <= self._last[0] <= n:
             start, taken = self._last[0] + 1, self._last[1]
         for each in range(start, n + 1):
@@ -85,10 +102,6 @@ class FilmSources:
         if taken is None:
             raise IndexError(n)
         return taken
-
-    def first_of(self, n: int) -> int:
-        """Return the first picture of a picture's shot."""
-        return max(start for start in self.ranges.starts if start <= n)
 
     def _kept_steady(self, n: int, extent: float) -> Inputs:
         taken = self._checked(n)
@@ -115,7 +128,7 @@ class FilmSources:
 
     def prepared(self, n: int) -> tuple[Inputs, list[Prepared]]:
         """Read a picture; also return its prepared sources."""
-        first = self.first_of(n)
+        first = self.ranges.first_of(n)
         if n != first and first not in self._chosen:
             self.prepared(first)
         taken = self.staged(self.inputs(n))

@@ -1,5 +1,7 @@
 """Resize depth maps: to their pictures' size surface by surface, and smaller by means."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from resample.types import Floats
@@ -10,11 +12,11 @@ from resample_warp3d.types import DepthImage
 PROPORTION = 0.02  # by which the aspect ratios of depth and color may differ
 
 
-def fitted(image: DepthImage) -> DepthImage:
+def fitted(image: DepthImage, is_soft: Callable[[Floats], bool] = is_sharpened) -> DepthImage:
     """Enlarge a depth image's depth to the size of its color.
 
     Soft edges, as of networks, stay smooth for refinement, which finds them by color; others are
-    kept apart, surface by surface.
+    kept apart, surface by surface. `is_soft` tells of nearness without gaps.
     """
     height, width = image.nearness.shape
     shape = image.color.shape[0], image.color.shape[1]
@@ -30,7 +32,7 @@ def fitted(image: DepthImage) -> DepthImage:
     nearness = np.where(is_known, image.nearness, np.float32(0))
     if is_sparse(nearness):
         return image._replace(nearness=spread(nearness, shape))
-    if rows < 1.0 and is_known.all() and is_sharpened(nearness):
+    if rows < 1.0 and is_known.all() and is_soft(nearness):
         import cv2
 
         smooth = cv2.resize(nearness, shape[::-1], interpolation=cv2.INTER_LINEAR)
