@@ -11,6 +11,7 @@ from pathlib import Path
 from shutil import which
 
 from cyclopts import (
+    App,
     CycloptsError,
     MissingArgumentError,
     UnknownCommandError,
@@ -56,8 +57,8 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         known = [name[2:] for name in names if name.startswith("--")]
         option = meant(given.lstrip("-"), known)
         remedy = f"Did you mean --{option}?" if option else f"{_command(error)} --help lists all."
-        others = getattr(sys.modules.get(getattr(error.target, "__module__", "")), "app", ())
-        if given.lstrip("-") in others:
+        program = getattr(sys.modules.get(getattr(error.target, "__module__", "")), "app", None)
+        if isinstance(program, App) and given.lstrip("-") in program:
             called = _command(error).rpartition(" ")[0]
             remedy += f" There is a command {called} {given.lstrip('-')}, too."
         return visible(f"Unknown option: {given}. {remedy}")
