@@ -117,15 +117,16 @@ def middle(picture):
 
 
 @pytest.mark.sweep
+@pytest.mark.parametrize("layout", ["vr180", "vr180-fisheye"])
 @pytest.mark.parametrize(("made", "left"), [("right", 0.0), ("left", -0.4), ("both", -0.2)])
-def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, made, left):
+def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, made, left, layout):
     monkeypatch.chdir(tmp_path)
     words = [
         *square(60, 24),
         "--eye-distance",
         0.4,
         "--layout",
-        "vr180",
+        layout,
         "--size",
         "180",
         "--eyes",
@@ -139,7 +140,23 @@ def test_vr180_shows_directions_ahead_of_each_eye(tmp_path, monkeypatch, made, l
         right = x - at
         east = np.degrees(np.arctan2(right, z))
         north = np.degrees(np.arctan2(-y, np.hypot(right, z)))
-        np.testing.assert_allclose(middle(picture), (90 + east, 90 - north), atol=0.1)
+        expected = 90 + east, 90 - north
+        if layout == "vr180-fisheye":  # a degree from the axis is a pixel
+            aside = np.hypot(right, y)
+            angle = np.degrees(np.arctan2(aside, z))
+            expected = 90 + angle * right / aside, 90 + angle * y / aside
+        np.testing.assert_allclose(middle(picture), expected, atol=0.1)
+
+
+def test_the_half_sphere_of_a_fisheye_fills_a_circle(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = square(40, 30)
+    write_image("c.exr", np.ones((60, 80, 3), np.float32))
+    words += ["--layout", "vr180-fisheye", "--size", "64", "-o", "out.png"]
+    assert ended(*words) == 0
+    left = read_image("out.png")[:, :64]
+    assert left[32, 32].min() == 1
+    assert left[:9, :9].max() == left[-9:, -9:].max() == 0
 
 
 def test_vr180_of_a_lens_shows_straight_directions(tmp_path, monkeypatch):

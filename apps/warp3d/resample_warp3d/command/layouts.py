@@ -40,6 +40,7 @@ MARKS = {
     "rgbd": StereoMarks(name="_RGBD"),
     "half-rgbd": StereoMarks(name="_HRGBD"),
     "vr180": StereoMarks("left-right", "180", "_180x180_LR", "left_right"),
+    "vr180-fisheye": StereoMarks("left-right", None, "_FISHEYE180_LR", "left_right"),
     **{layout: StereoMarks(None, None, "_redcyan", "anaglyph_cyan_red") for layout in ANAGLYPHS},
 }
 
@@ -47,7 +48,7 @@ MARKS = {
 def marks_of(layout: str | None, *, is_panorama: bool) -> StereoMarks:
     """Return what a player has to know of pictures in a layout."""
     marks = MARKS.get(layout or "one", UNMARKED)
-    if not is_panorama or layout == "vr180":
+    if not is_panorama or (layout or "").startswith("vr180"):
         return marks
     short = {"left-right": "_LR", "top-bottom": "_TB"}.get(marks.mode or "", "")
     return marks._replace(around="360", name=f"_360{short}")
@@ -84,7 +85,11 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
         return left._replace(data=whole)
     if layout.endswith("cross-eyed"):
         left, right = right, left
-    axis = 1 if layout.endswith(("side-by-side", "cross-eyed", "vr180", "rgbd")) else 0
+    axis = (
+        1
+        if layout.startswith("vr180") or layout.endswith(("side-by-side", "cross-eyed", "rgbd"))
+        else 0
+    )
     both = [p.data for p in (left, right)]
     if layout.startswith("half-"):
         both = [_squeezed(data, axis) for data in both]

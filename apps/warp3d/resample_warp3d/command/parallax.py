@@ -118,15 +118,16 @@ class Parallax(Choices):
         Literal[
             "one", "side-by-side", "half-side-by-side", "top-bottom", "half-top-bottom", "anaglyph",
             "vr180", "cross-eyed", "half-cross-eyed", "rows", "anaglyph-half-color",
-            "anaglyph-gray", "anaglyph-dubois", "rgbd", "half-rgbd", "quilt",
+            "anaglyph-gray", "anaglyph-dubois", "rgbd", "half-rgbd", "quilt", "vr180-fisheye",
         ] | None,
         Field(
             description="Output: the new eye's picture alone (one), or both: the left one at the "
             "left (at the right for cross-eyed), on top, in even rows, or in red; half: each "
             "squeezed by 2, together as large as one; anaglyph-dubois: least-squares colors for "
-            "red and cyan glasses; vr180: the half sphere ahead of each eye, side by side; rgbd: "
-            "the source and its depth, nearer is lighter; quilt: views from left to right, from "
-            "the bottom row up, for light-field displays. [default: one; side-by-side for films "
+            "red and cyan glasses; vr180: the half sphere ahead of each eye, side by side, by "
+            "latitude and longitude, or vr180-fisheye: as equidistant circles; rgbd: the source "
+            "and its depth, nearer is lighter; quilt: views from left to right, from the bottom "
+            "row up, for light-field displays. [default: one; side-by-side for films "
             "with both eyes, cross-eyed for .jps]"
         ),
     ] = None  # fmt: skip
@@ -162,7 +163,7 @@ class Parallax(Choices):
 
     def is_around(self, eye: SourceCamera) -> bool:
         """Whether eyes have pictures of directions: for vr180 and panoramas."""
-        return self.layout == "vr180" or eye.source_projection == "equirectangular"
+        return (self.layout or "").startswith("vr180") or eye.source_projection == "equirectangular"
 
     def recognised(
         self, meaning: PairDepth, raw: "Raw", name: str, *, is_around: bool, of_pair: bool
@@ -202,9 +203,9 @@ class Parallax(Choices):
         if self.size is None:
             return None
         height, width = height_and_width(self.size)
-        if self.layout == "vr180" and width != height:
+        if (self.layout or "").startswith("vr180") and width != height:
             raise ValueError(f"--size {self.size}: each eye of vr180 has a square, such as 2048")
-        if self.layout not in ("vr180", "quilt") and width != 2 * height:
+        if self.layout not in ("vr180", "vr180-fisheye", "quilt") and width != 2 * height:
             raise ValueError(f"--size {self.size}: a panorama is twice as wide as high")
         return height, width
 

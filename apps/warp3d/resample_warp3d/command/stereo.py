@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.cameras.models import Camera
+from resample.cameras.models import Camera, LensModel
 from resample.cameras.panoramic import Equirectangular
 from resample.cameras.pixels import directions, pixel_centers
 from resample.command.flags import Shape
@@ -27,6 +27,7 @@ from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.projection_models import CameraModel, StereoPanorama
 from resample_warp3d.types import Hole, Warped
 
+HALF = ("vr180", "vr180-fisheye")  # layouts of the half sphere ahead
 LARGEST = 4096  # px of an eye's picture around, unless its size is given
 COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
 SEEN_WIDTH = math.radians(60.0)  # of a flat picture before a viewer, by which comfort is judged
@@ -173,7 +174,8 @@ class StereoRendering:
             side = min(LARGEST, 2 * round(0.5 * math.pi * abs(taken.camera.fx)))
             return side, side
         height, width = taken.shape
-        return (height, height) if self.parallax.layout == "vr180" else (height, width)
+        is_half = self.parallax.layout in HALF
+        return (height, height) if is_half else (height, width)
 
     def render(
         self,
@@ -273,40 +275,46 @@ class StereoRendering:
     ) -> tuple[list[Picture], Warped | None]:
         """Render pictures of directions, for both eyes."""
         kind, filled = taken.picture.kind, self.warping.fill
-        is_half = self.parallax.layout == "vr180"
+        layout = self.parallax.layout or ""
         height, width = self.shape(taken)
         joining = joining_of(taken, Joint.usual())
         made = []
-        for target in self._targets(taken, eyes, is_half=is_half):
-            whole = height, 2 * width if is_half else width
+        for target in self._targets(taken, eyes, layout, width):
+            whole = height, 2 * width if layout == "vr180" else width
             seen = joined(session, sources, target, whole, self.warping, joining).warped
-            made.append(_front(seen, filled=filled) if is_half else seen)
+            made.append(_ahead(seen, layout, filled=filled) if layout in HALF else seen)
         new = made[0 if self.parallax.eyes == "left" else 1]
         return [warped_picture(each, kind, filled=filled) for each in made], new
 
-    def _targets(self, taken: Inputs, eyes: Eyes, *, is_half: bool) -> list[CameraModel]:
+    def _targets(self, taken: Inputs, eyes: Eyes, layout: str, width: int) -> list[CameraModel]:
         """Return the cameras of the left and of the right eye.
 
         A panorama is the head's, between both eyes.
         """
         pose, (left, right) = taken.camera.world_to_camera, self.positions
-        if is_half:
-            return [
-                Equirectangular(stepped([position * eyes.apart, 0.0, 0.0]) @ pose)
-                for position in (left, right)
-            ]
-        half = 0.5 * (right - left) * eyes.apart
-        return [StereoPanorama(pose, -half), StereoPanorama(pose, half)]
+        if layout not in HALF:
+            half = 0.5 * (right - left) * eyes.apart
+            return [StereoPanorama(pose, -half), StereoPanorama(pose, half)]
+        poses = [stepped([position * eyes.apart, 0.0, 0.0]) @ pose for position in (left, right)]
+        if layout == "vr180":
+            return [Equirectangular(each) for each in poses]
+        focal, middle = width / math.pi, 0.5 * width  # 90 degrees at the circle's edge
+        matrix = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1.0]])
+        return [Camera(matrix, each, model=LensModel.FISHEYE) for each in poses]
 
 
-def _front(warped: Warped, *, filled: bool) -> Warped:
-    """Return the half of a panorama that is ahead; what is beside the source stays empty."""
-    quarter = warped.coverage.shape[1] // 4
-    ahead = slice(quarter, 3 * quarter)
-    parts = {name: part[:, ahead] for name, part in warped._asdict().items()}
-    half = warped._replace(**parts)
-    if not filled:
-        return half
-    is_kept = half.holes != Hole.OUTSIDE
-    image = half.image * is_kept[..., None]
-    return half._replace(image=image, coverage=half.coverage * is_kept)
+def _ahead(warped: Warped, layout: str, *, filled: bool) -> Warped:
+    """Return the half sphere that is ahead; what is beside the source stays empty."""
+    height, width = warped.coverage.shape
+    is_kept = np.ones((height, width), bool)
+    if layout == "vr180":
+        ahead = slice(width // 4, 3 * (width // 4))
+        parts = {name: part[:, ahead] for name, part in warped._asdict().items()}
+        warped, is_kept = warped._replace(**parts), is_kept[:, ahead]
+    else:
+        row, column = np.ogrid[:height, :width]
+        is_kept = np.hypot(row + 0.5 - 0.5 * height, column + 0.5 - 0.5 * width) <= 0.5 * width
+    if filled:
+        is_kept = is_kept & (warped.holes != Hole.OUTSIDE)
+    image = warped.image * is_kept[..., None]
+    return warped._replace(image=image, coverage=warped.coverage * is_kept)
