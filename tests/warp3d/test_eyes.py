@@ -70,9 +70,9 @@ def test_the_eyes_of_a_panorama_are_on_both_sides_of_the_head(places):
     pose = np.eye(4)
     source = SimpleNamespace(camera=SimpleNamespace(world_to_camera=pose))
     apart, asked = Eyes(0.0, 0.0, 0.06), SimpleNamespace(positions=places)
-    first, second = StereoRendering._targets(asked, source, apart, is_half=False)
+    first, second = StereoRendering._targets(asked, source, apart, "top-bottom", 64)
     assert (first.right, second.right) == pytest.approx((-0.03, 0.03))
-    first, second = StereoRendering._targets(asked, source, apart, is_half=True)
+    first, second = StereoRendering._targets(asked, source, apart, "vr180", 64)
     for camera, place in zip((first, second), places, strict=True):
         at = np.linalg.inv(camera.world_to_camera)[:3, 3]
         np.testing.assert_allclose(at, [0.06 * place, 0, 0], atol=1e-12)
