@@ -98,10 +98,8 @@ def picture_function(
         ValueError, LookupError, OSError
             As the command does.
         """
-        view, (height, width) = (
-            view_of(Path(path)),
-            height_and_width(str(settings.get("size", 400))),
-        )
+        view = view_of(Path(path))
+        height, width = height_and_width(str(settings.get("size", 400)))
         view.refuse(settings)
         return image_of(view.first, settings, (width, height))
 

@@ -13,6 +13,7 @@ from resample.colors import from_srgb
 from resample.files.films import UNMARKED, StereoMarks
 from resample.files.pictures import Picture
 from resample.types import Floats
+from resample_warp3d.command.parallax import HALF
 
 LUMA = (0.2126, 0.7152, 0.0722)  # of sRGB's primaries
 NONE = (0.0, 0.0, 0.0)
@@ -48,7 +49,7 @@ MARKS = {
 def marks_of(layout: str | None, *, is_panorama: bool) -> StereoMarks:
     """Return what a player has to know of pictures in a layout."""
     marks = MARKS.get(layout or "one", UNMARKED)
-    if not is_panorama or (layout or "").startswith("vr180"):
+    if not is_panorama or layout in HALF:
         return marks
     short = {"left-right": "_LR", "top-bottom": "_TB"}.get(marks.mode or "", "")
     return marks._replace(around="360", name=f"_360{short}")
@@ -85,11 +86,7 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
         return left._replace(data=whole)
     if layout.endswith("cross-eyed"):
         left, right = right, left
-    axis = (
-        1
-        if layout.startswith("vr180") or layout.endswith(("side-by-side", "cross-eyed", "rgbd"))
-        else 0
-    )
+    axis = 1 if layout in HALF or layout.endswith(("side-by-side", "cross-eyed", "rgbd")) else 0
     both = [p.data for p in (left, right)]
     if layout.startswith("half-"):
         both = [_squeezed(data, axis) for data in both]

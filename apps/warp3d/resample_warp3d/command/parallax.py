@@ -15,6 +15,7 @@ from resample_warp3d.command.source import SourceCamera
 if TYPE_CHECKING:
     from resample_warp3d.depth.encodings import Raw
 
+HALF = ("vr180", "vr180-fisheye")  # layouts of the half sphere ahead
 NUMBER = re.compile(r"-?\d*\.?\d+(?:[eE][-+]?\d+)?", re.ASCII)
 MILLIMETERS = 20_000  # whole numbers of 16 bits below this are z; a network's fill the range
 
@@ -163,7 +164,7 @@ class Parallax(Choices):
 
     def is_around(self, eye: SourceCamera) -> bool:
         """Whether eyes have pictures of directions: for vr180 and panoramas."""
-        return (self.layout or "").startswith("vr180") or eye.source_projection == "equirectangular"
+        return self.layout in HALF or eye.source_projection == "equirectangular"
 
     def recognised(
         self, meaning: PairDepth, raw: "Raw", name: str, *, is_around: bool, of_pair: bool
@@ -203,9 +204,9 @@ class Parallax(Choices):
         if self.size is None:
             return None
         height, width = height_and_width(self.size)
-        if (self.layout or "").startswith("vr180") and width != height:
+        if self.layout in HALF and width != height:
             raise ValueError(f"--size {self.size}: each eye of vr180 has a square, such as 2048")
-        if self.layout not in ("vr180", "vr180-fisheye", "quilt") and width != 2 * height:
+        if self.layout not in (*HALF, "quilt") and width != 2 * height:
             raise ValueError(f"--size {self.size}: a panorama is twice as wide as high")
         return height, width
 

@@ -20,14 +20,13 @@ from resample_warp3d.command.animation import stepped
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs
 from resample_warp3d.command.layouts import shade, tiled, together
-from resample_warp3d.command.parallax import Parallax
+from resample_warp3d.command.parallax import HALF, Parallax
 from resample_warp3d.command.rendering import Prepared, joined, joining_of, shifted
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.projection_models import CameraModel, StereoPanorama
 from resample_warp3d.types import Hole, Warped
 
-HALF = ("vr180", "vr180-fisheye")  # layouts of the half sphere ahead
 LARGEST = 4096  # px of an eye's picture around, unless its size is given
 COMFORT = 0.015  # default parallax before and behind the screen, as a share of the width
 SEEN_WIDTH = math.radians(60.0)  # of a flat picture before a viewer, by which comfort is judged
@@ -306,11 +305,11 @@ class StereoRendering:
 def _ahead(warped: Warped, layout: str, *, filled: bool) -> Warped:
     """Return the half sphere that is ahead; what is beside the source stays empty."""
     height, width = warped.coverage.shape
-    is_kept = np.ones((height, width), bool)
     if layout == "vr180":
         ahead = slice(width // 4, 3 * (width // 4))
         parts = {name: part[:, ahead] for name, part in warped._asdict().items()}
-        warped, is_kept = warped._replace(**parts), is_kept[:, ahead]
+        warped = warped._replace(**parts)
+        is_kept = np.ones(warped.coverage.shape, bool)
     else:
         row, column = np.ogrid[:height, :width]
         is_kept = np.hypot(row + 0.5 - 0.5 * height, column + 0.5 - 0.5 * width) <= 0.5 * width
