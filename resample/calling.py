@@ -184,7 +184,7 @@ FUNCTIONS = {
     "rasterization rasterize splat": "render_gaussians(gaussians, camera) draws 3D Gaussians",
     "point_cloud pointcloud": "Cloud(position)",
     "warp_perspective warp_affine affine remap affine_transform": "warp(image, matrix or maps, "
-    "shape) does that; resample_texture.like.opencv has OpenCV's names",
+    "shape) does that; resample_dropins.opencv (hybrid-resample-dropins) has OpenCV's names",
     "thumbnail": "resize(image, 64) makes the longer side 64 px",
     "rectify": "control_points(...) makes the matrix for warp; the command is resample-texture "
     "rectify",

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Mapping
 from importlib import import_module
+from types import ModuleType
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -74,16 +75,21 @@ def moved(home: str, package: str) -> Callable[[str], Any]:
     def get(name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(f"names are in {home} now")
-        try:
-            return getattr(import_module(home), name)
-        except ModuleNotFoundError as error:
-            if error.name != home.partition(".")[0]:
-                raise
-            raise ModuleNotFoundError(
-                f"{home} is in {package}, which is not installed: pip install {package}"
-            ) from None
+        return getattr(elsewhere(home, package), name)
 
     return get
+
+
+def elsewhere(home: str, package: str) -> ModuleType:
+    """Import a module of another package of this project; the error names the package."""
+    try:
+        return import_module(home)
+    except ModuleNotFoundError as error:
+        if error.name != home.partition(".")[0]:
+            raise
+        raise ModuleNotFoundError(
+            f"{home} is in {package}, which is not installed: pip install {package}"
+        ) from None
 
 
 def listing(homes: Mapping[str, str]) -> Callable[[], list[str]]:

@@ -7,12 +7,12 @@ No test runs it. The names are typing errors of the kind that an editor underlin
 import numpy as np
 
 import resample
+import resample_dropins.ndimage
+import resample_dropins.scikit
 import resample_particles
 import resample_points
 import resample_sky
 import resample_texture
-import resample_texture.like.ndimage
-import resample_texture.like.scikit
 import resample_volume
 import resample_warp3d
 
@@ -57,8 +57,8 @@ resample_texture.PictureScene(picture).render(np.eye(3), edge="reflekt")  # type
 resample_texture.PictureScene(picture).render(np.eye(3), quality="fast")  # type: ignore[arg-type]
 resample_sky.coadd([picture], [np.eye(3)], (4, 5), interpolation="cubic")  # type: ignore[arg-type]
 resample_texture.Hybrid(magnified="cell")  # type: ignore[arg-type]
-resample_texture.like.scikit.resize(picture, (4, 5), mode="mirror")  # type: ignore[arg-type]
-resample_texture.like.ndimage.zoom(picture, 2, mode="symmetric")  # type: ignore[arg-type]
+resample_dropins.scikit.resize(picture, (4, 5), mode="mirror")  # type: ignore[arg-type]
+resample_dropins.ndimage.zoom(picture, 2, mode="symmetric")  # type: ignore[arg-type]
 
 # Depth images
 resample_warp3d.warp(picture, picture, camera, camera, refine="snapp")  # type: ignore[arg-type]

@@ -17,7 +17,8 @@ ROOT = Path(__file__).parents[1]
 SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
     "plugins/cells/resample_cells",
-    *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
+    *("plugins/comparisons/resample_comparisons", "plugins/dropins/resample_dropins"),
+    "plugins/figures/resample_figures",
     *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
     *("plugins/particles/resample_particles", "plugins/sky/resample_sky"),
 )

@@ -22,7 +22,7 @@ print(wall.shape, wall.dtype)
 
 # %%
 # A 3 × 3 matrix maps source to target. Coordinates start at the picture's corner: the first pixel's center is
-# at (0.5, 0.5). (OpenCV's matrices start at that center; ``warp_like_opencv`` takes them.)
+# at (0.5, 0.5). (OpenCV's matrices start at that center; ``resample_dropins.opencv`` takes them.)
 
 import numpy as np
 
@@ -75,16 +75,16 @@ warp(wall, lambda x, y: (x + 12 * np.sin(y / 20), y + 8 * np.sin(x / 17)), (250,
 # In place of OpenCV
 # ------------------
 #
-# ``warp_like_opencv`` takes the arguments of ``cv2.warpPerspective``, and its conventions:
+# ``warpPerspective`` of ``resample_dropins.opencv`` takes the arguments of ``cv2.warpPerspective``, and its conventions:
 
 import cv2
 
-from resample_texture import warp_like_opencv
+from resample_dropins.opencv import warpPerspective
 
 levels = (255 * wall**0.4545).astype(np.uint8)
 small = np.diag([0.15, 0.15, 1.0])
 theirs = cv2.warpPerspective(levels, small, (76, 76))
-ours = warp_like_opencv(levels, small, (76, 76))
+ours = warpPerspective(levels, small, (76, 76))
 for name, given in (("opencv", theirs), ("ours", ours)):
     warp(given, np.eye(3), (76, 76)).save(f"{name}.png")
 

@@ -14,7 +14,7 @@ import pytest
 import scipy.ndimage
 
 from resample import registry
-from resample_texture.like import ndimage, opencv, scikit
+from resample_dropins import ndimage, opencv, scikit
 from tests.core.test_signatures import parameters, public
 
 RECORD = Path(__file__).with_name("defaults.txt")

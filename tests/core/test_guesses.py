@@ -142,7 +142,7 @@ ANSWERED = {
     "texture.rotate(IMAGE, 30, center=(3, 4))": "matrix for warp",
     "texture.flip(IMAGE)": "::-1",
     "texture.crop(IMAGE, (0, 0, 9, 9))": "roi=",
-    "texture.affine(IMAGE, PLANE)": "like.opencv",
+    "texture.affine(IMAGE, PLANE)": "resample_dropins.opencv",
     "texture.thumbnail(IMAGE, 16)": "resize",
     "texture.load('a.png')": "take paths",
     "volume.render(CUBE, opacity=[0, 0.2])": "transfer=",

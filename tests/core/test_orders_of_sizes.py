@@ -16,8 +16,8 @@ import resample_sky
 import resample_texture
 import resample_volume
 import resample_warp3d
+from resample_dropins import ndimage, opencv, scikit
 from resample_meshes import rendering as meshes
-from resample_texture.like import ndimage, opencv, scikit
 from tests.core.test_signatures import parameters, public
 
 PAIR = re.compile(r"(shape|size|height and width|width and height)", re.IGNORECASE)

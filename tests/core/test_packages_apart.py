@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("cells", "comparisons", "figures", "gradients", "meshes", "particles", "sky"):
+for name in "cells comparisons dropins figures gradients meshes particles sky".split():
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -119,6 +119,24 @@ def test_modules_of_another_package_keep_their_old_names_and_name_it(old, name, 
     with pytest.raises(ModuleNotFoundError) as caught:
         getattr(module, name)
     assert str(caught.value).endswith("not installed: pip install hybrid-resample-gradients")
+
+
+@pytest.mark.parametrize("name", ["ndimage", "opencv", "scikit"])
+def test_drop_ins_keep_their_old_names_and_these_name_their_package(name, monkeypatch):
+    old, new = f"resample_texture.like.{name}", f"resample_dropins.{name}"
+    assert import_module(old) is import_module(new)
+
+    def absent(_):
+        raise ModuleNotFoundError("no module", name="resample_dropins")
+
+    monkeypatch.setattr("resample.lazy.import_module", absent)
+    monkeypatch.delitem(sys.modules, old)
+    with pytest.raises(ModuleNotFoundError) as caught:
+        import_module(old)
+    assert str(caught.value) == (
+        f"{new} is in hybrid-resample-dropins, which is not installed: "
+        "pip install hybrid-resample-dropins"
+    )
 
 
 @pytest.mark.some(3)

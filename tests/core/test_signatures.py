@@ -18,7 +18,7 @@ import resample_sky
 import resample_texture
 import resample_volume
 import resample_warp3d
-from resample_texture.like import ndimage, scikit
+from resample_dropins import ndimage, scikit
 
 PACKAGES = [
     "resample",

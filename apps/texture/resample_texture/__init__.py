@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from resample_texture.everyday import project, resize, rotate, scale, undistort
     from resample_texture.geometry.control import control_points
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
-    from resample_texture.like.opencv import warp_like_opencv
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
     from resample_texture.scenes import PictureScene
@@ -31,7 +30,6 @@ _NAMES = {  # by the module that has them
     "everyday": "project resize rotate scale undistort",
     "geometry.control": "control_points",
     "geometry.mappings": "BackwardMap ForwardMap Homography",
-    "like.opencv": "warp_like_opencv",
     "methods.forward": "Hybrid Points Splats Supersample",
     "methods.paper": "Paper",
     "scenes": "PictureScene",
@@ -63,13 +61,13 @@ __all__ = [
     "view",
     "warp",
     "warp_chunks",
-    "warp_like_opencv",
     "warp_points",
 ]
 
-_MOVED = {"coadd": "mosaics", "reproject": "mosaics"}  # to `resample_sky`; until the next release
+# To packages of plugins/; until the next release.
+_MOVED = dict.fromkeys(("coadd", "reproject"), "mosaics") | dict.fromkeys(
+    ("remap", "warpAffine", "warpPerspective", "warp_like_opencv"), "like.opencv"
+)
 
-_OPENCV = dict.fromkeys(("remap", "warpAffine", "warpPerspective"), "like.opencv")
-
-__getattr__ = attributes(__name__, _HOMES | _MOVED | _OPENCV)
+__getattr__ = attributes(__name__, _HOMES | _MOVED)
 __dir__ = listing(_HOMES)

@@ -1,1 +1,1 @@
-"""Drop-in replacements for OpenCV, scikit-image and SciPy, with their conventions."""
+"""Old names of `resample_dropins`, which another package has."""

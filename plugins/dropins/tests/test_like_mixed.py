@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from conftest import real
+from resample_dropins import common, ndimage, opencv
 from resample_texture import Homography
-from resample_texture.like import common, ndimage, opencv
 from resample_texture.texels.gather import places_of
 from resample_texture.texels.kernels.gather import put_shares
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from resample_texture.like import opencv
+from resample_dropins import opencv
 from resample_texture.texels.encoding import DTYPES
 
 GROWN = np.array([[3.3, 0.4, -4.3], [-0.3, 3.1, 6.2], [0.0007, 0.001, 1.0]])

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from resample_dropins import ndimage as like_ndimage
+from resample_dropins import opencv, scikit
 from resample_texture import BackwardMap, Hybrid, warp
-from resample_texture.like import ndimage as like_ndimage
-from resample_texture.like import opencv, scikit
 
 FLAGS = {
     "linear": cv2.INTER_LINEAR,

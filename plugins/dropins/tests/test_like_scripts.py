@@ -1,4 +1,4 @@
-"""`import resample_texture.like.opencv as cv2`: names and forms of calls of public scripts."""
+"""`import resample_dropins.opencv as cv2`: names and forms of calls of public scripts."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from resample_texture.like import ndimage, opencv, scikit
+from resample_dropins import ndimage, opencv, scikit
 
 # Repository and file: the names of cv2 that it uses.
 NAMES = """\
@@ -182,7 +182,7 @@ def test_a_script_s_calls_are_opencv_s(name, count, named):
 
 def test_a_module_in_place_of_cv2_is_found_by_all_forms_of_import():
     found: dict[str, object] = {}
-    exec("from resample_texture.like.opencv import *", found)
+    exec("from resample_dropins.opencv import *", found)
     assert found["imread"] is cv2.imread
     assert found["warpAffine"] is opencv.warpAffine
     assert {name for name in dir(cv2) if name[0] != "_"} <= {*dir(opencv)} & {*opencv.__all__}
@@ -194,7 +194,7 @@ def test_a_module_in_place_of_cv2_is_found_by_all_forms_of_import():
 
 def test_scipy_s_names_are_scipy_s():
     found: dict[str, object] = {}
-    exec("from resample_texture.like.ndimage import *", found)
+    exec("from resample_dropins.ndimage import *", found)
     assert found["gaussian_filter"] is scipy.ndimage.gaussian_filter
     assert found["zoom"] is ndimage.zoom
     assert {*scipy.ndimage.__all__} <= {*dir(ndimage)}
@@ -217,7 +217,7 @@ def test_scikit_image_s_names_are_its_own_if_it_is_installed(monkeypatch):
 
 def test_what_opencv_draws_alone_loads_no_kernels():
     text = (
-        "import sys, numpy as np, resample_texture.like.opencv as cv2;"
+        "import sys, numpy as np, resample_dropins.opencv as cv2;"
         "image = np.zeros((50, 60, 3), np.uint8);"
         "cv2.warpAffine(image, np.eye(2, 3), (70, 80)); cv2.resize(image, (90, 90));"
         "print('numba' in sys.modules)"

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import scipy.ndimage as scipy_ndimage
 
-from resample_texture.like import ndimage
+from resample_dropins import ndimage
 
 MATRIX = np.array([[0.3317, -0.0213], [0.0319, 0.3127]])  # no center lies between two texels
 OFFSET = (-1.3719, -2.1331)

@@ -2,7 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from resample_texture import Hybrid, warp, warp_like_opencv
+from resample_dropins.opencv import warp_like_opencv
+from resample_texture import Hybrid, warp
 
 GROWN = np.array([[7.3, 0.9, -30.0], [-0.8, 8.1, -20.0], [0.004, 0.006, 1.0]])
 SMALL = np.array([[3.7, 0.4, 21.0], [-0.3, 4.1, 17.0], [0.0, 0.0, 1.0]])  # within its frame

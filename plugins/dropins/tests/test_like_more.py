@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from resample_texture.like import ndimage as like_ndimage
-from resample_texture.like import opencv
+from resample_dropins import ndimage as like_ndimage
+from resample_dropins import opencv
 
 CENTER, RADIUS = (68.0, 61.0), 55.0
 FILL, INVERSE, LOG = cv2.WARP_FILL_OUTLIERS, cv2.WARP_INVERSE_MAP, cv2.WARP_POLAR_LOG

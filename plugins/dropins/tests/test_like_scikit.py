@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
-from resample_texture.like import scikit
+from resample_dropins import scikit
 
 MATRIX = np.array([[0.3127, 0.0319, -2.1331], [-0.0213, 0.3317, -1.3719], [4e-4, 3e-4, 1.0]])
 SHAPE = (40, 50)

@@ -1,0 +1,1 @@
+"""Drop-in replacements for OpenCV, scikit-image and SciPy, with their conventions."""
