@@ -186,8 +186,8 @@ FUNCTIONS = {
     "warp_perspective warp_affine affine remap affine_transform": "warp(image, matrix or maps, "
     "shape) does that; resample_dropins.opencv (hybrid-resample-dropins) has OpenCV's names",
     "thumbnail": "resize(image, 64) makes the longer side 64 px",
-    "rectify": "control_points(...) makes the matrix for warp; the command is resample-texture "
-    "rectify",
+    "rectify": "resample_sky.control_points(...) makes the matrix for warp; the command is "
+    "resample-texture rectify",
     "map_coordinates": "warp(image, (map_x, map_y), shape) does that",
 }
 

@@ -284,7 +284,7 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
         "positions .* numbers",
     ),
     "particle positions": (lambda: resample.particles("abc", (1, 0, 0), 0.9, 1), "numbers"),
-    "control points": (lambda: texture.control_points("a", "b", SHAPE), "numbers"),
+    "control points": (lambda: resample_sky.control_points("a", "b", SHAPE), "numbers"),
     "viewed stack": (
         lambda: write_levels(Path("none.png"), np.zeros((5, 64, 80), np.uint8)),
         r"a picture of \(5, 64, 80\); give \(H, W\), or \(H, W, C\) of 1, 3 or 4",

@@ -107,7 +107,7 @@ SHAPES: dict[str, Callable[[tuple[int, int]], Any]] = {
     ),
     "Plan": lambda shape: resample_texture.Plan(np.eye(3), shape, (4, 5))(PICTURE),
     "control_points": lambda shape: (
-        resample_texture.control_points(
+        resample_sky.control_points(
             np.eye(5, 2), np.eye(5, 2) + np.arange(5)[:, None] ** 2, shape, "polynomial:degree=1"
         ).x
     ),

@@ -16,7 +16,6 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample_texture.chunks import warp_chunks
     from resample_texture.everyday import project, resize, rotate, scale, undistort
-    from resample_texture.geometry.control import control_points
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
     from resample_texture.methods.paper import Paper
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 _NAMES = {  # by the module that has them
     "chunks": "warp_chunks",
     "everyday": "project resize rotate scale undistort",
-    "geometry.control": "control_points",
     "geometry.mappings": "BackwardMap ForwardMap Homography",
     "methods.forward": "Hybrid Points Splats Supersample",
     "methods.paper": "Paper",
@@ -52,7 +50,6 @@ __all__ = [
     "Splats",
     "Supersample",
     "Warped",
-    "control_points",
     "project",
     "resize",
     "rotate",
@@ -65,7 +62,7 @@ __all__ = [
 ]
 
 # To packages of plugins/; until the next release.
-_MOVED = dict.fromkeys(("coadd", "reproject"), "mosaics") | dict.fromkeys(
+_MOVED = dict.fromkeys(("coadd", "control_points", "reproject"), "mosaics") | dict.fromkeys(
     ("remap", "warpAffine", "warpPerspective", "warp_like_opencv"), "like.opencv"
 )
 

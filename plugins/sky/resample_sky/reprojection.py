@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from resample.types import Doubles
-from resample_texture.geometry.control import coarsely
+from resample_sky.control import coarsely
 from resample_texture.geometry.mappings import BackwardMap, Homography
 from resample_texture.geometry.matrices import homography
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from resample_sky import coadd, reproject
+from resample_sky.control import coarsely
 from resample_sky.reprojection import reprojection
 from resample_texture import BackwardMap, warp
-from resample_texture.geometry.control import coarsely
 from resample_texture.geometry.mappings import Homography
 
 SHAPE = (70, 90)

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import RBFInterpolator
 
-from resample_texture import Homography, control_points
+from resample_sky import control_points
+from resample_texture import Homography
 from resample_texture.geometry.mappings import source_coordinates
 
 SHAPE = (60, 80)

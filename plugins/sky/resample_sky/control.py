@@ -149,7 +149,8 @@ def control_points(
     Examples
     --------
     >>> import numpy as np
-    >>> from resample_texture import control_points, warp
+    >>> from resample_sky import control_points
+    >>> from resample_texture import warp
     >>> corners = [[0, 0], [64, 0], [64, 48], [0, 48], [32, 24]]
     >>> moved = [[0, 0], [64, 0], [64, 48], [0, 48], [40, 24]]  # the middle goes to the right
     >>> bent = control_points(corners, moved, (48, 64))
