@@ -54,6 +54,7 @@ ELSEWHERE = {
         "primitives": "ewa inflate",
         "warps": "ldi mcmillan mcmillan-zbuffer mesh opencv subsample",
     },
+    "hybrid-resample-labels": {"methods": "majority"},
     "hybrid-resample-meshes": {"commands": "texture.mesh", "pages": "texture.mesh"},
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
     "hybrid-resample-particles": {"commands": "points.density", "pages": "points.density"},

@@ -19,7 +19,8 @@ SOURCES = (
     "plugins/cells/resample_cells",
     *("plugins/comparisons/resample_comparisons", "plugins/dropins/resample_dropins"),
     "plugins/figures/resample_figures",
-    *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
+    *("plugins/gradients/resample_gradients", "plugins/labels/resample_labels"),
+    "plugins/meshes/resample_meshes",
     *("plugins/particles/resample_particles", "plugins/sky/resample_sky"),
 )
 MOST_LINES = 60  # of a function, without its docstring

@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in "cells comparisons dropins figures gradients meshes particles sky".split():
+for name in "cells comparisons dropins figures gradients labels meshes particles sky".split():
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -35,6 +35,11 @@ MISSING = [
         "resample-texture resize sample:bricks a.png --size 9 --method cubic",
         "'cubic'",
         "comparisons",
+    ),
+    (
+        "resample-texture resize sample:bricks a.png --size 9 --method majority",
+        "'majority'",
+        "labels",
     ),
     ("resample-volume compare checker-box", "command 'volume.compare'", "comparisons"),
     ("resample-volume figures", "command 'volume.figures'", "figures"),

@@ -18,7 +18,16 @@ PACKAGES = (
     *(f"apps/{a}/resample_{a}" for a in ("points", "texture", "volume", "warp3d")),
     *(
         f"plugins/{a}/resample_{a}"
-        for a in ("comparisons", "figures", "gradients", "meshes", "particles", "sky")
+        for a in (
+            "comparisons",
+            "dropins",
+            "figures",
+            "gradients",
+            "labels",
+            "meshes",
+            "particles",
+            "sky",
+        )
     ),
 )
 # The first pattern that matches a path settles its stratum; None: no mutants.

@@ -48,7 +48,6 @@ from resample_texture.command.rendering import (
     warped,
 )
 from resample_texture.geometry.mappings import Homography
-from resample_texture.methods.labels import Majority, NearestTexel
 
 NOTHING = np.zeros((0, 0, 0), np.float32)
 REDUCED = 2.5  # px of a JPEG decoded at a reduced scale, per px of the target, at least
@@ -400,7 +399,7 @@ def palette_picture(
     if not isinstance(source, Path) or not has_palette(source):
         return None
     method = method_named(choice.method, **choice.sampling)
-    is_copied = isinstance(method, Majority | NearestTexel) and not choice.total
+    is_copied = hasattr(method, "picks") and not choice.total
     is_kept = look.bits in (None, 8) and look.background is None
     is_kept = is_kept and look.quality is None and not look.in_srgb
     found = None

@@ -5,9 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from resample_labels import Majority, codes_of
 from resample_texture import BackwardMap, Edge, ForwardMap, Homography, warp
 from resample_texture.geometry.mappings import source_coordinates
-from resample_texture.methods.labels import Majority, codes_of
 
 VIEWS = {
     "shrunk": np.array([[0.31, 0.04, 1.0], [-0.03, 0.27, 2.0], [0.0, 0.0, 1.0]]),
