@@ -7,6 +7,7 @@ No test runs it. The names are typing errors of the kind that an editor underlin
 import numpy as np
 
 import resample
+import resample_chunks
 import resample_dropins.ndimage
 import resample_dropins.scikit
 import resample_particles
@@ -51,7 +52,7 @@ resample_texture.rotate(picture, 30, convention="opencv")  # type: ignore[call-a
 resample_texture.resize(picture, (4, 5), alpha="premul")  # type: ignore[arg-type]
 resample_texture.rotate(picture, "30")  # type: ignore[arg-type]
 resample_texture.scale(picture, 2, edge="reflekt")  # type: ignore[arg-type]
-resample_texture.warp_chunks(picture, np.eye(3), (4, 5), edge="reflekt")  # type: ignore[arg-type]
+resample_chunks.warp_chunks(picture, np.eye(3), (4, 5), edge="reflekt")  # type: ignore[arg-type]
 resample_texture.Plan(np.eye(3), (4, 5), (4, 5), edge="reflekt")  # type: ignore[arg-type]
 resample_texture.PictureScene(picture).render(np.eye(3), edge="reflekt")  # type: ignore[arg-type]
 resample_texture.PictureScene(picture).render(np.eye(3), quality="fast")  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
-    "plugins/cells/resample_cells",
+    *("plugins/cells/resample_cells", "plugins/chunks/resample_chunks"),
     *("plugins/comparisons/resample_comparisons", "plugins/dropins/resample_dropins"),
     "plugins/figures/resample_figures",
     *("plugins/gradients/resample_gradients", "plugins/labels/resample_labels"),

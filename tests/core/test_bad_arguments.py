@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import resample
+import resample_chunks
 import resample_gradients as differentiable
 import resample_particles
 import resample_points as points
@@ -81,7 +82,7 @@ CLOUDS: dict[str, Callable[[Any], Any]] = {
 }
 THREADED: dict[str, Callable[[Any], Any]] = {
     "warp": lambda given: texture.warp(PICTURE, ONE, SHAPE, threads=given),
-    "warp_chunks": lambda given: texture.warp_chunks(PICTURE, ONE, SHAPE, threads=given),
+    "warp_chunks": lambda given: resample_chunks.warp_chunks(PICTURE, ONE, SHAPE, threads=given),
     "coadd": lambda given: resample_sky.coadd([GRAY], [ONE], SHAPE, threads=given),
     "Plan": lambda given: texture.Plan(ONE, SHAPE, (20, 40))(PICTURE, threads=given),
     "LinearWarp": lambda given: differentiable.LinearWarp(threads=given),
@@ -98,7 +99,7 @@ THREADED: dict[str, Callable[[Any], Any]] = {
 SHAPES: dict[str, Callable[[Any], Any]] = {
     "warp": lambda given: texture.warp(PICTURE, ONE, given),
     "resize": lambda given: texture.resize(PICTURE, given),
-    "warp_chunks": lambda given: texture.warp_chunks(PICTURE, ONE, given),
+    "warp_chunks": lambda given: resample_chunks.warp_chunks(PICTURE, ONE, given),
     "Plan": lambda given: texture.Plan(ONE, given, (20, 40)),
     "coadd": lambda given: resample_sky.coadd([GRAY], [ONE], given),
     "Scatter": lambda given: Scatter()([[1, 1]], [1.0], radius=1.0, shape=given),
@@ -145,7 +146,7 @@ NUMBERS: dict[str, Callable[[Any], Any]] = {
 }
 MATRICES: dict[str, Callable[[Any], Any]] = {
     "warp": lambda given: texture.warp(PICTURE, given, SHAPE),
-    "warp_chunks": lambda given: texture.warp_chunks(PICTURE, given, SHAPE),
+    "warp_chunks": lambda given: resample_chunks.warp_chunks(PICTURE, given, SHAPE),
     "from_opencv": Camera.from_opencv,
     "moved": EYE.moved,
     "look_at": lambda given: resample.look_at(given, [0, 0, 0]),

@@ -8,6 +8,7 @@ from types import ModuleType
 import pytest
 
 import resample
+import resample_chunks
 import resample_comparisons
 import resample_gradients
 import resample_meshes
@@ -19,7 +20,7 @@ import resample_volume
 import resample_warp3d
 
 PACKAGES = (
-    *(resample, resample_particles, resample_points, resample_sky),
+    *(resample, resample_chunks, resample_particles, resample_points, resample_sky),
     *(resample_texture, resample_volume, resample_warp3d),
 )
 FURTHER = (resample_comparisons, resample_gradients, resample_meshes)  # whose names have homes

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import resample
+import resample_chunks
 import resample_gradients as differentiable
 import resample_particles
 import resample_points
@@ -97,7 +98,7 @@ GAUSSIANS = resample_points.Gaussians(
 BALL = resample.particles([[0, 0, 5]], (1, 0, 0), 0.9, 1)
 SHAPES: dict[str, Callable[[tuple[int, int]], Any]] = {
     "warp": lambda shape: resample_texture.warp(PICTURE, np.eye(3), shape),
-    "warp_chunks": lambda shape: resample_texture.warp_chunks(PICTURE, np.eye(3), shape),
+    "warp_chunks": lambda shape: resample_chunks.warp_chunks(PICTURE, np.eye(3), shape),
     "resize": lambda shape: resample_texture.resize(PICTURE, shape),
     "rotate": lambda shape: resample_texture.rotate(PICTURE, 30, shape),
     "coadd": lambda shape: resample_sky.coadd([PICTURE], [np.eye(3)], shape),

@@ -24,7 +24,8 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in "cells comparisons dropins figures gradients labels meshes particles sky".split():
+apart = "cells chunks comparisons dropins figures gradients labels meshes particles sky"
+for name in apart.split():
     sys.modules["resample_" + name] = None
 from {module} import main
 main()

@@ -8,6 +8,7 @@ import pytest
 
 PACKAGES = [
     "resample",
+    "resample_chunks",
     "resample_particles",
     "resample_points",
     "resample_sky",

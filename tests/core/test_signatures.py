@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import resample
+import resample_chunks
 import resample_particles
 import resample_points
 import resample_sky
@@ -22,6 +23,7 @@ from resample_dropins import ndimage, scikit
 
 PACKAGES = [
     "resample",
+    "resample_chunks",
     "resample_particles",
     "resample_points",
     "resample_sky",
@@ -191,7 +193,7 @@ GROUPED: dict[str, Callable[..., Any]] = {
     "project": lambda **given: resample_texture.project(
         np.zeros((64, 128, 3), np.uint8), "equirectangular", "perspective", SHAPE, **given
     ),
-    "warp_chunks": lambda **given: resample_texture.warp_chunks(PICTURE, np.eye(3), SHAPE, **given),
+    "warp_chunks": lambda **given: resample_chunks.warp_chunks(PICTURE, np.eye(3), SHAPE, **given),
     "render": lambda **given: resample_texture.PictureScene(PICTURE).render(np.eye(3), **given),
     "preview": lambda **given: resample_texture.PictureScene(PICTURE).render(
         np.eye(3), quality="preview", **given

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from resample_chunks import warp_chunks
 from resample_dropins import ndimage as like_ndimage
-from resample_texture import BackwardMap, Plan, resize, warp, warp_chunks
+from resample_texture import BackwardMap, Plan, resize, warp
 
 TURNED = [[0.9, -0.2, 5.0], [0.3, 0.8, 1.0], [1e-3, 0.0, 1.0]]
 BENT = BackwardMap.from_function(lambda x, y: (1.1 * x + np.sin(y / 5), 1.2 * y), (30, 40))

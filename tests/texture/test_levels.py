@@ -7,6 +7,7 @@ from PIL import Image
 
 from conftest import real
 from resample.colors import from_srgb, to_srgb
+from resample_chunks import warp_chunks
 from resample_texture import (
     ForwardMap,
     PictureScene,
@@ -15,7 +16,6 @@ from resample_texture import (
     resize,
     rotate,
     warp,
-    warp_chunks,
 )
 from resample_texture.cli import app
 from resample_texture.methods.forward import Hybrid

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from resample_texture import Plan, resize, rotate, scale, warp, warp_chunks
+from resample_chunks import warp_chunks
+from resample_texture import Plan, resize, rotate, scale, warp
 
 TURNED = np.array([[0.9, 0.25, 1.3], [-0.2, 0.95, 2.7], [0, 0, 1.0]])
 WAYS = {

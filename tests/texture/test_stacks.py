@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from resample.files.conversion import as_picture
+from resample_chunks import warp_chunks
 from resample_sky import coadd, reproject
 from resample_texture import (
     PictureScene,
@@ -15,7 +16,6 @@ from resample_texture import (
     scale,
     undistort,
     warp,
-    warp_chunks,
 )
 from tests import commands
 

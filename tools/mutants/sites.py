@@ -19,6 +19,7 @@ PACKAGES = (
     *(
         f"plugins/{a}/resample_{a}"
         for a in (
+            "chunks",
             "comparisons",
             "dropins",
             "figures",

@@ -14,7 +14,6 @@ except ModuleNotFoundError as error:
     ) from error
 
 if TYPE_CHECKING:
-    from resample_texture.chunks import warp_chunks
     from resample_texture.everyday import project, resize, rotate, scale, undistort
     from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Homography
     from resample_texture.methods.forward import Hybrid, Points, Splats, Supersample
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from resample_texture.warping import Plan, warp, warp_points
 
 _NAMES = {  # by the module that has them
-    "chunks": "warp_chunks",
     "everyday": "project resize rotate scale undistort",
     "geometry.mappings": "BackwardMap ForwardMap Homography",
     "methods.forward": "Hybrid Points Splats Supersample",
@@ -57,14 +55,15 @@ __all__ = [
     "undistort",
     "view",
     "warp",
-    "warp_chunks",
     "warp_points",
 ]
 
-# To packages of plugins/; until the next release.
-_MOVED = dict.fromkeys(("coadd", "control_points", "reproject"), "mosaics") | dict.fromkeys(
-    ("remap", "warpAffine", "warpPerspective", "warp_like_opencv"), "like.opencv"
-)
+_MOVED = {  # to packages of plugins/; until the next release
+    "chunks": "warp_chunks",
+    "like.opencv": "remap warpAffine warpPerspective warp_like_opencv",
+    "mosaics": "coadd control_points reproject",
+}
+_OLD = {name: module for module, names in _MOVED.items() for name in names.split()}
 
-__getattr__ = attributes(__name__, _HOMES | _MOVED)
+__getattr__ = attributes(__name__, _HOMES | _OLD)
 __dir__ = listing(_HOMES)

@@ -20,7 +20,6 @@ from resample_texture.geometry.regions import AnyEdge, Edge
 
 __all__ = [
     "AnyEdge",
-    "ChunkOptions",
     "Edge",
     "Fill",
     "Method",
@@ -193,16 +192,6 @@ class ProjectOptions(SamplingOptions, StackOptions, ValueOptions, total=False):
     """Options of `project`, as `warp` describes them."""
 
     method: "str | Method"
-    threads: int | None
-
-
-class ChunkOptions(PlaceOptions, StackOptions, total=False):
-    """Options of `warp_chunks`, as `warp` describes them."""
-
-    linear_light: AnyLight | None
-    alpha: AnyAlpha | None
-    fill: Fill | None
-    total: bool | None
     threads: int | None
 
 

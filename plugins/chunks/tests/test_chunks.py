@@ -5,7 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from resample_texture import BackwardMap, Hybrid, warp, warp_chunks
+from resample_chunks import warp_chunks
+from resample_texture import BackwardMap, Hybrid, warp
 from resample_texture import drawing as drawings
 from resample_texture.texels import forward, gather
 
