@@ -435,16 +435,19 @@ def animate(
     """
     from resample import registry
     from resample.command.films import write_shared
+    from resample.command.session import require_picture
     from resample.console import linear_color
     from resample.files.animations import check_film
-    from resample.files.pictures import read_picture
+    from resample.files.pictures import form_of, read_picture
     from resample_texture.command import rendering
     from resample_texture.types import AnyLight, Edge
 
     flight = rendering.Flyover(path, frames, height_and_width(size))
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     check_film(output, fps)
-    rendering.require_film(image, flight.size)
+    (height, width, _), _ = form_of(image)
+    texel, pixel = rendering.BYTES_OF_FILM
+    require_picture(flight.size, pixel, {"the source": texel * height * width})
     read = read_picture(image)
     light: AnyLight | None = "pixels" if read.kind.is_encoded else None
     paint = rendering.FlightOptions(registry.build("methods", method), Edge(edge), behind, light)

@@ -6,7 +6,7 @@ from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +58,7 @@ PHOTOMETRIC = 262  # a tag of TIFF
 MOST = 256  # colors of a palette
 
 
-class Palette(NamedTuple):
-    """Colors by number."""
-
-    colors: NDArray[np.uint8]  # (N, 3) sRGB
-    opacity: NDArray[np.uint8]  # (N,)
+Palette = tuple[NDArray[np.uint8], NDArray[np.uint8]]  # sRGB colors (N, 3) and opacities (N,)
 
 
 def has_palette(path: Path) -> bool:
@@ -79,7 +75,7 @@ def has_palette(path: Path) -> bool:
     return head[:4] == b"GIF8"
 
 
-def read_indices(path: Path) -> tuple[NDArray[np.uint8], Palette] | None:
+def _numbers(path: Path) -> tuple[NDArray[np.uint8], Palette] | None:
     """Read numbers (H, W) as stored, and their palette; None if Pillow has none of them."""
     from PIL import Image
 
@@ -98,25 +94,7 @@ def read_indices(path: Path) -> tuple[NDArray[np.uint8], Palette] | None:
     else:
         given = np.frombuffer(told[:count], np.uint8)
         opacity[: len(given)] = given
-    return index, Palette(colors, opacity)
-
-
-def write_indices(path: Path, index: NDArray[np.uint8], palette: Palette, **texts: str) -> None:
-    """Write numbers (H, W) and their palette as .png, with texts, or .tif."""
-    from PIL import Image, PngImagePlugin
-
-    height, width = index.shape
-    image = Image.frombytes("P", (width, height), np.ascontiguousarray(index).tobytes())
-    image.putpalette(palette.colors.tobytes())
-    if path.suffix.lower() in TIFF:
-        image.save(path, compression="tiff_adobe_deflate")
-        return
-    words = PngImagePlugin.PngInfo()
-    for key, text in texts.items():
-        words.add_text(key, text)
-    is_opaque = bool((palette.opacity == 255).all())
-    choices: dict[str, Any] = {} if is_opaque else {"transparency": palette.opacity.tobytes()}
-    image.save(path, pnginfo=words, **choices)
+    return index, (colors, opacity)
 
 
 @dataclass(frozen=True)
@@ -130,10 +108,7 @@ class Job:
     told: set[str] = field(default_factory=set)  # names of messages already given
 
     def opened(self, source: Place | Picture) -> tuple[Picture, PictureTarget, tuple[int, ...]]:
-        """Read a picture, return it, its target and its size; a JPEG only as large as is needed.
-
-        Pixels of the target then still average `REDUCED` times as many along an axis, or more.
-        """
+        """Read a picture, a JPEG only as large as needed; return it, its target and its size."""
         if isinstance(source, Picture):
             size = source.data.shape
             return source, self.aim((size[0], size[1])), size
@@ -172,29 +147,11 @@ class Job:
         output: Path,
         bar: str | None = "warping",
     ) -> tuple[Picture, Floats]:
-        """Warp a picture for a file; also return the coverage of its pixels.
-
-        Raises ValueError: the file cannot hold it.
-        """
+        """Warp a picture for a file, which must hold it; also return the coverage of its pixels."""
         gaps = holds_gaps(output, picture, self.options)
         adds_alpha = takes_alpha(output, self.options)
         given = session, picture, target, self.warping, self.roi
         return warped(*given, keeps_gaps=gaps, adds_alpha=adds_alpha, bar=bar)
-
-    def check(self, picture: Picture, output: Path) -> None:
-        """Reject an output file that could not be written, before any work is done."""
-        check_source(output, picture, self.options)
-        check_output(output, self.options)
-
-    def say_palette(self, source: Place) -> None:
-        """Report once that colors of a palette are mixed."""
-        is_mixed = self.warping.method not in ("nearest", "majority")
-        if is_mixed and not self.told and isinstance(source, Path) and has_palette(source):
-            self.told.add("palette")
-            say(
-                f"{source.name} has a palette, which becomes colors; --method majority or nearest "
-                "keeps it"
-            )
 
     def report(
         self, session: Session, source: tuple[int, ...], result: tuple[int, ...], kind: Kind
@@ -219,11 +176,15 @@ def warp_all(
     written: Written,
     besides: Besides,
 ) -> None:
-    """Warp a picture, a film or a batch of files, once the target is known.
-
-    The last of the files is the output, if that is not given.
-    """
-    images, output = separated(files, output)
+    """Warp a picture, a film or a batch; the last of the files is the output unless given."""
+    images = files
+    if output is None:
+        if len(files) < 2:
+            raise ValueError(f"give the output after {files[0]}, or by --output")
+        *images, target = files
+        if isinstance(target, Address):
+            raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
+        output = target
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
     job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
@@ -240,21 +201,6 @@ def warp_all(
         told = warp_file(Session(), images[0], output, job, coverage)
     if stats is not None:
         write_json(stats, told)
-
-
-def separated(files: list[Place], output: Path | None) -> tuple[list[Place], Path]:
-    """Separate the pictures from the output, which is the last of the files unless given.
-
-    Raises ValueError: there is no output, or it is an address.
-    """
-    if output is not None:
-        return files, output
-    if len(files) < 2:
-        raise ValueError(f"give the output after {files[0]}, or by --output")
-    *images, target = files
-    if isinstance(target, Address):
-        raise ValueError(f"{target} lies elsewhere; pictures are written to files and folders")
-    return images, target
 
 
 def warp_batch(images: Sequence[Place], output: Path, job: Job) -> dict[str, Any]:
@@ -324,7 +270,13 @@ def _warp_picture(
     with session.stage("read"):
         held = palette_picture(source, output, job.warping, job.options)
     if held is None:
-        job.say_palette(source)
+        is_mixed = job.warping.method not in ("nearest", "majority")
+        if is_mixed and not job.told and isinstance(source, Path) and has_palette(source):
+            job.told.add("palette")
+            say(
+                f"{source.name} has a palette, which becomes colors; --method majority or nearest "
+                "keeps it"
+            )
         with session.stage("read"):
             written = output, job.options
             large = large_picture(source, job.aim, job.warping, job.roi, written)
@@ -335,7 +287,8 @@ def _warp_picture(
         job.check_memory(given, output)
         picture, target, size = job.opened(given)
     if held is None:
-        job.check(picture, output)
+        check_source(output, picture, job.options)
+        check_output(output, job.options)
     result, share = job.warped(session, picture, target, output, bar)
     has_nans = held is None and bool(np.isnan(result.data).any())
     _say_lost(picture.about, result.about, output, has_nans=has_nans)
@@ -404,7 +357,7 @@ def palette_picture(
     is_kept = is_kept and look.quality is None and not look.in_srgb
     found = None
     if is_copied and is_kept and output.suffix.lower() in WRITTEN:
-        found = read_indices(source)
+        found = _numbers(source)
     if found is None:
         return None
     index, palette = found
@@ -417,18 +370,30 @@ def palette_picture(
 
 def write_palette_picture(path: Path, picture: Picture, palette: Palette) -> None:
     """Write numbers with their palette; missing ones become transparent, if there is room."""
+    from PIL import Image, PngImagePlugin
+
     (data, _, about), is_png = picture, path.suffix.lower() == ".png"
+    colors, opacity = palette
     gaps = np.isnan(data[..., 0])
     missing = None if about.geo is None else about.geo.missing
     # Missing numbers become the first transparent color, or one that is added.
-    transparent = np.flatnonzero(palette.opacity == 0).tolist()
+    transparent = np.flatnonzero(opacity == 0).tolist()
     clear = next(iter(transparent), None) if missing is None else int(missing)
-    if clear is None and gaps.any() and is_png and len(palette.colors) < MOST:
-        clear, colors = len(palette.colors), [*palette.colors, np.zeros(3, np.uint8)]
-        palette = Palette(np.stack(colors), np.append(palette.opacity, np.uint8(0)))
+    if clear is None and gaps.any() and is_png and len(colors) < MOST:
+        clear, opacity = len(colors), np.append(opacity, np.uint8(0))
+        colors = np.concatenate([colors, np.zeros((1, 3), np.uint8)])
     if clear is None and gaps.any():
         say(f"{path.name} has no color to spare for what is not covered: that is of color 0")
     index = np.where(gaps, clear or 0, np.nan_to_num(data[..., 0])).astype(np.uint8)
+    image = Image.frombytes("P", index.shape[::-1], np.ascontiguousarray(index).tobytes())
+    image.putpalette(colors.tobytes())
+    choices: dict[str, Any] = {"compression": "tiff_adobe_deflate"}
+    if path.suffix.lower() not in TIFF:
+        words = PngImagePlugin.PngInfo()
+        for key, text in stated().items():
+            words.add_text(key, text)
+        is_opaque = bool((opacity == 255).all())
+        choices = {"pnginfo": words} | ({} if is_opaque else {"transparency": opacity.tobytes()})
     with replacing(path) as temporary:
-        write_indices(temporary, index, palette, **stated())
+        image.save(temporary, **choices)
         complete(temporary, [WrittenPage(about, (*index.shape, 1), "uint8")])

@@ -16,7 +16,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.poses import look_at
 from resample.colors import from_srgb, to_srgb
-from resample.command.session import OTHERS, Session, bytes_written, libraries, require_picture
+from resample.command.session import OTHERS, Session, bytes_written, libraries
 from resample.files import pictures
 from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.formats import WriteOptions, holds_missing, takes_alpha
@@ -27,7 +27,6 @@ from resample.files.pictures import (
     LoadablePicture,
     LoadedPicture,
     Picture,
-    form_of,
     loadable_picture,
 )
 from resample.files.saving import screen_levels
@@ -71,12 +70,7 @@ def warped(
     adds_alpha: bool = True,
     bar: str | None = "warping",
 ) -> tuple[Picture, Floats]:
-    """Return the warped picture and the coverage of its pixels.
-
-    Pixels that are not covered are transparent with the edge mode `transparent`, if `adds_alpha`,
-    else black, and not a number if `keeps_gaps`. No transparency is added where all pixels are
-    covered.
-    """
+    """Return the warped picture and the coverage of its pixels; see `finished`."""
     as_encoded = picture.kind.is_encoded and (choice.total or not choice.linear)
     source = curved(picture, to_srgb) if as_encoded else picture.data
     filtering: dict[str, Any] = {
@@ -106,7 +100,7 @@ def finished(
     image: Floats, coverage: Floats, kind: Kind, choice: PictureWarping, *, keeps_gaps: bool,
     is_whole: bool, adds_alpha: bool = True,
 ) -> Picture:  # fmt: skip
-    """Mark uncovered pixels by alpha or not-a-numbers, unless all are covered."""
+    """Mark uncovered pixels by alpha, if `adds_alpha`, or NaN, if `keeps_gaps`; else black."""
     if kind.has_alpha or choice.total:
         return Picture(image, kind)
     if not (keeps_gaps or (choice.edge == "transparent" and adds_alpha)):
@@ -173,13 +167,9 @@ def check_memory(
     output: Path,
     *,
     has_alpha: bool = False,
-    in_strips: tuple[int, int] | None = None,
+    in_strips: tuple[int, int] | None = None,  # bytes of a stored source, and values at a time
 ) -> None:
-    """Reject a warp that does not fit into memory; log what it needs (DEBUG).
-
-    `shape`: height and width of the result, px. `in_strips`: bytes of a source as stored that is
-    drawn strip by strip, and values drawn at a time.
-    """
+    """Reject a warp to (height, width) that does not fit into memory, or log its need (DEBUG)."""
     height, width = shape
     what = f"a picture of {width} x {height} pixels"
     if in_strips is not None:
@@ -194,13 +184,6 @@ def check_memory(
         }
     compiles = getattr(method_named(choice.method), "compiles", True)
     require(what, {"libraries": libraries() if compiles else OTHERS, **parts}, REMEDY)
-
-
-def require_film(source: Place, size: tuple[int, int]) -> None:
-    """Reject a flight over a picture that does not fit into memory, as `check_memory` does."""
-    (height, width, _), _ = form_of(source)
-    texel, pixel = BYTES_OF_FILM
-    require_picture(size, pixel, {"the source": texel * height * width})
 
 
 def large_picture(
@@ -229,18 +212,13 @@ def large_picture(
 
 @dataclass(frozen=True, eq=False)
 class Large:
-    """A large picture and its warp.
+    """A large picture and its warp."""
 
-    `form`: the picture, which can be kept as stored. `target`: geometry and size of the target.
-    `choice`, `method`: options of the warp, and the method that they name. `roi`: part of the
-    target to make. `written`: output file and format.
-    """
-
-    form: LoadablePicture
+    form: LoadablePicture  # which can be kept as stored
     target: PictureTarget
     choice: PictureWarping
-    method: Any  # a `Method` that may have `visible_tiles`
-    roi: Roi
+    method: Any  # that `choice` names, a `Method` that may have `visible_tiles`
+    roi: Roi  # part of the target to make
     written: tuple[Path, WriteOptions]
 
     @property
@@ -250,10 +228,7 @@ class Large:
 
     @cached_property
     def parts(self) -> DrawnParts | None:
-        """Parts of the whole target, or of its first strip: with maps all strips are alike.
-
-        None if parts of the target cannot be drawn from parts of the source.
-        """
+        """Parts of the target, or of a map's first strip; None if it is not drawn in parts."""
         is_plane = isinstance(self.target.places, Homography)
         rows = (0, self.roi[3]) if is_plane else next(self._rows())
         return parts_of(self.form, self._drawing(*rows)[0])
@@ -379,16 +354,11 @@ FOV = 50.0  # degrees along the frame's shorter side
 
 @dataclass(frozen=True)
 class Flyover:
-    """A closed path of a camera; the picture's longer side has length 1.
+    """A closed path of a camera; the picture's longer side has length 1."""
 
-    `path`: `fly`, low over the picture, back and forth, or `turn`, around its center. `frames`:
-    number of frames, 1 to `resample.files.animations.MOST_FRAMES`. `size`: height and width of a
-    frame, px. Raises ValueError: there are too few or too many frames.
-    """
-
-    path: Literal["fly", "turn"] = "fly"
+    path: Literal["fly", "turn"] = "fly"  # low over the picture and back, or around its center
     frames: int = 48
-    size: tuple[int, int] = (240, 426)
+    size: tuple[int, int] = (240, 426)  # height and width of a frame, px
 
     def __post_init__(self) -> None:
         check_count(self.frames)
@@ -419,7 +389,7 @@ class FlightOptions:
 
 
 def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
-    """Return the frames of a flight over a picture, given as for `frame`."""
+    """Return the frames of a flight over a picture (H, W, 4), see `with_alpha`."""
     job = {
         **asdict(flight),
         "picture": fingerprint(source),
@@ -432,11 +402,7 @@ def shots(source: Floats, flight: Flyover, paint: FlightOptions) -> Shots:
 
 
 def frame(source: Floats, flight: Flyover, paint: FlightOptions, n: int) -> Levels:
-    """Paint one frame (H, W, 3), sRGB-encoded, 8 bits.
-
-    `source`: (H, W, 4) linear light, premultiplied; see `with_alpha`. `flight`, `paint`: the
-    camera's path and how frames are painted. `n`: index of the frame, from 0.
-    """
+    """Paint frame n (H, W, 3), sRGB-encoded, 8 bits, of a source as `with_alpha` gives it."""
     texel_size = 1.0 / max(source.shape[:2])
     geometry = plane_homography(flight.camera(n), source.shape[:2], texel_size=texel_size)
     drawing = Drawing(paint.method, geometry, flight.size, paint.edge, linear_light=paint.light)

@@ -15,26 +15,14 @@ from resample_texture.geometry.mappings import Homography
 def places_by_lens(
     camera: Camera,
     *,
-    ideal: Camera | None = None,
-    rotation: ArrayLike | None = None,
-    inverse: bool = False,
+    ideal: Camera | None = None,  # without distortion; by default the camera without its lens
+    rotation: ArrayLike | None = None,  # (3, 3) from the camera's axes to the pinhole's
+    inverse: bool = False,  # the target is the camera's photo
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
     """Return a function for `warp` or `Plan` that removes a lens's distortion, or adds it.
 
-    Parameters
-    ----------
-    ideal
-        Pinhole camera of the picture without distortion; by default the camera without its lens.
-    rotation
-        (3, 3) from the camera's axes to the pinhole's (OpenCV's R); by default the identity.
-    inverse
-        True: the target is the camera's photo, with its distortion.
-
-    Returns
-    -------
-    A function from x and y of pixels, pixel centers at + 0.5, to those of the source; not a number
-    behind the camera, where no light comes through the lens, and where its polynomial folds back:
-    there `cv2.initUndistortRectifyMap` shows parts of the photo twice.
+    Its places are not numbers behind the camera, and where the lens's polynomial folds back: there
+    `cv2.initUndistortRectifyMap` shows parts of the photo twice.
     """
     turned = None if rotation is None else turned_by(rotation)
     way = undistorted_places if inverse else distorted_places
@@ -50,20 +38,12 @@ def plane_homography(
     camera: AnyCamera,
     source_shape: tuple[int, int],
     *,
-    texel_size: float = 1.0,
-    pose: ArrayLike | None = None,
+    texel_size: float = 1.0,  # scene units
+    pose: ArrayLike | None = None,  # (4, 4) or (3, 4) from the plane's space to the world
 ) -> Homography:
-    """Return the homography from a texture on a plane to a camera's frame.
+    """Return the homography from a texture (height, width) on a plane to a camera's frame.
 
-    It knows what is behind the camera, wherever the texture's center is. The camera's near plane is
-    ignored.
-
-    `camera`: camera whose frame is the target. `source_shape`: height and width of the texture, px.
-    `texel_size`: width of a texel, scene units. `pose`: (4, 4) or (3, 4) from the plane's space to
-    the world; by default the identity. In its own space the texture lies at z = 0, centered at the
-    origin, with x to the right and y up; seen from positive z it is not mirrored. The pose may
-    mirror or stretch it. Raises ValueError: the camera sees the plane edge-on, or a number is
-    invalid.
+    In its own space the texture is centered at the origin, x to the right and y up.
     """
     height, width = source_shape
     if not (height > 0 and width > 0 and 0 < texel_size < np.inf):

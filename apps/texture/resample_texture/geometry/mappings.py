@@ -34,12 +34,7 @@ MARGIN = 20  # pixels by which a map is extended; a spline forgets its ends by 0
 
 
 def read_map(path: str | Path) -> NDArray[Any]:
-    """Read two numbers per pixel, (H, W, 2), x first, in the file's own type.
-
-    `path`: `.npy` of the shape (H, W, 2); `.npz` with the arrays x and y; `.flo` (Middlebury's
-    optical flow, not a number where it is unknown); or any picture with two channels, or with
-    channels named X and Y, U and V, or R and G, as they are stored.
-    """
+    """Read x and y per pixel, (H, W, 2), of .npy, .npz, Middlebury's .flo, or any picture."""
     suffix = Path(path).suffix.lower()
     if suffix == ".flo":
         data = Path(path).read_bytes()
@@ -62,10 +57,7 @@ def read_map(path: str | Path) -> NDArray[Any]:
 def places_by_map(
     pairs: NDArray[Any], shift: float = 0.0
 ) -> Callable[[Doubles, Doubles], tuple[Doubles, Doubles]]:
-    """Return a function from x and y of a rectangle of pixel centers to a map's values.
-
-    `pairs`: (H, W, 2) of real numbers. `shift`: added to the numbers, px.
-    """
+    """Return a function from a rectangle of pixel centers to a map's values (H, W, 2) + shift."""
 
     def places(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
         left, top = int(x[0, 0]), int(y[0, 0])
@@ -98,10 +90,7 @@ def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
-    """Return coordinates (h, w, 2) of OpenCV's two integer maps, centers at integers.
-
-    `whole`: (h, w, 2) int16, whole pixels. `fraction`: (h, w) uint16, 32 y + x in 32nds of a pixel.
-    """
+    """Return coordinates (h, w, 2) of whole pixels (h, w, 2) and fractions (h, w): 32 y + x."""
     places = as_pairs(whole, "a fixed-point map")
     if fraction.shape != whole.shape[:2]:
         raise ValueError(f"{fraction.shape} fractions do not fit a map of {whole.shape[:2]} pixels")
@@ -379,11 +368,7 @@ class BackwardMap:
         return cls(places[..., 0], places[..., 1])
 
     def inverse(self, source_shape: tuple[int, int], *, tolerance: float = 1e-3) -> ForwardMap:
-        """Return the map forward: where each texel of a source goes, of a smooth map.
-
-        `source_shape`: height and width of the source, px. `tolerance`: as of `ForwardMap.inverse`,
-        px in the source.
-        """
+        """Return where each texel of a source (height, width) goes; see `ForwardMap.inverse`."""
         return ForwardMap(*inverse_of(self.x, self.y, source_shape, tolerance))
 
 
@@ -391,19 +376,12 @@ Geometry = Homography | ForwardMap | BackwardMap
 
 
 def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
-    """Return ± the matrix, so that the source's center has d > 0.
-
-    A matrix and its negative map points alike. If the horizon cuts the source, the half that holds
-    its center is taken to be in front of the camera. If the horizon passes through the center, the
-    corner farthest from the horizon decides.
-
-    `matrix`: (3, 3) from source to target. `source_shape`: height and width of the source, px; by
-    default the first texel is in front.
-    """
+    """Return ± the matrix, so that the source's center is in front of the camera: d > 0."""
     height, width = source_shape
     center = np.array([width / 2, height / 2, 1.0])
     d = float(matrix[2] @ center)
     if abs(d) <= 1e-9 * float(np.abs(matrix[2]) @ center):
+        # The horizon passes through the center: the corner farthest from it decides.
         corner = np.array([[0, 0, 1], [width, 0, 1], [width, height, 1], [0, height, 1]], float)
         distance = corner @ matrix[2]
         d = float(distance[np.argmax(np.abs(distance))])
@@ -413,12 +391,7 @@ def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles
 def source_coordinates(
     geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int] = (1, 1)
 ) -> tuple[Doubles, Doubles]:
-    """Return the source coordinates of a target's pixel centers.
-
-    `shape`: height and width of the target, px. `source_shape`: height and width of the source, px;
-    decides what is in front of the camera, see `oriented`. Result: x and y, (height, width) each;
-    not a number where a pixel lies beyond the horizon or shows nothing.
-    """
+    """Return x and y in the source of a target's (height, width) pixel centers, or NaN."""
     if isinstance(geometry, ForwardMap):
         raise ValueError(
             "a forward map gathers nothing; give a matrix, a backward map, or its inverse(shape)"
@@ -473,11 +446,7 @@ def places_of(geometry: BackwardMap, shape: tuple[int, int]) -> Doubles:
 
 
 def _step(position: Doubles, axis: int) -> Doubles:
-    """Return a coordinate's change per pixel along an axis; 0 without valid neighbours.
-
-    It is the mean of the steps to both neighbours, unless they differ much: at the seam of a
-    panorama or the edge of a fold the smaller step counts.
-    """
+    """Return a coordinate's change per pixel along an axis; 0 without valid neighbours."""
     step = np.diff(position, axis=axis)
     none = np.full_like(position.take([0], axis), np.nan)
     before, after = np.concatenate([none, step], axis), np.concatenate([step, none], axis)
@@ -485,6 +454,7 @@ def _step(position: Doubles, axis: int) -> Doubles:
         np.where(np.isnan(before), after, before),
         np.where(np.isnan(after), before, after),
     )
+    # The mean of both steps; at the seam of a panorama or the edge of a fold the smaller one.
     smaller = np.where(abs(before) < abs(after), before, after)
     is_smooth = abs(before - after) <= 1.0 + abs(smaller)
     return np.nan_to_num(np.where(is_smooth, (before + after) / 2, smaller))
@@ -493,15 +463,7 @@ def _step(position: Doubles, axis: int) -> Doubles:
 def inverse_of(
     x: Doubles, y: Doubles, shape: tuple[int, int], tolerance: float = TOLERANCE
 ) -> tuple[Doubles, Doubles]:
-    """Return where a map (h, w) takes the value of each pixel center of a picture.
-
-    Not a number where the map takes no such value. Where a fold takes one twice, it is one of the
-    two.
-
-    `x`, `y`: places of the map's pixel centers, px; not a number where there are none. `shape`:
-    height and width of the picture to whose pixel centers the inverse belongs, px. `tolerance`:
-    distance, px, of the inverse's value from the center, at most.
-    """
+    """Return where a map (h, w) takes the value of each pixel center of a picture, or NaN."""
     from scipy import ndimage
 
     if not tolerance > 0.0:
@@ -581,11 +543,7 @@ def _found(x: Doubles, y: Doubles, place: Doubles, wanted: Doubles, tolerance: f
 
 
 def _spline(places: Doubles, is_known: NDArray[np.bool_]) -> tuple[Doubles, Doubles, Doubles]:
-    """Return a map (2, h, w) as a cubic spline, all extended by `MARGIN`.
-
-    Coefficients (2, h, w); change of x and y per column, and per row (2, 2, h, w); and where the
-    map is known (h, w), 1 or 0.
-    """
+    """Return spline coefficients (2, h, w), steps (2, 2, h, w), and 1 where a map is known."""
     from scipy import ndimage
 
     if not is_known.all():

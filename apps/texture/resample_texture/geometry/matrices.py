@@ -35,11 +35,7 @@ def homography(
     convention: Convention | str = Convention.CORNER,
     inverse: bool = False,
 ) -> Homography:
-    """Return the homography of a matrix in any of the usual forms.
-
-    `matrix`: (3, 3), or (2, 3) if it is affine. `inverse`: the matrix maps the target to the source
-    (`cv2.WARP_INVERSE_MAP`).
-    """
+    """Return the homography of a matrix (3, 3) or (2, 3), or of one from target to source."""
     if convention not in tuple(Convention):
         raise ValueError(f"unknown convention {convention!r}; known: {', '.join(Convention)}")
     full = _full(matrix)
@@ -143,12 +139,7 @@ def scaled_shape(source_shape: tuple[float, float], factor: tuple[float, float])
 
 
 def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int]) -> Homography:
-    """Return the map that rotates a picture counterclockwise about the centers.
-
-    `source_shape`, `shape`: height and width of the picture and of the target, px. `degrees`:
-    multiples of 90 are exact: texels are copied if both centers are centers of pixels, or corners
-    of pixels.
-    """
+    """Return the map that rotates a picture counterclockwise about the centers of both."""
     cosine, sine = _cosine_and_sine(degrees)
     turn = np.array([[cosine, sine], [-sine, cosine]])
     middle, target = (np.array([width, height]) / 2.0 for height, width in (source_shape, shape))
@@ -192,13 +183,9 @@ def page_corners(shape: tuple[int, int]) -> Doubles:
 
 
 def from_corners(source: ArrayLike, target: ArrayLike) -> Homography:
-    """Return the homography that maps four source points to four target points.
+    """Return the homography that maps four source points (4, 2) to target points, all in front.
 
-    All four are in front of the camera. The system is solved in rational numbers, so that a shift
-    results in exactly that shift, and an affine map in an affine one.
-
-    `source`, `target`: (4, 2) each, in the same order, px. Raises ValueError: three points lie on a
-    line, or the two orders differ so that a corner would lie behind the camera.
+    It is solved in rational numbers, so that a shift results in exactly that shift.
     """
     before, after = _exact(_checked(source, "source")), _exact(_checked(target, "target"))
     coordinates, weight = _barycentric(before)
@@ -212,19 +199,15 @@ def from_corners(source: ArrayLike, target: ArrayLike) -> Homography:
 
 
 def order_corners(corners: ArrayLike) -> Doubles:
-    """Order a page's corners: top left, top right, bottom right, bottom left.
-
-    `corners`: (4, 2) px in any order. The page's top side lies above its bottom side, and its left
-    side to the left of its right side, judged by the means of their ends; if two orders satisfy
-    that, the page is taken to be turned by less than 45 degrees.
-    """
+    """Order a page's corners: top left, top right, bottom right, bottom left."""
     given = _checked(corners, "page")
     offset = given - given.mean(axis=0)
     clockwise = np.argsort(np.arctan2(offset[:, 1], offset[:, 0]))
     ring = given[clockwise]
     _check_convex(ring)
     starts = [np.roll(ring, -start, axis=0) for start in range(4)]
-    upright = [start for start in starts if min(_spans(start)) > 0]  # one or two: the ring has area
+    # Right lies to the right of left, and bottom below top, in one order or two.
+    upright = [start for start in starts if min(_spans(start)) > 0]
     ordered, *others = sorted(upright, key=lambda start: -sum(_spans(start)))
     lead = sum(_spans(ordered)) - sum(sum(_spans(start)) for start in others)
     if lead < LEAST_LEAD * sum(_spans(ordered)):
@@ -236,10 +219,7 @@ def order_corners(corners: ArrayLike) -> Doubles:
 
 
 def rectified_shape(corners: ArrayLike) -> tuple[int, int]:
-    """Return height and width of a page: means of opposite sides, rounded to px.
-
-    `corners`: (4, 2) px: top left, top right, bottom right, bottom left.
-    """
+    """Return height and width of a page of ordered corners: means of opposite sides, px."""
     page = _checked(corners, "page")
     _check_convex(page)
     top, right, bottom, left = np.linalg.norm(np.roll(page, -1, axis=0) - page, axis=1)

@@ -93,19 +93,18 @@ def picks_of_move(
     move: Move, source_shape: tuple[int, int], shape: tuple[int, int], edge: Edge
 ) -> Picks:
     """Return the texels that pixels copy after a move."""
-    (x, y), (across, down) = move.shift, move.sign
-    column, row = _counted(shape[1], x, across)[None], _counted(shape[0], y, down)[:, None]
+    column, row = (  # the texel index of each pixel along an axis, possibly counted from the end
+        place if sign > 0 else -1 - place
+        for place, sign in (
+            (np.arange(shape[1])[None] - move.shift[0], move.sign[0]),
+            (np.arange(shape[0])[:, None] - move.shift[1], move.sign[1]),
+        )
+    )
     if move.is_turned:
         column, row = row, column
     row, row_is_in = texels_at(row, source_shape[0], edge)
     column, column_is_in = texels_at(column, source_shape[1], edge)
     return Picks(row, column, (row_is_in & column_is_in).astype(np.float32))
-
-
-def _counted(size: int, shift: int, sign: int) -> Indices:
-    """Return the texel index of each pixel along an axis."""
-    place = np.arange(size) - shift
-    return place if sign > 0 else -1 - place
 
 
 def nearest_texels(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: Edge) -> Picks:
@@ -130,11 +129,7 @@ def texels_at(index: Indices, size: int, edge: Edge) -> tuple[Indices, NDArray[n
 
 
 def unfolded(image: NDArray[Any]) -> NDArray[Any]:
-    """Mirror a picture about the centers of its last texels: a b c d | c b.
-
-    This is one period: wrapping it around continues the picture by reflection without repeating the
-    outermost texels (`cv2.BORDER_REFLECT_101`).
-    """
+    """Mirror a picture about the centers of its last texels, for one period: a b c d | c b."""
     for axis in (0, 1):
         size = image.shape[axis]
         there_and_back = np.concatenate([np.arange(size), np.arange(size - 2, 0, -1)])
@@ -180,13 +175,10 @@ class Rect(NamedTuple):
 
 
 class PictureWindow(NamedTuple):
-    """A part of the target, and the part of the source that contributes to it.
-
-    If the source is repeated, the part may lie beyond its edges.
-    """
+    """A part of the target, and the part of the source that contributes to it."""
 
     target: Rect
-    source: Rect
+    source: Rect  # beyond the edges of a source that is repeated
 
 
 class VisibleTiles(NamedTuple):
@@ -199,11 +191,7 @@ class VisibleTiles(NamedTuple):
 
 
 def windows_of(seen: VisibleTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
-    """Yield windows of a target, from the top, with their parts of a source (height, width).
-
-    A window is halved while it, or its source, has more than `most` pixels, unless it is a single
-    tile, or both halves would need almost the same source.
-    """
+    """Yield windows of a target, from the top, halved while they have more than `most` pixels."""
     columns = int((seen.tiles[:, TOP] == seen.tiles[0, TOP]).sum())
     waiting = [np.arange(len(seen.tiles)).reshape(-1, columns)]
     while waiting:
@@ -223,11 +211,7 @@ def between(
     geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int],
     shape: tuple[int, int] = (0, 0),
 ) -> Homography | BackwardMap:  # fmt: skip
-    """Return the geometry from a window's part of a source (height, width) to its target.
-
-    A map still covers the whole target. If that target's `shape` is known, the window's pixels are
-    bit-identical to the whole's.
-    """
+    """Return the geometry from a window's part of a source to its target; maps cover it all."""
     (u, v, *_), (x, y, *_) = window.source, window.target
     if isinstance(geometry, BackwardMap):
         return BackwardMap(geometry.x - u, geometry.y - v)
