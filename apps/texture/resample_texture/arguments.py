@@ -4,7 +4,7 @@ import dataclasses
 import math
 import operator
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from os import PathLike
 from typing import Any, Literal, NamedTuple
 
@@ -22,6 +22,7 @@ from resample_texture.geometry.mappings import (
     ForwardMap,
     Geometry,
     Homography,
+    Size,
     TargetRegion,
 )
 from resample_texture.geometry.matrices import homography, resizing, scaled_shape
@@ -49,7 +50,7 @@ def edge_named(name: str) -> str:
     return meant if meant == REFLECT_101 else Edge(meant)
 
 
-def geometry_of(given: Any, shape: tuple[int, int], convention: str, inverse: bool) -> Geometry:
+def geometry_of(given: Any, shape: Size, convention: str, inverse: bool) -> Geometry:
     """Return the geometry of a matrix, a function, a pair of maps, a transform, or a geometry."""
     if isinstance(given, Homography | ForwardMap | BackwardMap):
         if inverse or convention != "corner":
@@ -104,13 +105,10 @@ def places_of_points(transform: Any, is_forward: bool) -> Places:
 
 
 def within(
-    geometry: Geometry | Places, shape: tuple[int, int], roi: tuple[int, int, int, int],
+    geometry: Geometry | Places, shape: Size, roi: tuple[int, int, int, int],
     chosen: Method,
 ) -> tuple[Geometry, tuple[int, int], tuple[slice, slice]]:  # fmt: skip
-    """Return geometry and shape of tiles around a region, and the region within them.
-
-    A function takes and returns coordinates with pixel centers at + 0.5.
-    """
+    """Return geometry and shape of tiles around a region, and the region within them."""
     try:
         left, top, width, height = (operator.index(side) for side in roi)
     except (TypeError, ValueError):
@@ -145,12 +143,9 @@ def within(
 
 
 def _around(
-    roi: tuple[int, int, int, int], shape: tuple[int, int], margin: int, tile: int
+    roi: tuple[int, int, int, int], shape: Size, margin: int, tile: int
 ) -> tuple[tuple[int, int, int, int], tuple[slice, slice]]:
-    """Return the bounds of whole tiles around a region, and the region within them.
-
-    The tiles leave a margin around the region.
-    """
+    """Return the bounds of whole tiles around a region and a margin, and the region in them."""
     left, top, width, height = (int(side) for side in roi)
     x, y = max(left - margin, 0) // tile * tile, max(top - margin, 0) // tile * tile
     right = min(-(-(left + width + margin) // tile) * tile, shape[1])
@@ -171,7 +166,7 @@ def whole_pair(given: Sequence[int], first: str, second: str) -> tuple[int, int]
     return numbers[0], numbers[1]
 
 
-def check_shape(shape: tuple[int, int]) -> None:
+def check_shape(shape: Size) -> None:
     """Reject an impossible height and width of a target."""
     height, width = shape
     if min(height, width) < 1 or height * width > LARGEST_PICTURE:
@@ -196,16 +191,12 @@ def check_sums(dtype: np.dtype[Any], method: Method) -> None:
 
 
 def fill_for(fill: Fill | None, image: Any, alpha: AnyAlpha | None, method: Method) -> Any:
-    """Return the value of pixels without any; None: the picture is multiplied by its coverage.
-
-    Values of floats and of masked arrays are measurements, unless they have opacity or are totals.
-    Of the picture only `dtype` and `shape` are read.
-    """
+    """Return the value of pixels without any; None: the picture is multiplied by its coverage."""
     is_total, is_complex = adds(method), image.dtype.kind == "c"
     has_alpha = len(image.shape) > 2 and image.shape[-1] == 4 and alpha != "none" and not is_complex
     if fill == PREMULTIPLIED:
         return None
-    if fill is None:
+    if fill is None:  # floats and masked arrays are measurements
         is_measured = image.dtype.kind in "fc" or isinstance(image, np.ma.MaskedArray)
         return math.nan if is_measured and not (is_total or has_alpha) else None
     if isinstance(fill, str) or not np.isscalar(fill):
@@ -259,10 +250,7 @@ def check_out(out: NDArray[Any], shape: tuple[int, ...], image: NDArray[Any]) ->
         raise ValueError("out is read-only; give an array that can be written")
 
 
-@lru_cache(maxsize=16)
-def _method(name: str) -> Any:
-    """Return a plugin by name, made once: methods do not change."""
-    return registry.build("methods", name)
+_method = lru_cache(maxsize=16)(partial(registry.build, "methods"))  # they do not change
 
 
 def method_named(method: str | Method, **choices: Any) -> Method:
@@ -356,7 +344,7 @@ def axis_of(image: Any, axis: AnyAxis | None = None, matrices: int | None = None
     return FRAMES if found == FRAMES else CHANNELS
 
 
-def matrices_in(given: Any, shape: tuple[int, int]) -> NDArray[Any] | None:
+def matrices_in(given: Any, shape: Size) -> NDArray[Any] | None:
     """Return matrices (N, 3, 3) or (N, 2, 3), if that is given; `shape`: of the target."""
     if callable(given) or not isinstance(given, list | tuple | np.ndarray):
         return None
@@ -388,10 +376,7 @@ def resized(
     fit: Fit | None = None,
     box: Sequence[float] | None = None,
 ) -> tuple[Homography, tuple[int, int]]:
-    """Return the map from a picture (height, width) to its new size, and that size.
-
-    `size` and the others are as `resample_texture.resize` takes its shape and the others.
-    """
+    """Return the map from a picture (height, width) to its new size, as `resize` takes it."""
     if box is not None:
         rows, columns = source_shape
         sides = doubles_of("box", box, "left, top, right and bottom, px").ravel().tolist()
@@ -410,7 +395,25 @@ def resized(
         part = bottom - top, right - left
         placed, shape = resized(part, size, height=height, width=width, fit=fit)
         return Homography(placed.matrix @ [[1, 0, -left], [0, 1, -top], [0, 0, 1]]), shape
-    fit, (down, across) = _filled(source_shape, size, height, width, fit)
+    if (size is None) == (width is None and height is None):
+        raise ValueError("give a size, or a width, a height or both")
+    if fit not in (None, "contain", "cover", "stretch", "pad"):
+        raise ValueError(f"fit {fit!r}; known: contain, cover, stretch, pad")
+    is_share = isinstance(size, float | np.floating)
+    if fit is not None and (is_share or (size is None and None in (width, height))):
+        raise ValueError("fit needs a width and a height in px, or one number for both")
+    usual: Fit = "contain" if size is not None and not (is_share or np.ndim(size)) else "stretch"
+    if size is None:
+        rows, columns = source_shape
+        down = _side("height", height, rows * (width or 0) / columns)
+        across = _side("width", width, columns * (height or 0) / rows)
+    elif is_share:
+        down, across = scaled_shape(source_shape, (float(size), float(size)))  # type: ignore[arg-type]
+    else:
+        both: Any = size if np.ndim(size) else (size, size)
+        down, across = whole_pair(both, "height", "width")
+        check_shape((down, across))
+    fit = fit or usual
     if fit == "stretch":
         return resizing(source_shape, (down, across)), (down, across)
     factors = down / source_shape[0], across / source_shape[1]
@@ -421,33 +424,6 @@ def resized(
     matrix = resizing(source_shape, shown).matrix
     matrix[:2, 2] = (across - shown[1]) // 2, (down - shown[0]) // 2  # whole px stay sharp
     return Homography(matrix), (down, across)
-
-
-def _filled(
-    source_shape: tuple[float, float],
-    size: Any,
-    height: int | None,
-    width: int | None,
-    fit: Fit | None,
-) -> tuple[Fit, tuple[int, int]]:
-    """Return how a picture fills a height and a width, px, and these."""
-    if (size is None) == (width is None and height is None):
-        raise ValueError("give a size, or a width, a height or both")
-    if fit not in (None, "contain", "cover", "stretch", "pad"):
-        raise ValueError(f"fit {fit!r}; known: contain, cover, stretch, pad")
-    is_share = isinstance(size, float | np.floating)
-    if fit is not None and (is_share or (size is None and None in (width, height))):
-        raise ValueError("fit needs a width and a height in px, or one number for both")
-    if isinstance(size, float | np.floating):
-        return "stretch", scaled_shape(source_shape, (float(size), float(size)))
-    if size is not None:
-        usual: Fit = "stretch" if np.ndim(size) else "contain"
-        box = whole_pair(size if np.ndim(size) else (size, size), "height", "width")
-        check_shape(box)
-        return fit or usual, box
-    rows, columns = source_shape
-    down = _side("height", height, rows * (width or 0) / columns)
-    return fit or "stretch", (down, _side("width", width, columns * (height or 0) / rows))
 
 
 def _side(name: str, given: int | None, following: float) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from resample.types import Floats
 from resample_texture.arguments import PREMULTIPLIED, REFLECT_101, adds, check_out, within
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography, Size
 from resample_texture.geometry.regions import (
     Picks,
     PictureWindow,
@@ -67,7 +67,7 @@ class Drawing(NamedTuple):
 
     method: Method
     geometry: Geometry
-    shape: tuple[int, int]  # of the target: height, width
+    shape: Size  # of the target: height, width
     edge: str  # an `Edge`, or `REFLECT_101`
     threads: int | None = None
     as_light: bool = False  # the result is float light, whatever the source's type
@@ -88,17 +88,24 @@ class Drawing(NamedTuple):
 
 
 def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
-    """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values.
-
-    With a background the picture is opaque, and the coverage that of the source.
-    """
+    """Warp a picture (H, W) or (H, W, C), masked or not; coverage is 0 without values."""
     if image.dtype.kind == "c":
         return _drawn_complex(image, drawing, drawn)
     image, drawing = continued(image, drawing)
     picks = copied(image, drawing)
     if picks is not None:
         if drawing.behind is not None:
-            return Warped(_copied_over(image, picks, drawing.behind), picks.coverage)
+            # Copy texels, value for value, over the background.
+            planes = image.reshape(*image.shape[:2], -1)
+            form = (*picks.coverage.shape, *image.shape[2:])
+            is_there = (picks.coverage >= LEAST)[..., None]
+            row, column = np.broadcast_arrays(picks.row, picks.column)
+            shown = np.where(is_there, np.ma.getdata(planes)[row, column], drawing.behind)
+            shown = shown.astype(image.dtype, copy=False).reshape(form)
+            if isinstance(image, np.ma.MaskedArray):
+                hidden = (np.ma.getmaskarray(planes)[row, column] & is_there).reshape(form)
+                shown = masked(shown, hidden, image.fill_value)
+            return Warped(shown, picks.coverage)
         moved = picked(image, picks, drawing.alpha)
         if drawing.fill is not None:
             return filled(moved, drawing.fill)
@@ -122,7 +129,7 @@ def drawn(image: NDArray[Any], drawing: Drawing) -> Warped:
         return _drawn_whole(image, drawing)
 
 
-def prepared(drawing: Drawing, size: tuple[int, int]) -> Drawing:
+def prepared(drawing: Drawing, size: Size) -> Drawing:
     """Prepare the method for many pictures (height, width), if it can and the edge is its own."""
     method: Any = drawing.method
     if not hasattr(method, "planned") or drawing.edge == REFLECT_101 or 0 in size:
@@ -323,7 +330,7 @@ class _Read:
         """Height, width and channels, including those that mark missing values."""
         return self.image.shape[0], self.image.shape[1], self.channels + self.gaps
 
-    def texels(self, rows: Integers, columns: Integers) -> Floats:
+    def read(self, rows: Integers, columns: Integers) -> Floats:
         """Return texels (R, K, C), see `resample_texture.texels.forward.TexelReader`."""
         found = np.empty((rows.size, columns.size, self.shape[2]), np.float32)
         for down, here in _stretches(rows):
@@ -445,27 +452,10 @@ def picked(image: NDArray[Any], picks: Picks, alpha: AnyAlpha | None = None) -> 
     return Warped(result, np.where(nothing, np.float32(0), picks.coverage))
 
 
-def _copied_over(image: NDArray[Any], picks: Picks, behind: NDArray[Any]) -> NDArray[Any]:
-    """Copy texels, value for value, over a background."""
-    planes = image.reshape(*image.shape[:2], -1)
-    form = (*picks.coverage.shape, *image.shape[2:])
-    is_there = (picks.coverage >= LEAST)[..., None]
-    row, column = np.broadcast_arrays(picks.row, picks.column)
-    values = np.ma.getdata(planes)[row, column]
-    shown = np.where(is_there, values, behind).astype(image.dtype, copy=False).reshape(form)
-    if not isinstance(image, np.ma.MaskedArray):
-        return shown
-    hidden = (np.ma.getmaskarray(planes)[row, column] & is_there).reshape(form)
-    return masked(shown, hidden, image.fill_value)
-
-
 def _run_with_gaps(drawing: Drawing, texels: Floats, gaps: int) -> Warped:
-    """Warp texels whose last channels mark where values exist.
-
-    Up to four channels are warped alone, as they are without missing values: kernels add a single
-    channel, two to four, and more in orders of their own.
-    """
+    """Warp texels whose last channels mark where values exist."""
     channels = texels.shape[2] - gaps
+    # Up to four channels are warped alone, with the bits that they have without missing values.
     if gaps == 0 or channels > 4:
         return run(drawing, texels)
     values = run(drawing, np.ascontiguousarray(texels[..., :channels]))

@@ -23,12 +23,7 @@ from resample_texture.arguments import (
 )
 from resample_texture.geometry.cameras import places_by_lens
 from resample_texture.geometry.mappings import BackwardMap
-from resample_texture.geometry.matrices import (
-    scaled_shape,
-    scaling,
-    turned_shape,
-    turning,
-)
+from resample_texture.geometry.matrices import scaled_shape, scaling, turned_shape, turning
 from resample_texture.geometry.projections import PictureProjection, rotation, source_tiles
 from resample_texture.texels.encoding import light_for, masked
 from resample_texture.types import (

@@ -28,6 +28,7 @@ from resample_texture.geometry.mappings import (
     ForwardMap,
     Geometry,
     Homography,
+    Size,
     source_coordinates,
 )
 from resample_texture.texels.encoding import (
@@ -52,12 +53,8 @@ from resample_texture.types import (
 from resample_texture.warping import warp
 
 # Options of methods that previews check but ignore, and their names in `warp`.
-UNUSED = {
-    "filter": "filter",
-    "interpolation": "interpolation",
-    "total": "total",
-    "detail": "quality",
-}
+UNUSED = {"filter": "filter", "interpolation": "interpolation", "total": "total"}
+UNUSED |= {"detail": "quality"}
 MOST_CHANNELS = 4  # that OpenCV shrinks in one call
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 
@@ -106,7 +103,7 @@ class PictureScene(AnyScene):
         self,
         matrix: ArrayLike | Geometry | Places,
         *,
-        size: tuple[int, int] | None = None,
+        size: Size | None = None,
         method: str | Method = "hybrid",
         edge: AnyEdge = "transparent",
         quality: Quality = "final",
@@ -157,7 +154,7 @@ class PictureScene(AnyScene):
         self,
         matrix: ArrayLike | Geometry | Places,
         *,
-        size: tuple[int, int] | None = None,
+        size: Size | None = None,
         edge: AnyEdge = "transparent",
         convention: AnyConvention = "corner",
         inverse: bool = False,
@@ -192,17 +189,17 @@ class PictureScene(AnyScene):
     def _is_in_levels(self) -> bool:
         return bool(self._light["linear_light"] == "pixels")
 
-    def _shape(self, size: tuple[int, int] | None) -> tuple[int, int]:
+    def _shape(self, size: Size | None) -> tuple[int, int]:
         return (self.image.shape[0], self.image.shape[1]) if size is None else shape_of(size)
 
-    def _preview(self, geometry: Geometry, shape: tuple[int, int], edge: str) -> Previewed:
+    def _preview(self, geometry: Geometry, shape: Size, edge: str) -> Previewed:
         """Sample a reduced level at every other pixel, and enlarge that to the target."""
         border = Edge.MIRROR if edge_named(edge) not in list(Edge) else Edge(edge)
         size, small = self.image.shape[:2], (-(-shape[0] // PER), -(-shape[1] // PER))
         method, level = "hybrid", 0
         if not isinstance(geometry, ForwardMap):  # which needs the texels themselves
             # Take the level that has about one texel per pixel of the preview.
-            per = PER * _texels_per_pixel(geometry, shape, (size[0], size[1]))
+            per = PER * texels_per_pixel(geometry, shape, (size[0], size[1]))
             most = int(math.log2(max(1, min(size))))
             method, level = "bilinear", min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
         texels, encoding = self._texels(level)
@@ -252,9 +249,7 @@ class PictureScene(AnyScene):
         return self._levels[level], self._encoding
 
 
-def _texels_per_pixel(
-    geometry: Homography | BackwardMap, shape: tuple[int, int], source_shape: tuple[int, int]
-) -> float:
+def texels_per_pixel(geometry: Homography | BackwardMap, shape: Size, source_shape: Size) -> float:
     """Return the side of a pixel in texels, the median over the visible source."""
     if isinstance(geometry, BackwardMap):
         rows, columns = (max(1, count // GRID) for count in shape)

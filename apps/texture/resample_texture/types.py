@@ -15,7 +15,7 @@ from resample.profiles.filters import PixelFilter
 from resample.profiles.interpolation import Interpolation
 from resample.showable import Showable, array_of
 from resample.types import Floats
-from resample_texture.geometry.mappings import Geometry
+from resample_texture.geometry.mappings import Geometry, Size
 from resample_texture.geometry.regions import AnyEdge, Edge
 
 __all__ = [
@@ -213,9 +213,7 @@ class Method(Protocol):
     `ValueError`.
     """
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         """Warp texels.
 
         Parameters

@@ -35,6 +35,7 @@ from resample_texture.geometry.mappings import (
     ForwardMap,
     Geometry,
     Homography,
+    Size,
     points_along,
     points_back,
 )
@@ -57,7 +58,7 @@ from resample_texture.types import (
 def warp(
     image: Any,
     matrix: ArrayLike | Geometry | Places,
-    shape: tuple[int, int] | None = None,
+    shape: Size | None = None,
     method: str | Method = "hybrid",
     *,
     edge: AnyEdge = "transparent",
@@ -242,8 +243,8 @@ class Plan:
     def __init__(
         self,
         matrix: ArrayLike | Geometry | Places,
-        shape: tuple[int, int],
-        source_shape: tuple[int, int],
+        shape: Size,
+        source_shape: Size,
         method: str | Method = "hybrid",
         *,
         edge: AnyEdge = "transparent",

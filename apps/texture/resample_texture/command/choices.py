@@ -23,13 +23,7 @@ from resample.command.flags import (
     Stats,
     Switch,
 )
-from resample.command.settings import (
-    Choices,
-    Convention,
-    MethodsFilter,
-    Threads,
-    height_and_width,
-)
+from resample.command.settings import Choices, Convention, MethodsFilter, Threads, height_and_width
 from resample.files.stores import opening
 from resample.messages import numbers_in, parts_of
 
@@ -133,10 +127,7 @@ class WarpGeometry(TargetChoices):
         ),
     ] = None
     lens: Annotated[
-        str | None,
-        LENS,
-        Hyphen,
-        Field(description=f"{CALIBRATED}. Its distortion is removed."),
+        str | None, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
     ] = None
     convention: Annotated[Convention, Field(description=f"{COUNTED} matrix, corners and map.")] = (
         "corner"
@@ -260,17 +251,16 @@ class PictureFiltering(Choices):
         return self.model_dump(include={"filter", "interpolation", "quality"})
 
     def check(self) -> None:
-        """Reject unknown names before any work is done.
-
-        Raises ValueError, LookupError: a plugin is unknown or refuses its parameters.
-        """
+        """Reject unknown names before any work is done."""
         from resample import registry
 
-        registry.build("methods", self.method)
-        if self.filter is not None:
-            registry.build("filters", self.filter)
-        if self.interpolation is not None:
-            registry.build("interpolations", self.interpolation)
+        for group, name in (
+            ("methods", self.method),
+            ("filters", self.filter),
+            ("interpolations", self.interpolation),
+        ):
+            if name is not None:
+                registry.build(group, name)
 
 
 class PictureWarping(PictureFiltering):
@@ -399,21 +389,14 @@ class Factor(TargetChoices):
         """Reject a wrong factor before any picture is read."""
         self.target((1, 1))
 
-    def pair(self) -> tuple[float, float]:
-        """Factors along x and y.
-
-        Raises ValueError: these are not one or two numbers.
-        """
-        numbers = numbers_in("factor", self.factor)
-        if len(numbers) > 2:
-            raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
-        return numbers[0], numbers[-1]
-
     def target(self, source_shape: tuple[int, int]) -> PictureTarget:
         """Return the target of a picture (height, width)."""
         from resample_texture.geometry.matrices import scaled_shape, scaling
 
-        factor = self.pair()
+        numbers = numbers_in("factor", self.factor)
+        if len(numbers) > 2:
+            raise ValueError(f"factor {self.factor!r}; give one, or two: along x and y")
+        factor = numbers[0], numbers[-1]
         shape = scaled_shape(source_shape, factor)
         return PictureTarget(scaling(factor), shape)
 
@@ -447,9 +430,7 @@ class Undistortion(TargetChoices):
         str, LENS, Hyphen, Field(description=f"{CALIBRATED}. Its distortion is removed.")
     ]
     fisheye: Annotated[
-        bool,
-        Switch,
-        Field(description="The lens is OpenCV's fisheye: fx,fy,cx,cy,k1,k2,k3,k4."),
+        bool, Switch, Field(description="The lens is OpenCV's fisheye: fx,fy,cx,cy,k1,k2,k3,k4.")
     ] = False
     new_matrix: Annotated[
         str | None,
@@ -478,10 +459,7 @@ class Undistortion(TargetChoices):
     size: Annotated[str | None, Field(description=f"{SIZE} [default: the picture's]")] = None
 
     def aim(self) -> Aim:
-        """Return a function from a picture's height and width to its target.
-
-        Raises ValueError, OSError: the lens, matrix, rotation or size is invalid.
-        """
+        """Return a function from a picture's height and width to its target."""
         from resample.cameras.calibrations import pinhole_of, read_calibration
         from resample.cameras.models import LensModel
         from resample.cameras.poses import turned_by
@@ -551,10 +529,7 @@ class BetweenProjections(TargetChoices):
         self.angles()
 
     def given(self) -> tuple[str, str, tuple[int, int]]:
-        """Return both projections, and height and width of the target, px.
-
-        Raises ValueError: one is missing, or the size is invalid.
-        """
+        """Return both projections, and height and width of the target, px."""
         if self.before is None or self.after is None or self.size is None:
             options = {"--from": self.before, "--to": self.after, "--size": self.size}
             missing = " and ".join(name for name, value in options.items() if value is None)
@@ -562,10 +537,7 @@ class BetweenProjections(TargetChoices):
         return self.before, self.after, height_and_width(self.size)
 
     def angles(self) -> tuple[float, float, float]:
-        """Return the angles in degrees.
-
-        Raises ValueError: these are not two or three finite numbers.
-        """
+        """Return the three angles in degrees."""
         from resample_texture.geometry.projections import rotation
 
         try:

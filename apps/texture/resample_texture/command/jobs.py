@@ -26,13 +26,7 @@ from resample.files.metadata.fields import TIFF, FileMetadata, WrittenPage, comp
 from resample.files.metadata.tags import PNG_START, Tag, read_tags, stated
 from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
-from resample.files.sequences import (
-    batch_of,
-    check_frames,
-    frames_of,
-    is_batch,
-    write_frames,
-)
+from resample.files.sequences import batch_of, check_frames, frames_of, is_batch, write_frames
 from resample.files.stores.opening import Address, Place
 from resample.files.writing import check_targets, replacing, write_json
 from resample.messages import one_line
@@ -41,12 +35,7 @@ from resample.reading.pictures import decoding
 from resample.types import Floats
 from resample_texture.arguments import method_named
 from resample_texture.command.choices import Aim, Besides, PictureTarget, PictureWarping, region
-from resample_texture.command.rendering import (
-    Large,
-    check_memory,
-    large_picture,
-    warped,
-)
+from resample_texture.command.rendering import Large, check_memory, large_picture, warped
 from resample_texture.geometry.mappings import Homography
 
 NOTHING = np.zeros((0, 0, 0), np.float32)

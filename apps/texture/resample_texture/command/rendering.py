@@ -22,13 +22,7 @@ from resample.files.animations import Levels, Shots, check_count, fingerprint
 from resample.files.formats import WriteOptions, holds_missing, takes_alpha
 from resample.files.metadata.fields import FileMetadata
 from resample.files.metadata.tags import Geo, moved, unplaced
-from resample.files.pictures import (
-    Kind,
-    LoadablePicture,
-    LoadedPicture,
-    Picture,
-    loadable_picture,
-)
+from resample.files.pictures import Kind, LoadablePicture, LoadedPicture, Picture, loadable_picture
 from resample.files.saving import screen_levels
 from resample.files.stores.opening import Place
 from resample.memory import ALLOWED, GIB, require
@@ -126,28 +120,6 @@ def placed(
         part = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
         there = moved(geo, part @ target.geometry.matrix)
     return there
-
-
-def covers_all(
-    target: PictureTarget, source_shape: tuple[int, int], roi: tuple[int, int, int, int] | None
-) -> bool:
-    """Tell whether every target pixel lies within the source, as far as known beforehand."""
-    if target.draws is not None:
-        return True
-    geometry, (height, width) = target.geometry, source_shape
-    if not isinstance(geometry, Homography):
-        return not isinstance(geometry, ForwardMap)
-    left, top, across, down = (0, 0, target.shape[1], target.shape[0]) if roi is None else roi
-    x, y = np.array([left, left + across] * 2), np.array([top] * 2 + [top + down] * 2)
-    u, v, w = np.linalg.inv(geometry.oriented(source_shape)) @ np.stack([x, y, np.ones(4)])
-    if not (w > 0.0).all():
-        return False
-    near = 1e-3  # px that float32 places may be off
-    u, v = u / w, v / w
-    return bool(
-        (np.abs(u - width / 2) <= width / 2 + near).all()
-        and (np.abs(v - height / 2) <= height / 2 + near).all()
-    )
 
 
 def curved(picture: Picture, curve: Callable[[Floats], Floats]) -> Floats:
@@ -285,7 +257,15 @@ class Large:
             strips = (self._drawn(*rows).coverage for rows in self._rows())
             is_whole = all((coverage >= WHOLE).all() for coverage in strips)
         elif isinstance(self.target.places, Homography):
-            is_whole = covers_all(self.target, self.form.shape[:2], self.roi)
+            (height, width, _), (left, top, across, down) = self.form.shape, self.roi
+            x, y = np.array([left, left + across] * 2), np.array([top] * 2 + [top + down] * 2)
+            matrix = self.target.places.oriented((height, width))
+            u, v, w = np.linalg.inv(matrix) @ np.stack([x, y, np.ones(4)])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                far = np.abs(u / w - width / 2).max(), np.abs(v / w - height / 2).max()
+            # Places of float32 may be off by a thousandth of a px.
+            is_in = far[0] <= width / 2 + 1e-3 and far[1] <= height / 2 + 1e-3
+            is_whole = bool((w > 0.0).all() and is_in)
         else:
             is_whole = all(self._covers_all(*rows) for rows in self._rows())
         return kind if is_whole else kind._replace(channels=(*kind.channels, "A"))

@@ -9,7 +9,7 @@ from resample.cameras.models import AnyCamera, Camera
 from resample.cameras.pixels import distorted_places, undistorted_places
 from resample.cameras.poses import turned_by
 from resample.types import Doubles
-from resample_texture.geometry.mappings import Homography
+from resample_texture.geometry.mappings import Homography, Size
 
 
 def places_by_lens(
@@ -36,7 +36,7 @@ def places_by_lens(
 
 def plane_homography(
     camera: AnyCamera,
-    source_shape: tuple[int, int],
+    source_shape: Size,
     *,
     texel_size: float = 1.0,  # scene units
     pose: ArrayLike | None = None,  # (4, 4) or (3, 4) from the plane's space to the world

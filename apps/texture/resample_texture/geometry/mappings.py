@@ -19,6 +19,8 @@ from resample.memory.mapped import contiguous
 from resample.reading.arrays import is_npy, read_npy, read_npz
 from resample.types import Doubles
 
+Size = tuple[int, int]  # height and width
+
 LARGEST_CONDITION = 1e12  # of a balanced matrix; beyond, its inverse has no 4 correct digits
 LARGEST_EXPONENT = 690.0  # of e in a determinant, as kernels divide by it
 
@@ -170,11 +172,11 @@ class Homography:
         """Matrix (3, 3) from target to source."""
         return np.asarray(np.linalg.inv(self.matrix), np.float64)
 
-    def oriented(self, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
+    def oriented(self, source_shape: Size = (1, 1)) -> Doubles:
         """Return ± the matrix (3, 3), so that points in front of the camera have d > 0."""
         return self.matrix if self.is_signed else oriented(self.matrix, source_shape)
 
-    def normalized(self, source_shape: tuple[int, int]) -> Doubles:
+    def normalized(self, source_shape: Size) -> Doubles:
         """Return the oriented matrix (3, 3), scaled so that d is at most 1 in the source."""
         matrix, (height, width) = self.oriented(source_shape), source_shape
         corners = np.array([[u, v, 1.0] for u in (0, width) for v in (0, height)])
@@ -187,8 +189,8 @@ class TargetRegion(NamedTuple):
     whole: Homography  # from the source to that target
     left: int  # px
     top: int
-    shape: tuple[int, int]  # of that target: height, width
-    size: tuple[int, int] | None = None  # of the source, if only a part of it is given
+    shape: Size  # of that target: height, width
+    size: Size | None = None  # of the source, if only a part of it is given
     first: tuple[int, int] = (0, 0)  # column and row of the source at which that part begins
 
 
@@ -230,7 +232,7 @@ class ForwardMap:
         x, y = pixel_centers(moves.shape[:2])
         return cls(x + moves[..., 0], y + moves[..., 1])
 
-    def inverse(self, shape: tuple[int, int], *, tolerance: float = 1e-3) -> "BackwardMap":
+    def inverse(self, shape: Size, *, tolerance: float = 1e-3) -> "BackwardMap":
         """Return the map back: where each pixel of a target comes from, of a smooth map.
 
         Parameters
@@ -313,7 +315,7 @@ class BackwardMap:
 
     @classmethod
     def from_function(
-        cls, function: Callable[[Any, Any], Any], shape: tuple[int, int], *, first: float = 0.5
+        cls, function: Callable[[Any, Any], Any], shape: Size, *, first: float = 0.5
     ) -> "BackwardMap":
         """Return the map of a function from x and y of pixels to those of the source.
 
@@ -341,7 +343,7 @@ class BackwardMap:
 
     @classmethod
     def from_grid_sample(
-        cls, grid: ArrayLike, source_shape: tuple[int, int], *, align_corners: bool = False
+        cls, grid: ArrayLike, source_shape: Size, *, align_corners: bool = False
     ) -> "BackwardMap":
         """Return the map of a grid as `torch.nn.functional.grid_sample` takes it.
 
@@ -367,7 +369,7 @@ class BackwardMap:
         places = share * (size - 1.0) + 0.5 if align_corners else share * size
         return cls(places[..., 0], places[..., 1])
 
-    def inverse(self, source_shape: tuple[int, int], *, tolerance: float = 1e-3) -> ForwardMap:
+    def inverse(self, source_shape: Size, *, tolerance: float = 1e-3) -> ForwardMap:
         """Return where each texel of a source (height, width) goes; see `ForwardMap.inverse`."""
         return ForwardMap(*inverse_of(self.x, self.y, source_shape, tolerance))
 
@@ -375,7 +377,7 @@ class BackwardMap:
 Geometry = Homography | ForwardMap | BackwardMap
 
 
-def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles:
+def oriented(matrix: Doubles, source_shape: Size = (1, 1)) -> Doubles:
     """Return ± the matrix, so that the source's center is in front of the camera: d > 0."""
     height, width = source_shape
     center = np.array([width / 2, height / 2, 1.0])
@@ -389,7 +391,7 @@ def oriented(matrix: Doubles, source_shape: tuple[int, int] = (1, 1)) -> Doubles
 
 
 def source_coordinates(
-    geometry: Geometry, shape: tuple[int, int], source_shape: tuple[int, int] = (1, 1)
+    geometry: Geometry, shape: Size, source_shape: Size = (1, 1)
 ) -> tuple[Doubles, Doubles]:
     """Return x and y in the source of a target's (height, width) pixel centers, or NaN."""
     if isinstance(geometry, ForwardMap):
@@ -439,7 +441,7 @@ def _check_pictures(x: NDArray[Any], y: NDArray[Any], name: str) -> None:
         raise ValueError(f"the {name} must hold real numbers, not {x.dtype} and {y.dtype}")
 
 
-def places_of(geometry: BackwardMap, shape: tuple[int, int]) -> Doubles:
+def places_of(geometry: BackwardMap, shape: Size) -> Doubles:
     """Return (6, h, w): x, y, their change per column, and their change per row."""
     x, y = source_coordinates(geometry, shape)
     return np.stack([x, y, _step(x, 1), _step(y, 1), _step(x, 0), _step(y, 0)])
@@ -461,7 +463,7 @@ def _step(position: Doubles, axis: int) -> Doubles:
 
 
 def inverse_of(
-    x: Doubles, y: Doubles, shape: tuple[int, int], tolerance: float = TOLERANCE
+    x: Doubles, y: Doubles, shape: Size, tolerance: float = TOLERANCE
 ) -> tuple[Doubles, Doubles]:
     """Return where a map (h, w) takes the value of each pixel center of a picture, or NaN."""
     from scipy import ndimage

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.cameras.models import Convention
 from resample.types import Doubles
-from resample_texture.geometry.mappings import Homography, read_arrays
+from resample_texture.geometry.mappings import Homography, Size, read_arrays
 
 SEPARATOR = re.compile(r"[\s,;\[\]()]+")
 SHAPES = {(3, 3): (3, 3), (2, 3): (2, 3), (1, 9): (3, 3), (1, 6): (2, 3)}  # lines × numbers
@@ -30,10 +30,7 @@ Exact = NDArray[Any]  # rational numbers
 
 
 def homography(
-    matrix: ArrayLike,
-    *,
-    convention: Convention | str = Convention.CORNER,
-    inverse: bool = False,
+    matrix: ArrayLike, *, convention: Convention | str = Convention.CORNER, inverse: bool = False
 ) -> Homography:
     """Return the homography of a matrix (3, 3) or (2, 3), or of one from target to source."""
     if convention not in tuple(Convention):
@@ -115,7 +112,7 @@ def _full(matrix: ArrayLike) -> Doubles:
     return full
 
 
-def resizing(source_shape: tuple[float, float], shape: tuple[int, int]) -> Homography:
+def resizing(source_shape: tuple[float, float], shape: Size) -> Homography:
     """Return the map from a picture's whole area to that of a target (height, width)."""
     (source_height, source_width), (height, width) = source_shape, shape
     return Homography(np.diag([width / source_width, height / source_height, 1.0]))
@@ -138,7 +135,7 @@ def scaled_shape(source_shape: tuple[float, float], factor: tuple[float, float])
     return max(1, math.floor(height + 0.5)), max(1, math.floor(width + 0.5))
 
 
-def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int]) -> Homography:
+def turning(source_shape: Size, degrees: float, shape: Size) -> Homography:
     """Return the map that rotates a picture counterclockwise about the centers of both."""
     cosine, sine = _cosine_and_sine(degrees)
     turn = np.array([[cosine, sine], [-sine, cosine]])
@@ -148,7 +145,7 @@ def turning(source_shape: tuple[int, int], degrees: float, shape: tuple[int, int
     return Homography(matrix)
 
 
-def turned_shape(source_shape: tuple[int, int], degrees: float) -> tuple[int, int]:
+def turned_shape(source_shape: Size, degrees: float) -> tuple[int, int]:
     """Return height and width that hold a whole rotated picture."""
     cosine, sine = (abs(number) for number in _cosine_and_sine(degrees))
     height, width = source_shape
@@ -176,7 +173,7 @@ def parse_points(text: str) -> Doubles:
     return np.reshape(numbers, (4, 2))
 
 
-def page_corners(shape: tuple[int, int]) -> Doubles:
+def page_corners(shape: Size) -> Doubles:
     """Return the corners of a page: top left, top right, bottom right, bottom left."""
     height, width = shape
     return np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float64)

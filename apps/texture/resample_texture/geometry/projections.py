@@ -34,7 +34,21 @@ PIXELS = 4.0  # ... or so many pixels of the target, if that is more
 FINE = 2  # texels of that picture per row
 EXTRA = 8  # texels around it
 AROUND = 2.0  # px around a fisheye's circle whose directions are known
-WIDEST = {"equidistant": 360.0, "equisolid": 360.0, "stereographic": 359.0, "orthographic": 180.0}
+FISHEYES: dict[str, tuple[float, Callable[[Any], Any], Callable[[Any], Any]]] = {
+    # Widest circle, degrees; the distance of an angle, rad, in focal lengths; and the way back.
+    "equidistant": (360.0, lambda angle: angle, lambda distance: distance),
+    "equisolid": (
+        360.0,
+        lambda angle: 2.0 * np.sin(angle / 2.0),
+        lambda distance: 2.0 * np.arcsin(np.minimum(distance / 2.0, 1.0)),
+    ),
+    "stereographic": (
+        359.0,
+        lambda angle: 2.0 * np.tan(angle / 2.0),
+        lambda distance: 2.0 * np.arctan(distance / 2.0),
+    ),
+    "orthographic": (180.0, np.sin, lambda distance: np.arcsin(np.minimum(distance, 1.0))),
+}
 
 
 class Tile(NamedTuple):
@@ -174,12 +188,13 @@ class FisheyePicture(_Whole):
     model: str = "equidistant"
 
     def __post_init__(self) -> None:
-        if self.model not in WIDEST:
-            raise ValueError(f"model {self.model!r}; known: {', '.join(WIDEST)}")
-        if not 0.0 < self.fov <= WIDEST[self.model]:
+        if self.model not in FISHEYES:
+            raise ValueError(f"model {self.model!r}; known: {', '.join(FISHEYES)}")
+        widest = FISHEYES[self.model][0]
+        if not 0.0 < self.fov <= widest:
             raise ValueError(
-                f"a {self.model} fisheye shows more than 0 and up to {WIDEST[self.model]:g}"
-                f" degrees, not {self.fov:g}"
+                f"a {self.model} fisheye shows more than 0 and up to {widest:g} degrees, not"
+                f" {self.fov:g}"
             )
 
     def shows(self, place: Doubles, shape: tuple[int, int]) -> NDArray[np.bool_]:
@@ -188,10 +203,10 @@ class FisheyePicture(_Whole):
 
     def rays(self, place: Doubles, shape: tuple[int, int], tile: int) -> Doubles:  # noqa: ARG002
         (x, y), radius = self._from_middle(place, shape), 0.5 * min(shape)
-        most = math.radians(self.fov / 2.0)
+        _, distance_of, angle_of = FISHEYES[self.model]
         distance = np.hypot(x, y) / radius
         with np.errstate(invalid="ignore"):
-            angle = self._angle(distance * self._distance(most))
+            angle = angle_of(distance * distance_of(math.radians(self.fov / 2.0)))
             angle = np.where(
                 (distance <= 1.0 + AROUND / radius) & (angle <= math.pi), angle, np.nan
             )
@@ -201,30 +216,14 @@ class FisheyePicture(_Whole):
     def places(self, ray: Doubles, shape: tuple[int, int], tile: int) -> Doubles:  # noqa: ARG002
         x, y, z = np.moveaxis(ray, -1, 0)
         flat, most = np.hypot(x, y), math.radians(self.fov / 2.0)
-        angle = np.arctan2(flat, z)
-        reach = 0.5 * min(shape) * self._distance(angle) / self._distance(most)
+        angle, distance_of = np.arctan2(flat, z), FISHEYES[self.model][1]
+        reach = 0.5 * min(shape) * distance_of(angle) / distance_of(most)
         share = np.where(angle <= most, reach / np.maximum(flat, 1e-30), np.nan)
         return np.stack([share * x + 0.5 * shape[1], share * y + 0.5 * shape[0]], axis=-1)
 
     @staticmethod
     def _from_middle(place: Doubles, shape: tuple[int, int]) -> tuple[Doubles, Doubles]:
         return place[..., 0] - 0.5 * shape[1], place[..., 1] - 0.5 * shape[0]
-
-    def _distance(self, angle: Any) -> Any:
-        """Distance from the middle of an angle, rad, in focal lengths."""
-        if self.model == "equisolid":
-            return 2.0 * np.sin(angle / 2.0)
-        if self.model == "stereographic":
-            return 2.0 * np.tan(angle / 2.0)
-        return np.sin(angle) if self.model == "orthographic" else angle
-
-    def _angle(self, distance: Any) -> Any:
-        """Angle, rad, of a distance from the middle in focal lengths."""
-        if self.model == "equisolid":
-            return 2.0 * np.arcsin(np.minimum(distance / 2.0, 1.0))
-        if self.model == "stereographic":
-            return 2.0 * np.arctan(distance / 2.0)
-        return np.arcsin(np.minimum(distance, 1.0)) if self.model == "orthographic" else distance
 
 
 @dataclass(frozen=True)
@@ -325,10 +324,7 @@ class PerspectivePicture(_Whole):
 
 
 def rotation(turn: tuple[float, float, float]) -> Doubles:
-    """Matrix (3, 3) from the target's directions to the source's.
-
-    `turn`: degrees by which the target looks to the right, up, and turns clockwise.
-    """
+    """Matrix (3, 3) from the directions of a target that looks right, up and clockwise, degrees."""
     if len(turn) != 3 or not np.isfinite(turn).all():
         raise ValueError(f"turn is three angles in degrees (right, up, clockwise), not {turn}")
     yaw, pitch, roll = np.radians(turn)
@@ -350,10 +346,7 @@ class SourceTile(NamedTuple):
 def source_tiles(
     image: NDArray[Any], projection: PictureProjection, step: float
 ) -> Iterator[SourceTile]:
-    """Yield the parts of a picture.
-
-    `step`: angle, rad, between neighbouring pixels of the target, at most.
-    """
+    """Yield the parts of a picture, for pixels of a target at most a step, rad, apart."""
     shape = image.shape[0], image.shape[1]
     if isinstance(projection, EquirectangularPicture):
         yield from _panorama_tiles(image, max(CAP * math.pi / shape[0], PIXELS * step))
@@ -392,10 +385,7 @@ def source_tiles(
 
 
 def _panorama_tiles(image: NDArray[Any], radius: float) -> Iterator[SourceTile]:
-    """Yield a panorama, and round pictures of both poles up to `radius`, rad.
-
-    At the poles its rows have no direction.
-    """
+    """Yield a panorama, and round pictures of both poles up to `radius`, rad."""
     height, width = image.shape[:2]
     # Beyond a pole the picture continues at the opposite longitude: one period has both.
     beyond = np.roll(image[::-1], width // 2, axis=1)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.types import Doubles, Floats, Indices
-from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
+from resample_texture.geometry.mappings import BackwardMap, Homography, Size, TargetRegion
 
 FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
 
@@ -89,9 +89,7 @@ def whole_shift(x: Doubles, y: Doubles) -> Move | None:
     return Move((-int(right), -int(below)), (1, 1))
 
 
-def picks_of_move(
-    move: Move, source_shape: tuple[int, int], shape: tuple[int, int], edge: Edge
-) -> Picks:
+def picks_of_move(move: Move, source_shape: Size, shape: Size, edge: Edge) -> Picks:
     """Return the texels that pixels copy after a move."""
     column, row = (  # the texel index of each pixel along an axis, possibly counted from the end
         place if sign > 0 else -1 - place
@@ -107,7 +105,7 @@ def picks_of_move(
     return Picks(row, column, (row_is_in & column_is_in).astype(np.float32))
 
 
-def nearest_texels(x: Doubles, y: Doubles, source_shape: tuple[int, int], edge: Edge) -> Picks:
+def nearest_texels(x: Doubles, y: Doubles, source_shape: Size, edge: Edge) -> Picks:
     """Return the texels that hold places, (h, w) each; none where these are not numbers."""
     is_place = (abs(x) < FARTHEST) & (abs(y) < FARTHEST)
     places = (np.floor(np.where(is_place, a, 0.0)).astype(np.int64) for a in (y, x))
@@ -156,12 +154,12 @@ class Rect(NamedTuple):
         """Rows and columns, as slices."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
-    def is_within(self, size: tuple[int, int]) -> bool:
+    def is_within(self, size: Size) -> bool:
         """Whether it lies within a picture (height, width)."""
         return min(self.left, self.top) >= 0 and self.right <= size[1] and self.bottom <= size[0]
 
     @classmethod
-    def around(cls, parts: Sequence["Rect"], size: tuple[int, int]) -> "Rect":
+    def around(cls, parts: Sequence["Rect"], size: Size) -> "Rect":
         """Rectangle around others; the whole picture (height, width) if they reach beyond it."""
         sides = np.array(parts)
         (left, top), (right, bottom) = sides[:, :2].min(axis=0), sides[:, 2:].max(axis=0)
@@ -190,7 +188,7 @@ class VisibleTiles(NamedTuple):
     is_endless: bool  # the source is repeated beyond its edges
 
 
-def windows_of(seen: VisibleTiles, size: tuple[int, int], most: int) -> Iterator[PictureWindow]:
+def windows_of(seen: VisibleTiles, size: Size, most: int) -> Iterator[PictureWindow]:
     """Yield windows of a target, from the top, halved while they have more than `most` pixels."""
     columns = int((seen.tiles[:, TOP] == seen.tiles[0, TOP]).sum())
     waiting = [np.arange(len(seen.tiles)).reshape(-1, columns)]
@@ -208,8 +206,8 @@ def windows_of(seen: VisibleTiles, size: tuple[int, int], most: int) -> Iterator
 
 
 def between(
-    geometry: Homography | BackwardMap, window: PictureWindow, size: tuple[int, int],
-    shape: tuple[int, int] = (0, 0),
+    geometry: Homography | BackwardMap, window: PictureWindow, size: Size,
+    shape: Size = (0, 0),
 ) -> Homography | BackwardMap:  # fmt: skip
     """Return the geometry from a window's part of a source to its target; maps cover it all."""
     (u, v, *_), (x, y, *_) = window.source, window.target
@@ -223,7 +221,7 @@ def between(
     return Homography(back @ geometry.oriented(size) @ there, is_signed=True, region=region)
 
 
-def _window(seen: VisibleTiles, which: Integers, size: tuple[int, int]) -> PictureWindow:
+def _window(seen: VisibleTiles, which: Integers, size: Size) -> PictureWindow:
     """Return the window of some tiles."""
     tiles, bounds = seen.tiles[which.ravel()], seen.bounds[which.ravel()]
     low, high = tiles[:, :2].min(axis=0), tiles[:, 2:].max(axis=0)

@@ -1,22 +1,28 @@
-"""Warping methods: points, splats and the hybrid (plugins: group `methods`)."""
+"""Warping methods: points, splats, the hybrid, and texels as they are (group `methods`)."""
 
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.messages import number
 from resample.profiles.named import plugin_of
 from resample.types import Floats
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import (
+    BackwardMap,
+    ForwardMap,
+    Geometry,
+    Homography,
+    Size,
+    source_coordinates,
+)
+from resample_texture.geometry.regions import Picks, VisibleTiles, nearest_texels
 from resample_texture.texels.encoding import in_levels
 from resample_texture.types import Edge, Method, Warped
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from resample_texture.geometry.regions import VisibleTiles
     from resample_texture.texels.forward import CellGrid
     from resample_texture.texels.gather import GatherPlan, MixedTiles
 
@@ -125,8 +131,8 @@ class Hybrid:
         return TILE if self._takes_areas and self.magnified == "cells" and not self.total else 1
 
     def visible_tiles(
-        self, source_shape: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> "VisibleTiles | None":
+        self, source_shape: Size, geometry: Geometry, shape: Size, edge: Edge
+    ) -> VisibleTiles | None:
         """Return the visible part of a source for each tile of a target, (height, width) both.
 
         None if it is not known beforehand: tiles are not drawn alone.
@@ -138,7 +144,7 @@ class Hybrid:
         return visible_tiles(source_shape, geometry, shape, edge, self.cells)
 
     def mixed_tiles(
-        self, form: tuple[int, int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
+        self, form: tuple[int, int, int], geometry: Geometry, shape: Size, edge: Edge
     ) -> "MixedTiles | None":
         """Split a target (height, width) into tiles that gather, and tiles of projected texels.
 
@@ -158,13 +164,11 @@ class Hybrid:
         """Method for the tiles that gather alone."""
         return _Partly(self)
 
-    def partly(self, wanted: "NDArray[np.bool_]") -> Method:
+    def partly(self, wanted: NDArray[np.bool_]) -> Method:
         """Method for some of the pixels (height, width); others may stay empty."""
         return self if self.clamp else _Partly(self, wanted)
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         if self.magnified == "splats":
             from resample.profiles.filters import Area, Gaussian
             from resample_texture.texels.splatting import Splatting, splat
@@ -189,9 +193,7 @@ class Hybrid:
             warped = _project(source, geometry, shape, edge, cells)
         return _clamped(warped, source) if self.clamp else warped
 
-    def planned(
-        self, source_shape: tuple[int, int], geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Method:
+    def planned(self, source_shape: Size, geometry: Geometry, shape: Size, edge: Edge) -> Method:
         """Return a method for sources (height, width) and one target, with its plan made now.
 
         Raises
@@ -237,7 +239,7 @@ class _Partly:
     """A hybrid that draws only some pixels, and others of their tiles."""
 
     method: Hybrid
-    wanted: "NDArray[np.bool_] | None" = None  # (height, width); None: those that gather
+    wanted: NDArray[np.bool_] | None = None  # (height, width); None: those that gather
 
     @property
     def in_levels(self) -> Method:
@@ -245,9 +247,7 @@ class _Partly:
         method: Any = in_levels(self.method)
         return _Partly(method, self.wanted)
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         from resample_texture.texels.gather import gather, planned
 
         if not self.method.gathers(geometry):
@@ -263,7 +263,7 @@ class _Planned:
 
     method: Hybrid
     plan: "GatherPlan"
-    wanted: "NDArray[np.bool_] | None" = None  # (height, width) of the pixels that are drawn
+    wanted: NDArray[np.bool_] | None = None  # (height, width) of the pixels that are drawn
 
     @property
     def keeps_texels(self) -> bool:
@@ -276,13 +276,11 @@ class _Planned:
         method: Any = in_levels(self.method)
         return _Planned(method, self.plan._replace(cells=method.cells))
 
-    def partly(self, wanted: "NDArray[np.bool_]") -> Method:
+    def partly(self, wanted: NDArray[np.bool_]) -> Method:
         """Method for some of the pixels (height, width); others may stay empty."""
         return self if self.method.clamp else _Planned(self.method, self.plan, wanted)
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         from resample_texture.texels.gather import gather
 
         plan, size = self.plan, (source.shape[0], source.shape[1])
@@ -315,9 +313,7 @@ class Points:
     def __post_init__(self) -> None:
         _build(self, "filter", "filters")
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         from resample_texture.texels.forward import CellGrid
 
         cells = CellGrid(self.filter, joined=0.0, cut=False, is_sum=self.total)
@@ -349,9 +345,7 @@ class Supersample:
         _build(self, "interpolation", "interpolations")
         _check_quality(self.quality)
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         from resample_texture.texels.forward import CellGrid
 
         cells = CellGrid(
@@ -402,23 +396,36 @@ class Splats:
                 raise ValueError(f"{name} is a positive number, not {getattr(self, name)}")
         _check_clamp(self.clamp, self.total)
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         from resample_texture.texels.splatting import Splatting, splat
 
         splatting = Splatting(
-            self.sigma,
-            self.filter_sigma,
-            interpolating=self.interpolating,
-            is_sum=self.total,
+            self.sigma, self.filter_sigma, interpolating=self.interpolating, is_sum=self.total
         )
         warped = splat(source, geometry, shape, edge, splatting)
         return _clamped(warped, source) if self.clamp else warped
 
 
+@dataclass(frozen=True)
+class NearestTexel:
+    """The texel at each pixel's center; aliases where texels shrink."""
+
+    def picks(self, image: NDArray[Any], geometry: Geometry, shape: Size, edge: Edge) -> Picks:
+        if isinstance(geometry, ForwardMap):
+            raise ValueError(
+                "nearest takes a matrix or a backward map; for forward maps use hybrid"
+            )
+        source_shape = image.shape[0], image.shape[1]
+        x, y = source_coordinates(geometry, shape, source_shape)
+        return nearest_texels(x, y, source_shape, edge)
+
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
+        picks = self.picks(source, geometry, shape, edge)
+        return Warped(picks.of(source) * picks.coverage[..., None], picks.coverage)
+
+
 def _project(
-    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, cells: "CellGrid"
+    source: Floats, geometry: Geometry, shape: Size, edge: Edge, cells: "CellGrid"
 ) -> Warped:
     """Project cells to a picture or, along a backward map, collect them from it."""
     if isinstance(geometry, BackwardMap):

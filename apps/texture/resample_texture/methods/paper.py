@@ -8,27 +8,16 @@ import numpy as np
 
 from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
 from resample.hybrid.blend import WeightedSum, mean_of
-from resample.hybrid.classify import (
-    THRESHOLD,
-    Jacobian,
-    Widths,
-    flat_sample,
-    gaussian_widths,
-)
+from resample.hybrid.classify import THRESHOLD, Jacobian, Widths, flat_sample, gaussian_widths
 from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import NOTHING, RECORD
 from resample.hybrid.splats import FLAT_TABLES
 from resample.messages import number
 from resample.types import Doubles, Floats, Records
-from resample_texture.geometry.mappings import ForwardMap, Geometry
+from resample_texture.geometry.mappings import ForwardMap, Geometry, Size
 from resample_texture.geometry.regions import texels_at
-from resample_texture.texels.forward import (
-    FARTHEST,
-    check_texels,
-    visible_polygon,
-    with_margins,
-)
+from resample_texture.texels.forward import FARTHEST, check_texels, visible_polygon, with_margins
 from resample_texture.texels.kernels.splats import slope
 from resample_texture.texels.splatting import (
     Forward,
@@ -89,9 +78,7 @@ class Paper:
         """Sizes of footprints."""
         return gaussian_widths(self.threshold, self.sigma, self.filter_sigma)
 
-    def __call__(
-        self, source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge
-    ) -> Warped:
+    def __call__(self, source: Floats, geometry: Geometry, shape: Size, edge: Edge) -> Warped:
         size = source.shape[0], source.shape[1]
         geometry = forward_of(geometry, size)
         image, weight = np.zeros((*shape, source.shape[2]), np.float32), np.zeros(shape, np.float32)
@@ -106,7 +93,7 @@ class Paper:
 
 
 def _batches(
-    source: Floats, geometry: Forward, shape: tuple[int, int], edge: Edge, widths: Widths
+    source: Floats, geometry: Forward, shape: Size, edge: Edge, widths: Widths
 ) -> Iterator[tuple[Floats, Records, Floats]]:
     """Colors (N, C), records and areas (N,), px², of some rows of texels after the other."""
     height, width = source.shape[:2]
@@ -145,7 +132,7 @@ def place_texels(
     first: tuple[int, int, int],
     places: tuple[Doubles, Doubles, Doubles, float],
     widths: Widths,
-    shape: tuple[int, int],
+    shape: Size,
 ) -> None:
     """Fill the records and areas (N,), px², of rows of texels, by a map if there is one."""
     (left, top, columns), (matrix, x, y, nearest) = first, places  # x, y: (H + 2, W + 2)

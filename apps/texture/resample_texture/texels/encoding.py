@@ -16,7 +16,7 @@ pixel averages is light. So a pixel hardly longer than a texel is interpolated i
 import dataclasses
 import math
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,12 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import contiguous
 from resample.types import Doubles, Floats
-from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography, Size
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped
-
-if TYPE_CHECKING:
-    from resample_texture.texels.kernels.gather import Plane
-
 
 LEVELS = ("uint8", "uint16")  # of light, encoded or not: 0 is black, the largest level white
 VALUES = (
@@ -93,10 +89,7 @@ def missing_in(
 
 
 def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[Floats, int]:
-    """Append channels that mark where texels (H, W, C) have values; return their number.
-
-    One channel marks it for all if all have the same gaps, unless more are requested.
-    """
+    """Append channels that mark where texels (H, W, C) have values, one if all are alike."""
     if missing is None:
         return texels, 0
     is_one = least <= 1 and bool((missing == missing[..., :1]).all())
@@ -107,10 +100,7 @@ def weighed(texels: Floats, missing: Booleans | None, least: int = 1) -> tuple[F
 
 
 def mended(warped: Warped, gaps: int) -> Mended:
-    """Return a picture whose coverage counts only existing values.
-
-    The coverage of `warped` counts the source, with or without values.
-    """
+    """Return a picture whose coverage counts existing values, not all of the source."""
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)
     values, there = _bounded(warped, gaps)
@@ -128,10 +118,7 @@ def added(warped: Warped, there: Floats, gaps: int) -> Mended:
 
 
 def kept(warped: Warped, gaps: int) -> Mended:
-    """Return a picture with the source's coverage, missing where too few values exist.
-
-    Where the source covers less than half of a pixel, the background shows through instead.
-    """
+    """Return a picture with the source's coverage, missing where too few values exist."""
     if gaps == 0:
         return Mended(warped.image, warped.coverage, None)
     values, there = _bounded(warped, gaps)
@@ -142,11 +129,7 @@ def kept(warped: Warped, gaps: int) -> Mended:
 
 
 def _bounded(warped: Warped, gaps: int) -> tuple[Floats, Floats]:
-    """Return values and their weights, limited to 0..coverage by a common factor.
-
-    Beside a gap, negative lobes of a kernel take the weights out of that range. Pixels without gaps
-    keep the values of a picture without any.
-    """
+    """Return values and their weights, limited to 0..coverage, which negative lobes leave."""
     values, there = warped.image[..., :-gaps], warped.image[..., -gaps:]
     coverage = warped.coverage[..., None]
     is_all = np.abs(there - coverage) <= ROUNDED * coverage
@@ -164,12 +147,7 @@ def _shared(values: Floats, there: Floats, coverage: Floats) -> Floats:
 
 
 class ValueSpan(NamedTuple):
-    """Offset and unit of each channel's values that float32 does not resolve.
-
-    Float32 rounds 10⁹ + 0.25 to 10⁹. So values of wide types are stored as differences from each
-    channel's smallest value if they lie far from 0, and in units of a power of two if they are huge
-    or tiny: errors are then some 10⁻⁷ of the values' range, not of their size.
-    """
+    """Offset and unit of each channel's values, so that float32 errs by 10⁻⁷ of their range."""
 
     start: NDArray[Any]  # (C,) of the values' type
     unit: Doubles  # (C,) powers of two
@@ -182,10 +160,7 @@ class ValueSpan(NamedTuple):
     def restored(
         self, image: Floats, coverage: Floats, behind: ArrayLike, dtype: np.dtype[Any]
     ) -> NDArray[Any]:
-        """Restore values of a type from an image (H, W, C) multiplied by its coverage.
-
-        `behind`: background where the coverage, (H, W, 1) or (H, W, C), is below 1.
-        """
+        """Restore values of a type from an image (H, W, C) times its coverage."""
         missing = np.broadcast_to(1.0 - coverage.astype(np.float64), image.shape)
         through = np.zeros(image.shape)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -269,18 +244,12 @@ class Encoding(NamedTuple):
 def decoded(
     image: NDArray[Any],
     *,
-    linear_light: AnyLight | None = None,
-    alpha: AnyAlpha | None = None,
+    linear_light: AnyLight | None = None,  # whether `LEVELS` are sRGB; None: uint8 alone is
+    alpha: AnyAlpha | None = None,  # None: straight for `LEVELS`, else premultiplied
     is_sum: bool = False,
-    gaps: int = 0,
+    gaps: int = 0,  # least channels that mark missing values, of a part of a picture
 ) -> tuple[Floats, Encoding]:
-    """Convert a picture (H, W) or (H, W, C) to texels (H, W, C).
-
-    `linear_light`: take the color of `LEVELS` for sRGB-encoded; False: take all values as given.
-    None: only uint8 is encoded. `alpha`: meaning of a fourth channel, an `Alpha`; by default
-    straight for `LEVELS`, else premultiplied. `gaps`: least number of channels that mark missing
-    values: 0, or all, if this is a part of a picture with missing values.
-    """
+    """Convert a picture (H, W) or (H, W, C) to texels (H, W, C)."""
     image, mask = unmasked(image)
     check_picture(image)
     planes = image.reshape(*image.shape[:2], -1)
@@ -325,20 +294,14 @@ def check_picture(image: NDArray[Any]) -> None:
 
 
 def encoded(
-    picture: Floats,
-    coverage: Floats,
+    picture: Floats,  # (H, W, C) times the coverage, without marks of missing values
+    coverage: Floats,  # (H, W) or (H, W, C) share of each pixel that `picture` fills
     encoding: Encoding,
     *,
-    missing: Booleans | None = None,
-    behind: NDArray[Any] | None = None,
+    missing: Booleans | None = None,  # (H, W, C) where a covered pixel has no value
+    behind: NDArray[Any] | None = None,  # (H, W, C) background, of the picture's type
 ) -> NDArray[Any]:
-    """Return a picture of the type and shape that `decoded` was given.
-
-    `picture`: (H, W, C) without the channels that mark missing values, multiplied by the coverage.
-    `coverage`: (H, W) or (H, W, C) share of each pixel that `picture` fills. `missing`: (H, W, C)
-    true where a covered pixel has no value. `behind`: (H, W, C) background where the coverage is
-    below 1, of the picture's type; nothing by default.
-    """
+    """Return a picture of the type and shape that `decoded` was given."""
     coverage = coverage.reshape(*coverage.shape[:2], -1)
     if encoding.span is not None:
         through = 0.0 if behind is None else behind
@@ -383,7 +346,7 @@ def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
 
         picture = np.ascontiguousarray(picture, np.float32)
         levels = np.empty(picture.shape, np.uint8)
-        put_levels(_eight_bits(encoding.is_encoded), picture.reshape(-1), levels.reshape(-1))
+        put_levels(_levels(encoding.is_encoded), picture.reshape(-1), levels.reshape(-1))
         if encoding.is_encoded and encoding.is_straight:
             levels[..., 3] = np.rint(np.clip(picture[..., 3], 0.0, 1.0) * 255)
         return levels
@@ -398,10 +361,7 @@ def _of_texels(picture: Floats, encoding: Encoding) -> NDArray[Any]:
 
 
 def light(planes: NDArray[Any], *, is_encoded: bool, has_alpha: bool = False) -> Floats:
-    """Convert planes (H, W, C) to float32: `LEVELS` to 0..1, others unchanged.
-
-    `is_encoded`: levels follow the sRGB curve. `has_alpha`: the fourth channel is linear.
-    """
+    """Convert planes (H, W, C) to float32: `LEVELS`, encoded or not, to 0..1, others unchanged."""
     from resample.engine.levels import decode, levels_of
 
     if planes.dtype.name not in LEVELS:
@@ -425,8 +385,8 @@ def _lights(dtype: str, is_encoded: bool) -> Floats:
 
 
 @cache
-def _eight_bits(is_encoded: bool) -> NDArray[np.uint8]:
-    """Return the levels, sRGB-encoded or not, of equal steps of light."""
+def _levels(is_encoded: bool) -> NDArray[np.uint8]:
+    """Return the levels of 8 bits, sRGB-encoded or not, of equal steps of light."""
     light = np.arange(STEPS + 1) / STEPS
     return np.asarray(np.rint((to_srgb(light) if is_encoded else light) * 255), np.uint8)
 
@@ -475,10 +435,7 @@ def light_for(
 
 
 def in_levels(method: Method) -> Method:
-    """The method as it interpolates levels: with limits that fit these, unless others are chosen.
-
-    `limit=usual` is `levels` here: no texel stands out farther than it is seen to.
-    """
+    """The method as it interpolates levels: a `limit=usual` of its interpolation is `levels`."""
     given: Any = method
     if hasattr(given, "in_levels"):
         levels: Method = given.in_levels
@@ -504,14 +461,11 @@ def _with_limits_of_levels(method: Any) -> Any:
 def share_of_levels(
     method: Method,
     geometry: Geometry,
-    shape: tuple[int, int],
-    size: tuple[int, int],
+    shape: Size,
+    size: Size,
     part: tuple[slice, slice] = np.s_[:, :],
 ) -> Floats:
-    """Share of levels in the pixels of a target (height, width), or in those of a part of it.
-
-    (h, w, 1), or (1, 1, 1) if all are as long. `size`: height and width of the source, texels.
-    """
+    """Share of levels (h, w, 1), or (1, 1, 1), in a target's pixels, or in a part of them."""
     is_mixing = getattr(method, "interpolation", None) is not None or hasattr(method, "in_levels")
     if not is_mixing:
         return np.zeros((1, 1, 1), np.float32)
@@ -528,22 +482,27 @@ def share_of_levels(
         places = places._replace(left=left, top=top)
         if not places.inverse[2, :2].any():
             form = 1, 1
-        elif _longest_on(places, form) <= SHORT:
-            return np.ones((1, 1, 1), np.float32)
+        else:
+            # A pixel's sides are affine in its place, over its depth's square: bounded at corners.
+            x, y = left + np.array([0, form[1]] * 2), top + np.repeat([0, form[0]], 2)
+            u, v, depth = places.inverse @ np.stack([x, y, np.ones(4)])
+            sides = places.inverse[None, :2, :2] * depth[:, None, None]
+            sides = sides - np.stack([u, v], axis=1)[:, :, None] * places.inverse[2, :2]
+            longest = np.linalg.norm(sides, 2, axis=(1, 2)).max()
+            if depth.min() > 0.0 and longest / depth.min() ** 2 <= SHORT:
+                return np.ones((1, 1, 1), np.float32)
     shares = np.empty((*form, 1), np.float32)
     put_shares(places, (SHORT, LONG), form, shares.reshape(-1))
     return shares
 
 
-def _projected_shares(method: Method, geometry: ForwardMap, shape: tuple[int, int]) -> Floats:
-    """Share of levels in pixels (height, width) along a forward map: texels bring their own.
-
-    A pixel's longer axis in texels is the inverse of a texel's shorter one in pixels.
-    """
+def _projected_shares(method: Method, geometry: ForwardMap, shape: Size) -> Floats:
+    """Share of levels in pixels (height, width) along a forward map: texels bring their own."""
     along_x, along_y = (
         np.gradient(part) if min(part.shape) > 1 else np.zeros((2, *part.shape))
         for part in (geometry.x, geometry.y)
     )
+    # A pixel's longer axis in texels is the inverse of a texel's shorter one in pixels.
     squares = sum(part * part for part in (*along_x, *along_y))
     area = np.abs(along_x[1] * along_y[0] - along_x[0] * along_y[1])
     longer = np.sqrt(0.5 * (squares + np.sqrt(np.maximum(squares**2 - 4.0 * area**2, 0.0))))
@@ -561,11 +520,8 @@ def _projected_shares(method: Method, geometry: ForwardMap, shape: tuple[int, in
     return image
 
 
-def spared(share: Floats, levels: Floats, geometry: Geometry, shape: tuple[int, int]) -> Floats:
-    """`share_of_levels` that is 1, too, where light would hardly differ from levels.
-
-    `levels`: texels (H, W, C) of the source, or of the part of it that `geometry` has.
-    """
+def spared(share: Floats, levels: Floats, geometry: Geometry, shape: Size) -> Floats:
+    """`share_of_levels` that is 1, too, where light would hardly differ from levels (H, W, C)."""
     from resample_texture.texels.gather import places_of
     from resample_texture.texels.kernels.gather import (
         Differences,
@@ -591,21 +547,6 @@ def spared(share: Floats, levels: Floats, geometry: Geometry, shape: tuple[int, 
     return shares
 
 
-def _longest_on(plane: "Plane", form: tuple[int, int]) -> float:
-    """Bound of the longer axes of a picture's (height, width) pixels in perspective, texels.
-
-    A pixel's sides are affine in its place, divided by the square of its depth. So their norm is
-    largest at a corner, and the square least at another.
-    """
-    x, y = plane.left + np.array([0, form[1]] * 2), plane.top + np.repeat([0, form[0]], 2)
-    u, v, depth = plane.inverse @ np.stack([x, y, np.ones(4)])
-    if not depth.min() > 0.0:
-        return math.inf
-    sides = plane.inverse[None, :2, :2] * depth[:, None, None]
-    sides = sides - np.stack([u, v], axis=1)[:, :, None] * plane.inverse[2, :2]
-    return float(np.linalg.norm(sides, 2, axis=(1, 2)).max() / depth.min() ** 2)
-
-
 def texels_in_levels(
     image: NDArray[Any], alpha: AnyAlpha | None, gaps: int = 0
 ) -> tuple[Floats, Encoding]:
@@ -620,10 +561,7 @@ def texels_in_levels(
 def mixed_light(
     levels: Warped, averaged: Warped | None, share: Floats, encoding: Encoding
 ) -> Warped:
-    """Light of warped levels, and of warped light by 1 - `share`; both times their coverage.
-
-    Either may have left out pixels, with a coverage of 0, that are the other's alone.
-    """
+    """Light of warped levels by `share`, and of warped light, both times their coverage."""
     made = curved(levels.image, levels.coverage[..., None], encoding, is_back=True)
     if averaged is None:
         return Warped(made, levels.coverage)
@@ -636,10 +574,7 @@ def mixed_light(
 def curved(
     values: Floats, weight: Floats | None, encoding: Encoding, *, is_back: bool = False
 ) -> Floats:
-    """Levels of light, or light of levels (`is_back`).
-
-    What has multiplied the colors is divided out and multiplied again: `weight`, or opacity.
-    """
+    """Levels of light, or light of levels (`is_back`); `weight` or opacity multiplies colors."""
     from resample.engine.levels import bend
 
     # Opacity and marks of values that exist are multiplied by the coverage themselves.

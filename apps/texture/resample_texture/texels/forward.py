@@ -25,7 +25,7 @@ from resample.profiles.interpolation import AreaSpline, Interpolation, prefilter
 from resample.profiles.named import once
 from resample.types import Doubles, Floats
 from resample_texture.geometry import regions
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography, Size
 from resample_texture.texels.kernels.blocks import (
     CUT,
     LENGTH,
@@ -47,12 +47,7 @@ MOST_TEXELS = 1 << 26  # of a continued source drawn one by one
 MOST_APART = 1e5  # px, between neighbours of a forward map
 FEW_BEYOND = 0.25  # of a source's texels, read one by one beyond the edges
 NEARLY_FULL = 0.97  # weight of a pixel that counts as filled where edges are unknown
-EDGES = {
-    Edge.TRANSPARENT: TRANSPARENT,
-    Edge.CLAMP: CLAMP,
-    Edge.WRAP: WRAP,
-    Edge.MIRROR: MIRROR,
-}
+EDGES = {Edge.TRANSPARENT: TRANSPARENT, Edge.CLAMP: CLAMP, Edge.WRAP: WRAP, Edge.MIRROR: MIRROR}
 NOTHING = np.zeros((0, 0))
 Range = tuple[int, int]  # first texel and last + 1
 Bounds = tuple[int, int, int, int]  # left, top, right and bottom, px
@@ -94,11 +89,6 @@ class CellGrid:
         return float(self.joined / max(self.quality, 1.0))
 
     @property
-    def taps_reach(self) -> int:
-        """Texels around a block that its interpolation reads."""
-        return math.ceil(self.interpolation.radius)
-
-    @property
     def taps(self) -> int:
         """Pixels per side that a point meets; 0 for the area filter."""
         if isinstance(self.pixel_filter, Area):
@@ -127,10 +117,7 @@ def texels(
     edge: Edge,
     kinds: frozenset[int] = frozenset(range(4)),
 ) -> Texels:
-    """Return a source with the prefiltered coefficients that its interpolation needs.
-
-    Of the four only the given `kinds` (see `kind_of`) are computed; the others are the source.
-    """
+    """Return a source with prefiltered coefficients of the given kinds, see `kind_of`."""
     weights = prefilter(interpolation)
     if weights.size == 1:
         return Texels(source, source, source, source)
@@ -149,11 +136,7 @@ def kinds_of(axes: Integers) -> frozenset[int]:
 
 
 def widened(source: Floats, edge: Edge, interpolation: Interpolation) -> tuple[Floats, int]:
-    """Pad a source where coefficients cannot be continued beyond its edges.
-
-    Result: the source, and its margin on each side. Beyond an edge that repeats the outermost
-    texels, coefficients of a prefiltered interpolation still vary.
-    """
+    """Pad a source where coefficients cannot be continued beyond its edges; return the margin."""
     margin = margin_of(edge, interpolation)
     if margin == 0:
         return source, 0
@@ -180,11 +163,7 @@ def tap_table(interpolation: Interpolation) -> Floats:
 
 
 def blocks_of(
-    geometry: Geometry,
-    source_shape: tuple[int, int],
-    shape: tuple[int, int],
-    edge: Edge,
-    cells: CellGrid,
+    geometry: Geometry, source_shape: Size, shape: Size, edge: Edge, cells: CellGrid
 ) -> SourceBlocks:
     """Return the blocks of a source that are visible in a frame (height, width)."""
     if isinstance(geometry, ForwardMap):
@@ -207,14 +186,27 @@ def blocks_of(
         return SourceBlocks(axes, bounds, np.eye(3), x, y)
     if isinstance(geometry, BackwardMap):
         raise ValueError("a backward map cannot be projected forward")
-    matrix = geometry.normalized(source_shape)
-    roots = _roots(matrix, source_shape, shape, edge, cells)
+    # Find the rectangles (R, 4) of the plane to draw: the source and its continuation.
+    matrix, (height, width) = geometry.normalized(source_shape), source_shape
+    roots = np.array([[0, 0, width, height]])
+    if edge is not Edge.TRANSPARENT:
+        polygon = visible_polygon(view_bounds_of(matrix, shape, cells.reach), FARTHEST)
+        roots = np.zeros((0, 4), np.int64)
+        if polygon.size and not cells.joined:
+            check_texels(polygon, source_shape)
+        if polygon.size:
+            low, high = np.floor(polygon.min(axis=0)), np.ceil(polygon.max(axis=0))
+            across, down = (
+                list(pairwise(sorted({int(low[axis]), 0, size, int(high[axis])})))
+                for axis, size in enumerate((width, height))
+            )
+            roots = np.array([[u, v, w - u, h - v] for u, w in across for v, h in down])
     axes, bounds = split(matrix, roots, shape, cells)
     return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
 
 
 def split(
-    matrix: Doubles, roots: Integers, shape: tuple[int, int], cells: CellGrid
+    matrix: Doubles, roots: Integers, shape: Size, cells: CellGrid
 ) -> tuple[Integers, Integers]:
     """Split a plane into blocks, see `split_plane`; reject a plane without end."""
     axes, bounds, is_whole = split_plane(
@@ -243,34 +235,7 @@ def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
     return x, y
 
 
-def _roots(
-    matrix: Doubles,
-    source_shape: tuple[int, int],
-    shape: tuple[int, int],
-    edge: Edge,
-    cells: CellGrid,
-) -> Integers:
-    """Return rectangles (R, 4) of the plane to draw: the source and its continuation."""
-    height, width = source_shape
-    if edge is Edge.TRANSPARENT:
-        return np.array([[0, 0, width, height]])
-    polygon = visible_polygon(view_bounds_of(matrix, shape, cells.reach), FARTHEST)
-    if not polygon.size:
-        return np.zeros((0, 4), np.int64)
-    if not cells.joined:
-        check_texels(polygon, source_shape)
-    low, high = np.floor(polygon.min(axis=0)), np.ceil(polygon.max(axis=0))
-    spans = [
-        [(a, b) for a, b in pairwise(cuts)]
-        for cuts in (
-            sorted({int(low[axis]), 0, size, int(high[axis])})
-            for axis, size in enumerate((width, height))
-        )
-    ]
-    return np.array([[u, v, w - u, h - v] for u, w in spans[0] for v, h in spans[1]])
-
-
-def check_texels(polygon: Doubles, source_shape: tuple[int, int]) -> None:
+def check_texels(polygon: Doubles, source_shape: Size) -> None:
     """Reject to draw a continued source texel by texel if too much of it is visible."""
     x, y = polygon.T
     area = 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
@@ -297,11 +262,8 @@ def visible_polygon(lines: Doubles, farthest: float) -> Doubles:
     return polygon
 
 
-def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tuple[Doubles, float]:
-    """Return the screen lines (N, 3) that bound a source, and the weight of filled pixels.
-
-    The product with (x, y, 1) is positive inside. The weight is infinite if lines suffice.
-    """
+def borders(geometry: Geometry, source_shape: Size, edge: Edge) -> tuple[Doubles, float]:
+    """Return the screen lines (N, 3) around a source, and the weight of pixels that are filled."""
     if not isinstance(geometry, Homography):
         return np.array([[0.0, 0.0, -1.0]]), NEARLY_FULL
     matrix = geometry.normalized(source_shape)
@@ -313,17 +275,10 @@ def borders(geometry: Geometry, source_shape: tuple[int, int], edge: Edge) -> tu
 
 
 class PointSums:
-    """Accumulator of weighted sums per pixel, to which blocks of a source are added.
-
-    The pixels may be a part of a screen that begins at column and row `first`.
-    """
+    """Weighted sums per pixel, from column and row `first` on, to which blocks are added."""
 
     def __init__(
-        self,
-        shape: tuple[int, int],
-        channels: int,
-        cells: CellGrid,
-        first: tuple[int, int] = (0, 0),
+        self, shape: Size, channels: int, cells: CellGrid, first: tuple[int, int] = (0, 0)
     ) -> None:
         self.shape, self.first = shape, first
         self.cells = cells
@@ -336,11 +291,15 @@ class PointSums:
         self, source: Floats, blocks: SourceBlocks, edge: Edge, totals_help: bool | None = None
     ) -> None:
         """Add blocks of a source (H, W, C); `totals_help`: use a summed-area table."""
-        kinds = kinds_of(blocks.axes)
-        ready = texels(source, self.cells.interpolation, edge, kinds)
+        ready = texels(source, self.cells.interpolation, edge, kinds_of(blocks.axes))
         if totals_help is None:
             totals_help = needs_totals(blocks.axes, source.shape[:2], edge)
-        totals = _totals(ready, is_needed=totals_help)
+        # Summed-area tables (K, H + 1, W + 1, C), if a block needs them.
+        height, width, channels = source.shape
+        kinds = [ready.plain] if all(one is ready.plain for one in ready) else ready[:3]
+        totals = np.zeros((len(kinds) if totals_help else 0, height + 1, width + 1, channels))
+        for total, kind in zip(totals, kinds, strict=False):
+            total[1:, 1:] = kind.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)
         self.paint(ready, Extract(*source.shape[:2]), totals, blocks, edge)
 
     def paint(
@@ -377,18 +336,13 @@ def spread_of(cells: CellGrid) -> FilterTaps:
 def project(
     source: Floats,
     geometry: Geometry,
-    shape: tuple[int, int],
+    shape: Size,
     edge: Edge,
     cells: CellGrid,
     *,
     wanted: Bounds | None = None,
 ) -> Warped:
-    """Project the cells of a source (H, W, C) as points; return (height, width).
-
-    With `wanted`, return only the part between left, top, right and bottom, px.
-
-    Raises ValueError: as `blocks_of` does.
-    """
+    """Project the cells of a source (H, W, C) as points to a target, or the wanted part of it."""
     if isinstance(geometry, Homography):
         source, margin = widened(source, edge, cells.interpolation)
         geometry = moved(geometry, margin) if margin else geometry
@@ -415,7 +369,7 @@ def meeting(blocks: SourceBlocks, sides: Bounds) -> SourceBlocks:
     return blocks._replace(axes=blocks.axes[kept], bounds=blocks.bounds[kept])
 
 
-def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> bool:
+def needs_totals(axes: Integers, source_shape: Size, edge: Edge) -> bool:
     """Whether blocks merge so many texels beyond the edges that a summed-area table pays."""
     if edge is Edge.TRANSPARENT:
         return False
@@ -427,18 +381,6 @@ def needs_totals(axes: Integers, source_shape: tuple[int, int], edge: Edge) -> b
     return bool(texels_beyond > FEW_BEYOND * height * width)
 
 
-def _totals(ready: Texels, *, is_needed: bool) -> Doubles:
-    """Return summed-area tables (K, H + 1, W + 1, C), if a block needs them."""
-    height, width, channels = ready.plain.shape
-    if not is_needed:
-        return np.zeros((0, height + 1, width + 1, channels))
-    kinds = [ready.plain] if all(kind is ready.plain for kind in ready) else ready[:3]
-    sums = np.zeros((len(kinds), height + 1, width + 1, channels))
-    for total, kind in zip(sums, kinds, strict=True):
-        total[1:, 1:] = kind.cumsum(axis=0, dtype=np.float64).cumsum(axis=1)
-    return sums
-
-
 class TexelReader(Protocol):
     """A source whose texels are read on demand."""
 
@@ -446,7 +388,7 @@ class TexelReader(Protocol):
     def shape(self) -> tuple[int, int, int]:
         """Height, width and channels."""
 
-    def texels(self, rows: Integers, columns: Integers) -> Floats:
+    def read(self, rows: Integers, columns: Integers) -> Floats:
         """Read texels (R, K, C) of rows (R,) and columns (K,), in any order."""
 
 
@@ -462,15 +404,15 @@ class Widened(NamedTuple):
         height, width, channels = self.reader.shape
         return height + 2 * self.margin, width + 2 * self.margin, channels
 
-    def texels(self, rows: Integers, columns: Integers) -> Floats:
+    def read(self, rows: Integers, columns: Integers) -> Floats:
         """Read texels (R, K, C), see `TexelReader`."""
         height, width, _ = self.reader.shape
         rows, columns = rows - self.margin, columns - self.margin
-        return self.reader.texels(np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1))
+        return self.reader.read(np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1))
 
 
 def can_be_projected_partly(
-    source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
+    source_shape: tuple[int, int, int], geometry: Homography, shape: Size, edge: Edge,
     cells: CellGrid,
 ) -> bool:  # fmt: skip
     """Whether all blocks of a source (height, width, channels) read few enough texels."""
@@ -479,14 +421,14 @@ def can_be_projected_partly(
     axes = blocks_of(moved(geometry, margin), (height, width), shape, edge, cells).axes
     if needs_totals(axes, (height, width), edge):
         return False
-    reach = cells.taps_reach
+    reach = math.ceil(cells.interpolation.radius)
     across, down = (_read(axes[:, n], (width, height)[n], edge, reach) for n in (0, 1))
     values = np.ptp(across, axis=1) * np.ptp(down, axis=1) * source_shape[2]
     large = np.flatnonzero(values > MOST_OF_BLOCK * MOST_VALUES)
     return all(_is_joinable(axes[n], (height, width)) for n in large)
 
 
-def _is_joinable(block: Integers, size: tuple[int, int]) -> bool:
+def _is_joinable(block: Integers, size: Size) -> bool:
     """Whether a block lies within a source (height, width) and sums rows first."""
     start, end = block[:, START], block[:, START] + block[:, LENGTH]
     is_inside = bool((start >= 0).all() and end[0] <= size[1] and end[1] <= size[0])
@@ -496,15 +438,12 @@ def _is_joinable(block: Integers, size: tuple[int, int]) -> bool:
 def project_partly(
     reader: TexelReader,
     geometry: Homography,
-    shape: tuple[int, int],
+    shape: Size,
     edge: Edge,
     cells: CellGrid,
     wanted: Bounds,
 ) -> Warped:
-    """Project a source whose texels are read on demand, as `forward.project` does.
-
-    `can_be_projected_partly` must be true.
-    """
+    """Project a source that is read on demand, as `project` does; see `can_be_projected_partly`."""
     margin = margin_of(edge, cells.interpolation)
     source: TexelReader = Widened(reader, margin) if margin else reader
     geometry = moved(geometry, margin) if margin else geometry
@@ -537,7 +476,7 @@ def _joined_rows(source: TexelReader, across: Range, down: Range, step: int) -> 
     several = max(1, MOST_VALUES // (columns.size * source.shape[2] * step)) * step
     joined = []
     for first in range(*down, several):
-        rows = source.texels(np.arange(first, min(first + several, down[1])), columns)
+        rows = source.read(np.arange(first, min(first + several, down[1])), columns)
         total = rows[::step].copy()
         for n in range(1, step):
             total += rows[n::step]
@@ -554,7 +493,7 @@ def _coefficients(
     height, width, channels = source.shape
     rows = texels_at(np.arange(down[0] - above, down[1] + above), height, edge)
     columns = texels_at(np.arange(across[0] - left, across[1] + left), width, edge)
-    texels = source.texels(rows, columns)
+    texels = source.read(rows, columns)
     if left == above == 0:
         return np.ascontiguousarray(texels)
     flat = np.concatenate([texels.ravel(), np.zeros(SPARE, np.float32)])
@@ -609,8 +548,19 @@ class SourcePart(NamedTuple):
     """A source, or a part of one."""
 
     texels: Floats  # (H, W, C)
-    size: tuple[int, int]  # of the whole source: height, width
+    size: Size  # of the whole source: height, width
     first: tuple[int, int] = (0, 0)  # column and row at which the part begins
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Height, width and channels of the whole."""
+        return (*self.size, self.texels.shape[2])
+
+    def read(self, rows: Integers, columns: Integers) -> Floats:
+        """Read texels, see `TexelReader`; others than held are not shown."""
+        held, (left, top) = self.texels, self.first
+        rows, columns = np.clip(rows - top, 0, len(held) - 1), columns - left
+        return np.ascontiguousarray(held[rows][:, np.clip(columns, 0, held.shape[1] - 1)])
 
 
 class Sides(NamedTuple):
@@ -640,12 +590,9 @@ class Sides(NamedTuple):
 def plates_of(
     source: SourcePart, whole: Sides, part: Sides, edge: Edge, interpolation: Interpolation
 ) -> tuple[Plate, Plate]:
-    """Return coefficients and texels of a rectangle of a source's continued plane.
-
-    Coefficients of two to four channels have four numbers. Only a part of the whole rectangle is
-    stored. If coefficients differ from texels, the texels have a margin.
-    """
+    """Return coefficients and texels of a part of a rectangle of a source's continued plane."""
     weights, channels = prefilter(interpolation), source.texels.shape[2]
+    # Coefficients of two to four channels have four numbers; texels have a margin.
     lanes, margin = 4 if 2 <= channels <= 4 else channels, weights.size // 2
     outer = part.wider(margin)
     flat = _continued(source, outer, edge, FEW - 1)
@@ -657,11 +604,8 @@ def plates_of(
     return whole.plate(smooth, part, lanes), plain
 
 
-def _empty_flat(shape: tuple[int, int], channels: int, rows: int) -> Floats:
-    """Space for the numbers of a rectangle, and zeros that are read beyond its last texel.
-
-    `rows`: how many rows may be read beyond the last.
-    """
+def _empty_flat(shape: Size, channels: int, rows: int) -> Floats:
+    """Space for a rectangle's numbers, and zeros for `rows` that are read beyond the last."""
     height, width = max(shape[0], 0), max(shape[1], 0)
     count, spare = height * width * channels, (SPARE + rows * width) * channels
     flat = np.empty(count + spare, np.float32)
@@ -696,13 +640,11 @@ def filtered_grid(
 
 
 def _continued(source: SourcePart, sides: Sides, edge: Edge, spare: int = 0) -> Floats:
-    """Return the texels of a rectangle of the continued plane, row by row, with rows to spare.
-
-    Texels outside the stored part are never shown; they copy the nearest one.
-    """
+    """Return the texels of a rectangle of the continued plane, row by row, with rows to spare."""
     height, width, channels = source.texels.shape
     rows = texels_at(np.arange(*sides.down), source.size[0], edge) - source.first[1]
     columns = texels_at(np.arange(*sides.across), source.size[1], edge) - source.first[0]
+    # Texels outside the stored part are never shown; they copy the nearest one.
     rows, columns = np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
     flat = _empty_flat((rows.size, columns.size), channels, spare)
     if not (rows.size and columns.size):  # nothing of it is shown

@@ -38,7 +38,7 @@ from resample.profiles.interpolation import (
     prefilter,
 )
 from resample.types import Doubles, Floats
-from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
+from resample_texture.geometry.mappings import BackwardMap, Homography, Size, TargetRegion
 from resample_texture.geometry.regions import VisibleTiles
 from resample_texture.texels import forward
 from resample_texture.texels.kernels.blocks import Integers
@@ -80,9 +80,9 @@ class TargetTiles(NamedTuple):
 class GatherPlan(NamedTuple):
     """Plan of gathering a target from a source, independent of its texels."""
 
-    size: tuple[int, int]  # of the source: height, width
+    size: Size  # of the source: height, width
     geometry: Homography | BackwardMap
-    shape: tuple[int, int]
+    shape: Size
     edge: Edge
     cells: forward.CellGrid
     places: Plane | Map
@@ -92,7 +92,7 @@ class GatherPlan(NamedTuple):
 
 
 def planned(
-    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
+    size: Size, geometry: Homography | BackwardMap, shape: Size, edge: Edge,
     cells: forward.CellGrid,
 ) -> GatherPlan:  # fmt: skip
     """Plan how a target (height, width) gathers from sources (height, width)."""
@@ -120,11 +120,7 @@ def gather(
     near_only: bool = False,
     wanted: NDArray[np.bool_] | None = None,
 ) -> Warped:
-    """Warp a source (H, W, C) to (height, width) under the area filter.
-
-    With `near_only`, tiles that do not gather stay empty, as do pixels (height, width) that are not
-    `wanted`.
-    """
+    """Warp a source (H, W, C) under the area filter: all of it, near tiles, or wanted pixels."""
     _, geometry, shape, edge, cells, places, tiles, around, axes = plan
     region = geometry.region if isinstance(geometry, Homography) else None
     held = forward.SourcePart(source, (source.shape[0], source.shape[1]))
@@ -147,7 +143,7 @@ def gather(
         made = forward.project(source, far.geometry, far.shape, edge, finer, wanted=far.wanted)
         warped.image[far.part], warped.coverage[far.part] = made
     if tiles.is_near.any():
-        view = _with_plate(held, view, edge, cells.interpolation, (tiles, around))
+        view = _with_plate(held, view, edge, cells.interpolation, tiles, around)
         near, seen = tiles.bounds[tiles.is_near], tiles.extent.bounds[tiles.is_near]
         some = ALL if wanted is None else wanted
         fill_tiles(places, view, near, seen, some, warped.image, warped.coverage)
@@ -160,7 +156,7 @@ class Far(NamedTuple):
     """Projection of texels to far tiles, and the part of the picture that it fills."""
 
     geometry: Homography  # source to a rectangle, the same for all parts of a target
-    shape: tuple[int, int]  # of that rectangle
+    shape: Size  # of that rectangle
     wanted: forward.Bounds  # part of it
     part: tuple[slice, slice]  # of the picture
 
@@ -187,13 +183,10 @@ def far_of(plan: GatherPlan) -> Far:
 
 
 def visible_tiles(
-    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int], edge: Edge,
+    size: Size, geometry: Homography | BackwardMap, shape: Size, edge: Edge,
     cells: forward.CellGrid,
 ) -> VisibleTiles | None:  # fmt: skip
-    """Return the source bounds that tiles of a picture (height, width) gather from.
-
-    None unless all tiles gather: projected texels have no bounds per tile.
-    """
+    """Return the source bounds that tiles of a picture gather from; None unless all do."""
     plan = planned(size, geometry, shape, edge, cells)
     if plan.axes is not None and plan.axes.is_long:
         return None
@@ -227,13 +220,10 @@ class MixedTiles(NamedTuple):
 
 
 def mixed_tiles(
-    source_shape: tuple[int, int, int], geometry: Homography, shape: tuple[int, int], edge: Edge,
+    source_shape: tuple[int, int, int], geometry: Homography, shape: Size, edge: Edge,
     cells: forward.CellGrid,
 ) -> MixedTiles | None:  # fmt: skip
-    """Split a picture's tiles into near and far ones, for a source that is read in parts.
-
-    None if all tiles gather, or texels cannot be projected part by part.
-    """
+    """Split tiles into near and far ones, for a source read in parts; None if that cannot be."""
     plan = planned(source_shape[:2], geometry, shape, edge, cells)
     if plan.axes is not None and plan.axes.is_long:
         nowhere = np.zeros(len(plan.tiles.bounds), np.bool_)
@@ -248,9 +238,7 @@ def mixed_tiles(
     return MixedTiles(_visible(plan.tiles, edge, cells), plan.tiles.is_near, far, edge, finer)
 
 
-def places_of(
-    size: tuple[int, int], geometry: Homography | BackwardMap, shape: tuple[int, int]
-) -> Plane | Map:
+def places_of(size: Size, geometry: Homography | BackwardMap, shape: Size) -> Plane | Map:
     """Return the map from pixels to the source, as kernels take it."""
     if isinstance(geometry, Homography):
         region = geometry.region or TargetRegion(geometry, 0, 0, shape)
@@ -262,7 +250,7 @@ def places_of(
     return Map(extended(geometry.x, 1), extended(geometry.y, 1))
 
 
-def _measured(places: Plane | Map, view: GridView, shape: tuple[int, int]) -> TargetTiles:
+def _measured(places: Plane | Map, view: GridView, shape: Size) -> TargetTiles:
     """Measure the tiles of a target; under a homography corners suffice."""
     bounds = tiles_of(shape, TILE)
     count = len(bounds)
@@ -276,28 +264,17 @@ def _measured(places: Plane | Map, view: GridView, shape: tuple[int, int]) -> Ta
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk
 def _measured_once(
-    geometry: Homography,
-    shape: tuple[int, int],
-    size: tuple[int, int],
-    edge: Edge,
-    cells: forward.CellGrid,
+    geometry: Homography, shape: Size, size: Size, edge: Edge, cells: forward.CellGrid
 ) -> TargetTiles:
     """Measure the tiles of a whole target, cached; `size` is the source's."""
     return _measured(places_of(size, geometry, shape), _view((*size, 1), edge, cells), shape)
 
 
 def _with_plate(
-    source: forward.SourcePart,
-    view: GridView,
-    edge: Edge,
-    interpolation: Interpolation,
-    seen: tuple[TargetTiles, TargetTiles],
-) -> GridView:
-    """Attach the part of the source that near tiles read, or all of it, to a view.
-
-    The choice depends on all tiles of the whole target if the picture is a region of it.
-    """
-    tiles, around = seen
+    source: forward.SourcePart, view: GridView, edge: Edge, interpolation: Interpolation,
+    tiles: TargetTiles, around: TargetTiles,
+) -> GridView:  # fmt: skip
+    """Attach the part of the source that near tiles of the whole target read to a view."""
     span = around.extent.span[around.is_near]
     size = np.array(source.size[::-1])
     (low, high), (lowest, highest) = tiles.beyond, around.beyond
@@ -345,11 +322,7 @@ def _view(form: tuple[int, ...], edge: Edge, cells: forward.CellGrid) -> GridVie
 
 
 def collect_from(
-    source: Floats,
-    geometry: BackwardMap,
-    shape: tuple[int, int],
-    edge: Edge,
-    cells: forward.CellGrid,
+    source: Floats, geometry: BackwardMap, shape: Size, edge: Edge, cells: forward.CellGrid
 ) -> Warped:
     """Warp a source (H, W, C) by a backward map to (height, width)."""
     if geometry.x.shape != shape:
@@ -382,7 +355,7 @@ def extended(places: Doubles, margin: int) -> Doubles:
     return np.pad(places, margin, mode="reflect", reflect_type="odd")
 
 
-def tiles_of(shape: tuple[int, int], side: int) -> Integers:
+def tiles_of(shape: Size, side: int) -> Integers:
     """Return the tiles (T, 4) of a picture: left, top, right and bottom, px."""
     top, left = (a.ravel() for a in np.mgrid[0 : shape[0] : side, 0 : shape[1] : side])
     tiles = np.empty((top.size, 4), np.int64)

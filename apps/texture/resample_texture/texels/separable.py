@@ -14,13 +14,7 @@ import numpy as np
 from resample.engine.windows.footprints import LIMITED, NEARLY, OWN
 from resample.engine.windows.gather import LONGEST_LIMITED
 from resample.engine.windows.limits import MARGIN, Limits
-from resample.engine.windows.separable import (
-    ROWS,
-    AxisTaps,
-    SeparableGrid,
-    TileSizes,
-    weigh_grid,
-)
+from resample.engine.windows.separable import ROWS, AxisTaps, SeparableGrid, TileSizes, weigh_grid
 from resample.profiles.interpolation import (
     blur,
     exact_prefilter,
@@ -33,7 +27,7 @@ from resample.profiles.interpolation import (
     side_weights,
 )
 from resample.types import Doubles, Floats
-from resample_texture.geometry.mappings import BackwardMap, Homography, TargetRegion
+from resample_texture.geometry.mappings import BackwardMap, Homography, Size, TargetRegion
 from resample_texture.texels.forward import (
     CellGrid,
     Sides,
@@ -101,24 +95,6 @@ class Weights(NamedTuple):
         return int((high - low).max()) + int(self.table.shape[1])
 
 
-class HeldTexels(NamedTuple):
-    """A source in memory, or a part of one, as a `TexelReader`."""
-
-    source: SourcePart
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Height, width and channels of the whole."""
-        return (*self.source.size, self.source.texels.shape[2])
-
-    def texels(self, rows: Integers, columns: Integers) -> Floats:
-        """Read texels (R, K, C) of rows (R,) and columns (K,); others than held are not shown."""
-        held, (left, top) = self.source.texels, self.source.first
-        rows, columns = np.clip(rows - top, 0, len(held) - 1), columns - left
-        found = held[rows][:, np.clip(columns, 0, held.shape[1] - 1)]
-        return np.ascontiguousarray(found)
-
-
 class SeparablePlan(NamedTuple):
     """Weights along both axes of a warp, whatever the texels."""
 
@@ -137,16 +113,9 @@ class SeparablePlan(NamedTuple):
 
 
 def separable_plan(
-    size: tuple[int, int],
-    geometry: Homography | BackwardMap,
-    shape: tuple[int, int],
-    edge: Edge,
-    cells: CellGrid,
+    size: Size, geometry: Homography | BackwardMap, shape: Size, edge: Edge, cells: CellGrid
 ) -> SeparablePlan | None:
-    """Plan the warp of sources (height, width) to a target; None unless it is along the axes.
-
-    Of a region of a larger target, the whole target's plan is cut out, which has the same bits.
-    """
+    """Plan the warp of sources (height, width) to a target; None unless it is along the axes."""
     if not isinstance(geometry, Homography):
         return None
     region = geometry.region or TargetRegion(geometry, 0, 0, shape)
@@ -164,6 +133,7 @@ def separable_plan(
         plan = _whole_plan.__wrapped__(*whole)
     if plan is None:
         return None
+    # Cut the region out of the whole target's plan, which has the same bits.
     rows = slice(region.top, region.top + shape[0])
     columns = slice(region.left, region.left + shape[1])
     parts = zip(plan, (rows, columns) * 3, strict=True)
@@ -172,18 +142,14 @@ def separable_plan(
 
 @lru_cache(maxsize=2)  # for targets drawn chunk by chunk, and pictures one after the other
 def _whole_plan(
-    scale: tuple[float, float],
-    start: tuple[float, float],
-    shape: tuple[int, int],
-    size: tuple[int, int],
+    scale: tuple[float, float],  # texels from a pixel to the next
+    start: tuple[float, float],  # source coordinates of the target's corner
+    shape: Size,
+    size: Size,  # of the source
     edge: Edge,
     cells: CellGrid,
 ) -> SeparablePlan | None:
-    """Plan the warp to a whole target, cached; down and across.
-
-    `scale`: texels from a pixel to the next. `start`: source coordinates of the target's corner.
-    `size`: of the source: height and width.
-    """
+    """Plan the warp to a whole target, cached; down and across."""
     sides: Doubles = np.abs(np.array(scale))
     if any(
         count * (side + 64.0) > MOST_WEIGHTS
@@ -209,17 +175,23 @@ def _whole_plan(
         corners = None, None  # means of texels, which never ring
     beside: list[Weights | None] = [None, None]
     if corners[0] is not None and sides.max() <= LIMITED:
-        beside = [
-            _beside(middle, axis.prefilter, cells)
-            for middle, axis in zip(middles, axes, strict=True)
-        ]
+        for n, (middle, axis) in enumerate(zip(middles, axes, strict=True)):
+            # Interpolate linearly between the two texels beside, or the coefficients of these.
+            before, taps = np.floor(middle - 0.5), axis.prefilter
+            part = (middle - 0.5 - before)[:, None]
+            first, own = own_weights(cells.interpolation) if taps.size > 1 else (0, np.ones(1))
+            table = np.zeros((middle.size, own.size + 1), np.float32)
+            table[:, :-1] = (1.0 - part) * own
+            table[:, 1:] += part * own
+            share = np.ones(middle.size, np.float32)
+            beside[n] = Weights(before.astype(np.int64) + first, table, share, taps)
     return SeparablePlan(axes[0], axes[1], *corners, beside[0], beside[1])
 
 
 def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) -> Warped:
     """Warp a source (H, W, C), or a part of one that holds all that pixels read."""
     if plan.is_long:
-        return weigh_in_blocks(plan, HeldTexels(source), edge)
+        return weigh_in_blocks(plan, source, edge)
     down, across, limits_down, limits_across, beside_down, beside_across = plan
     channels = source.texels.shape[2]
     shape = down.first.size, across.first.size
@@ -246,10 +218,7 @@ def weigh(plan: SeparablePlan, source: SourcePart, edge: Edge, cells: CellGrid) 
 
 
 def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> Warped:
-    """Warp a source, reading `BLOCK` rows at a time; bit-identical for any part of the target.
-
-    For `SeparablePlan.is_long`.
-    """
+    """Warp a source, reading `BLOCK` rows at a time; any part of a target has the same bits."""
     down, across, *_ = plan
     height, width, channels = reader.shape
     sides = Sides(across.ends(), down.ends())
@@ -261,7 +230,7 @@ def weigh_in_blocks(plan: SeparablePlan, reader: TexelReader, edge: Edge) -> War
         if not which.size:
             continue
         rows = texels_at(np.arange(start, start + BLOCK), height, edge)
-        flat = reader.texels(rows, columns).reshape(-1)
+        flat = reader.read(rows, columns).reshape(-1)
         here = part.from_start(start)
         limits = NO_LIMITS, here, taps, NO_TAPS, NO_TAPS
         grid = SeparableGrid(flat, columns.size, channels, here, taps, *limits)
@@ -288,26 +257,10 @@ def _tile_sizes(plan: SeparablePlan, channels: int) -> TileSizes:
     return TileSizes(wide, numbers * channels, beside * channels, corners * channels)
 
 
-def _beside(middle: Doubles, taps: Floats, cells: CellGrid) -> Weights:
-    """Return the weights that interpolate linearly between the texels beside places."""
-    before = np.floor(middle - 0.5)
-    part = (middle - 0.5 - before)[:, None]
-    # A texel itself, or the coefficients that make it.
-    first, own = own_weights(cells.interpolation) if taps.size > 1 else (0, np.ones(1))
-    table = np.zeros((middle.size, own.size + 1), np.float32)
-    table[:, :-1] = (1.0 - part) * own
-    table[:, 1:] += part * own
-    share = np.ones(middle.size, np.float32)
-    return Weights(before.astype(np.int64) + first, table, share, taps)
-
-
 def _weights(
     middle: Doubles, side: float, size: int, edge: Edge, cells: CellGrid, *, of_texels: bool
 ) -> Weights:
-    """Return the weights of pixels at places along an axis, each `side` texels long.
-
-    With `of_texels` they are of texels, even where their coefficients are fewer to add.
-    """
+    """Return the weights of pixels `side` texels long along an axis, of coefficients or texels."""
     low, high = middle - 0.5 * side, middle + 0.5 * side
     share = np.ones(middle.size, np.float32)
     if edge is Edge.TRANSPARENT:

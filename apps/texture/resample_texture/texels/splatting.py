@@ -18,7 +18,7 @@ from resample.engine.surfaces import RIM
 from resample.profiles.filters import Gaussian, PixelFilter, profile_table
 from resample.profiles.interpolation import InterpolatingGaussian, Nearest, prefilter
 from resample.types import Doubles, Floats
-from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography
+from resample_texture.geometry.mappings import BackwardMap, ForwardMap, Geometry, Homography, Size
 from resample_texture.texels import forward
 from resample_texture.texels.kernels.blocks import view_bounds_of
 from resample_texture.texels.kernels.splats import (
@@ -38,22 +38,13 @@ LEAST, MOST = 0.01, 16.0  # texels and px, of a deviation
 
 @dataclass(frozen=True)
 class Splatting:
-    """How wide splats are and which texels are splats.
+    """How wide splats are and which texels are splats."""
 
-    `sigma`: standard deviation of a splat in the source, texels. `filter_sigma`: standard deviation
-    of the pixel filter that splats are spread by, px. `threshold`: texels are points where no
-    direction is stretched by more than this, px; 0: all are splats. `interpolating`: texels are
-    filtered once so that the splats' sum passes through them; points stay as they are. `is_sum`: a
-    texel's value is a total, which is shared out among pixels, not a density. Raises ValueError: a
-    deviation is out of range, the threshold is negative or infinite, or no splats of this `sigma`
-    interpolate.
-    """
-
-    sigma: float = 0.5
-    filter_sigma: float = 0.5
-    threshold: float = 0.0
-    interpolating: bool = False
-    is_sum: bool = False
+    sigma: float = 0.5  # standard deviation of a splat, texels
+    filter_sigma: float = 0.5  # and of the pixel filter that splats are spread by, px
+    threshold: float = 0.0  # px; texels that no direction stretches by more are points
+    interpolating: bool = False  # whether the splats' sum passes through the texels
+    is_sum: bool = False  # whether a texel's value is a total, not a density
 
     def __post_init__(self) -> None:
         check_deviations(self.sigma, self.filter_sigma)
@@ -87,15 +78,12 @@ def check_deviations(sigma: float, filter_sigma: float) -> None:
 
 
 def nearest_drawn(matrix: Doubles, radius: float) -> float:
-    """Third coordinate from which on texels are drawn as splats of this radius, texels.
-
-    A splat takes J to be the same all over its texel's surroundings. Twice its radius from the
-    plane of the eye J may be half of what it is at the center; nearer texels are left out.
-    """
+    """Third coordinate from which on texels are drawn as splats of this radius, texels."""
+    # Twice its radius from the plane of the eye J may be half of what it is at the center.
     return max(2.0 * radius, 0.5) * math.hypot(matrix[2, 0], matrix[2, 1])
 
 
-def forward_of(geometry: Geometry, source_shape: tuple[int, int]) -> Forward:
+def forward_of(geometry: Geometry, source_shape: Size) -> Forward:
     """Geometry that leads from a source (height, width) to the target."""
     if isinstance(geometry, BackwardMap):
         raise ValueError("a backward map cannot be followed forward")
@@ -105,13 +93,9 @@ def forward_of(geometry: Geometry, source_shape: tuple[int, int]) -> Forward:
 
 
 def splat(
-    source: Floats, geometry: Geometry, shape: tuple[int, int], edge: Edge, splatting: Splatting
+    source: Floats, geometry: Geometry, shape: Size, edge: Edge, splatting: Splatting
 ) -> Warped:
-    """Picture (height, width) of a source (H, W, C) whose texels are splats or points.
-
-    Raises ValueError: the map does not fit the source or leads backward, or the frame sees more of
-    a continued source than can be drawn texel by texel.
-    """
+    """Picture (height, width) of a source (H, W, C) whose texels are splats or points."""
     geometry = forward_of(geometry, (source.shape[0], source.shape[1]))
     coefficient = source
     if splatting.interpolating:
@@ -121,70 +105,54 @@ def splat(
             source, margin = forward.widened(source, edge, gaussian)
             geometry = forward.moved(geometry, margin)
         coefficient = forward.filtered(source, weights, weights, edge)
-    source_shape = source.shape[0], source.shape[1]
-    blocks, numbers = _blocks_of(geometry, source_shape, shape, edge, splatting)
+    height, width = source_shape = source.shape[0], source.shape[1]
+    if isinstance(geometry, ForwardMap):
+        matrix, numbers = np.eye(3), splatting.shape(np.eye(3))
+        x, y = forward.with_margins(geometry.x, geometry.y)
+        axes, bounds = blocks_on_map(x, y, shape, numbers)
+    else:
+        matrix = geometry.normalized(source_shape)
+        numbers, x, y = splatting.shape(matrix), forward.NOTHING, forward.NOTHING
+        reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
+        around = splat_view_bounds(matrix, shape, reach, splatting.radius)
+        # Draw the source, or all that is seen of its continuation.
+        root = np.array([0, 0, width, height])
+        if edge is not Edge.TRANSPARENT:
+            polygon, root = forward.visible_polygon(around, forward.FARTHEST), np.zeros(4, np.int64)
+            if polygon.size:
+                forward.check_texels(polygon, source_shape)
+                low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
+                root = np.array([*low, *(high - low)], np.int64)
+        axes, bounds = blocks_on_plane(matrix, root, around, shape, numbers)
     cells = forward.CellGrid(splatting.filter_of_points, Nearest(), is_sum=splatting.is_sum)
     sums = forward.PointSums(shape, source.shape[2], cells)
     profile = profile_table(splatting.filter_of_points, numbers.taps)
     spread = FilterTaps(numbers.taps, bool(splatting.is_sum), profile)
     for (first, count), picture in zip(sums.groups, sums.pictures, strict=True):
-        for batch in batches(blocks.bounds, count + 1):
+        for batch in batches(bounds, count + 1):
             splatted = Splatted(
-                source, coefficient, forward.EDGES[edge], (first, count), blocks.matrix, blocks.x,
-                blocks.y, blocks.axes[batch], numbers,
+                source, coefficient, forward.EDGES[edge], (first, count), matrix, x, y, axes[batch],
+                numbers,
             )  # fmt: skip
-            parts = parts_of(blocks.bounds[batch], count + 1)
+            parts = parts_of(bounds[batch], count + 1)
             splat_blocks(splatted, spread, parts)
             collect(*parts, picture)
     lines, full = borders_of_splats(geometry, source_shape, edge, splatting.sigma, splatting.radius)
     return sums.warped(lines, full)
 
 
-def _blocks_of(
-    geometry: Forward,
-    source_shape: tuple[int, int],
-    shape: tuple[int, int],
-    edge: Edge,
-    splatting: Splatting,
-) -> tuple[forward.SourceBlocks, Shape]:
-    """Return the visible blocks of a source in a frame (height, width), and the splats' shape."""
-    if isinstance(geometry, ForwardMap):
-        numbers = splatting.shape(np.eye(3))
-        x, y = forward.with_margins(geometry.x, geometry.y)
-        return forward.SourceBlocks(*blocks_on_map(x, y, shape, numbers), np.eye(3), x, y), numbers
-    matrix = geometry.normalized(source_shape)
-    numbers = splatting.shape(matrix)
-    reach = max(float(numbers.taps), math.sqrt(RIM * numbers.filter_variance))
-    lines = splat_view_bounds(matrix, shape, reach, splatting.radius)
-    # Draw the source, or all that is seen of its continuation.
-    root = np.array([0, 0, source_shape[1], source_shape[0]])
-    if edge is not Edge.TRANSPARENT:
-        polygon, root = forward.visible_polygon(lines, forward.FARTHEST), np.zeros(4, np.int64)
-        if polygon.size:
-            forward.check_texels(polygon, source_shape)
-            low, high = np.floor(polygon.min(axis=0)) - 1, np.ceil(polygon.max(axis=0)) + 1
-            root = np.array([*low, *(high - low)], np.int64)
-    axes, bounds = blocks_on_plane(matrix, root, lines, shape, numbers)
-    return forward.SourceBlocks(axes, bounds, matrix, forward.NOTHING, forward.NOTHING), numbers
-
-
-def splat_view_bounds(
-    matrix: Doubles, shape: tuple[int, int], reach: float, radius: float
-) -> Doubles:
-    """Lines (5, 3) that bound the texels' centers whose splats a frame shows; see `view_bounds`.
-
-    With J as at its center, a splat reaches no farther on screen than the source does within
-    radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn. The
-    pixel filter adds `reach` px.
-    """
+def splat_view_bounds(matrix: Doubles, shape: Size, reach: float, radius: float) -> Doubles:
+    """Lines (5, 3) that bound the texels' centers whose splats a frame shows; see `view_bounds`."""
     lines = view_bounds_of(matrix, shape, reach)
+    # With J as at its center, a splat reaches no farther on screen than the source does within
+    # radius / (1 − radius |∇d| / d), which is twice the radius at most where texels are drawn.
     lines[:4, 2] += 2.0 * radius * np.hypot(lines[:4, 0], lines[:4, 1])
     lines[4, 2] -= nearest_drawn(matrix, radius)
     return lines
 
 
 def borders_of_splats(
-    geometry: Forward, source_shape: tuple[int, int], edge: Edge, sigma: float, radius: float
+    geometry: Forward, source_shape: Size, edge: Edge, sigma: float, radius: float
 ) -> tuple[Doubles, float]:
     """Return `borders`, moved inward by a splat's radius and away from texels left out."""
     lines, full = forward.borders(geometry, source_shape, edge)
@@ -197,7 +165,7 @@ def borders_of_splats(
     return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full
 
 
-def is_within(lines: Doubles, shape: tuple[int, int], reach: float) -> NDArray[np.bool_]:
+def is_within(lines: Doubles, shape: Size, reach: float) -> NDArray[np.bool_]:
     """Pixels (H, W) that lie farther than `reach`, px, inside lines (N, 3) on screen."""
     x, y = np.arange(shape[1]) + 0.5, np.arange(shape[0])[:, None] + 0.5
     within = np.ones(shape, np.bool_)

@@ -12,11 +12,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MESHES", "picture", "picture_view", "suits", "view"]
 MESHES = (".obj", ".glb", ".gltf")  # files of meshes, whose page another package has
-_HOMES = {
-    "picture": "pictures",
-    "picture_view": "pictures",
-}
-__getattr__ = attributes(__name__, _HOMES)
+__getattr__ = attributes(__name__, {"picture": "pictures", "picture_view": "pictures"})
 
 
 def suits(names: Sequence[str]) -> bool:

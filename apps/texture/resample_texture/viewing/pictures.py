@@ -41,10 +41,7 @@ LEFT_OUT = ("size", "roi", "bits", "file-quality", "total")
 
 @dataclass
 class PicturePainter:
-    """Painter of a picture for one page.
-
-    `path`: file of the picture.
-    """
+    """Painter of a picture for one page."""
 
     path: Path
     scene: PictureScene = field(init=False)
@@ -116,10 +113,7 @@ class PicturePainter:
 
 
 def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
-    """Return what pages show of a picture.
-
-    `path`: file of the picture. `begin`: initial options.
-    """
+    """Return what pages show of a picture, with initial options."""
     first, given = PicturePainter(path), settings_of(begin)
 
     def described() -> dict[str, Any]:

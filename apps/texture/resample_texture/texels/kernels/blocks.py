@@ -10,7 +10,6 @@ A block is two rows of numbers, along u and along v: see `START` and those that 
 
 import math
 from inspect import unwrap
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,15 +36,9 @@ MOST_SPLITS, PER_PIXEL = 1 << 18, 16
 TILE = 32  # texels along a side of a block of a map, before it is split
 
 
-class Rectangle(NamedTuple):
-    """Scratch for the rectangle that is being split."""
-
-    u: Doubles  # (2,) first and last source coordinate
-    v: Doubles  # (2,)
-    ranges: Doubles  # (2, 2) smallest and largest stretch per axis
-    box: Doubles  # (4,) px
-    cells: Integers  # (2,) per axis
-    block: Integers  # (2, 6)
+# Scratch for the rectangle that is being split: first and last source coordinate, along u and v;
+# least and most stretch per axis (2, 2); bounds (4,), px; cells per axis; and the block (2, 6).
+Rectangle = tuple[Doubles, Doubles, Doubles, Doubles, Integers, Integers]
 
 
 @kernel
@@ -137,13 +130,9 @@ def beside(lines: Doubles, u: Doubles, v: Doubles) -> tuple[bool, bool]:
 
 @kernel
 def view_bounds(matrix: Doubles, height: int, width: int, reach: float) -> Doubles:
-    """Lines (5, 3) that bound the visible part of the source plane.
-
-    The product with (u, v, 1) is negative outside a line: left, right, above, below and behind.
-    `reach` (px) widens the frame.
-    """
+    """Lines (5, 3) around the source that a frame, wider by `reach` px, sees; negative outside."""
     lines = np.empty((5, 3))
-    for c in range(3):
+    for c in range(3):  # left, right, above, below and behind
         d = matrix[2, c]
         lines[0, c] = matrix[0, c] + reach * d
         lines[1, c] = (width + reach) * d - matrix[0, c]
@@ -160,10 +149,7 @@ def view_bounds_of(matrix: Doubles, frame: tuple[int, int], reach: float) -> Dou
 
 @kernel
 def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Doubles) -> bool:
-    """Smallest and largest stretch (2, 2) per axis, and bounds on screen.
-
-    False if a corner is behind the camera.
-    """
+    """Least and most stretch (2, 2) per axis, and bounds; False if a corner is behind the eye."""
     ranges[:, 0], ranges[:, 1] = math.inf, 0.0
     box[:2], box[2:] = math.inf, -math.inf
     # Project the corners; a homography takes its extremes there.
@@ -184,11 +170,7 @@ def _stretches(matrix: Doubles, u: Doubles, v: Doubles, ranges: Doubles, box: Do
 
 @kernel
 def _dice(rectangle: Integers, axis: int, length: float, quality: float, largest: float) -> int:
-    """Turn an axis of a rectangle into that of a block; count its cells.
-
-    `length` is its largest stretch, px per texel. No cell is then longer than 1 / `quality` px, and
-    a cell of several texels no longer than `largest` px.
-    """
+    """Turn an axis of a rectangle, of `length` px per texel, into that of a block; count cells."""
     # Cut each texel into cells no longer than 1 / quality px.
     parts = 1 << rectangle[axis, DEPTH]
     cells = max(1, math.ceil(length * quality / parts - 1e-6))
@@ -263,14 +245,10 @@ def _divided(
     lines: Doubles,
     stack: Integers,
     top: int,
-    cut: tuple[float, float],
+    cut: tuple[float, float],  # least cells per px, and the greatest length of a cell, px
     seen: Rectangle,
 ) -> int:
-    """Make a block of the rectangle on top of a stack, or split it.
-
-    `cut` is the least number of cells per px and the greatest length of a cell, px. Returns how
-    many rectangles replace it on the stack; -1: it is a block; 0: it is culled.
-    """
+    """Split the rectangle on top of a stack; count what replaces it, or −1: it is a block."""
     u, v, ranges, box, cells, block = seen
     # Cull what lies outside the frame.
     u[0], u[1] = _span(stack[top], 0)
@@ -300,20 +278,15 @@ def _divided(
 @kernel
 def split_plane(
     matrix: Doubles,
-    roots: Integers,
+    roots: Integers,  # (R, 4) first column and row, width and height, texels
     frame: tuple[int, int],
-    reach: float,
-    quality: float,
-    largest: float,
+    reach: float,  # of a point's filter, px
+    quality: float,  # cells per px, at least
+    largest: float,  # of a cell of several texels, px
 ) -> tuple[Integers, Integers, bool]:
-    """Split a plane under a homography into the blocks that a frame shows.
+    """Split a plane into the blocks that a frame shows: axes (B, 2, 6), and bounds (B, 4), px.
 
-    `matrix`: (3, 3) source to target, positive third coordinate in front of the camera. `roots`:
-    (R, 4) rectangles of the source: first column and row, width and height, texels. `frame`: height
-    and width of the target, px. `reach`: how far a point's filter may extend, px. `quality`: cells
-    per px, at least. `largest`: length of a cell of several texels, px, at most. Result: the axes
-    (B, 2, 6) of the blocks; what they may touch (B, 4): left, top, right, bottom, px, the last two
-    one beyond; and whether these are all: False if there are too many to visit.
+    Also return whether these are all: False if there are too many to visit.
     """
     # Prepare the frustum's lines, growing results, and a stack for a depth-first descent.
     height, width = frame
@@ -322,7 +295,7 @@ def split_plane(
     found = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.zeros((256, 2, 4), np.int64)
     block, box = np.empty((2, 6), np.int64), np.empty(4)
-    seen = Rectangle(np.empty(2), np.empty(2), np.empty((2, 2)), box, np.empty(2, np.int64), block)
+    seen = np.empty(2), np.empty(2), np.empty((2, 2)), box, np.empty(2, np.int64), block
 
     # Descend from each root.
     for root in range(roots.shape[0]):
@@ -384,10 +357,7 @@ def _stretches_of_map(
 def split_map(
     x: Doubles, y: Doubles, frame: tuple[int, int], reach: float, quality: float
 ) -> tuple[Integers, Integers]:
-    """Split a source whose texels' places a map gives; otherwise as `split_plane`.
-
-    `x`, `y`: (H, W) target coordinates of the texels' centers; NaN: the texel is nowhere.
-    """
+    """Split a source whose texels' places (H, W) a map gives; otherwise as `split_plane`."""
     height, width = frame
     rows, columns = x.shape
 

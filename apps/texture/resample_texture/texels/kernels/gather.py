@@ -35,8 +35,6 @@ FARTHEST = 2.0**52  # texels from the source's origin; places beyond count as no
 TWELFTH = 1.0 / 12.0  # second moment of a pixel
 TORN = 8.0  # a step so many times as long as that on the pixel's other side crosses a tear
 
-Pair = tuple[float, float]
-
 
 class Plane(NamedTuple):
     """A source in perspective."""
@@ -82,20 +80,6 @@ def _footprint_on_plane(geometry: Plane, row: int, column: int) -> PixelFootprin
     return PixelFootprint(u, v, (ux, vx), (uy, vy))
 
 
-@inner_kernel
-def _squared(along_x: Pair, along_y: Pair) -> tuple[Pair, Pair]:
-    """Sides of a pixel; unknown ones are the other turned by 90°, or a texel."""
-    is_known_x = along_x[0] != 0.0 or along_x[1] != 0.0
-    is_known_y = along_y[0] != 0.0 or along_y[1] != 0.0
-    if is_known_x and is_known_y:
-        return along_x, along_y
-    if is_known_x:
-        return along_x, (-along_x[1], along_x[0])
-    if is_known_y:
-        return (along_y[1], -along_y[0]), along_y
-    return (1.0, 0.0), (0.0, 1.0)
-
-
 @plays(footprint_at, Map)
 def _footprint_by_map(geometry: Map, row: int, column: int) -> PixelFootprint:
     """Look a pixel up in the map: its mean place and its sides."""
@@ -110,7 +94,13 @@ def _footprint_by_map(geometry: Map, row: int, column: int) -> PixelFootprint:
     bend_u, bend_v = ux[1] - ux[0] + uy[1] - uy[0], vx[1] - vx[0] + vy[1] - vy[0]
     along_x = 0.5 * (ux[0] + ux[1]), 0.5 * (vx[0] + vx[1])
     along_y = 0.5 * (uy[0] + uy[1]), 0.5 * (vy[0] + vy[1])
-    along_x, along_y = _squared(along_x, along_y)
+    # Unknown sides are the other turned by 90°, or a texel.
+    is_known_x = along_x[0] != 0.0 or along_x[1] != 0.0
+    is_known_y = along_y[0] != 0.0 or along_y[1] != 0.0
+    if not is_known_x:
+        along_x = (along_y[1], -along_y[0]) if is_known_y else (1.0, 0.0)
+    if not is_known_y:
+        along_y = (-along_x[1], along_x[0]) if is_known_x else (0.0, 1.0)
     return PixelFootprint(u + 0.5 * TWELFTH * bend_u, v + 0.5 * TWELFTH * bend_v, along_x, along_y)
 
 
@@ -299,7 +289,7 @@ def collect_tiles(counter: Counter, source: Pixels, spread: FilterTaps, parts: S
 BESIDE = 2  # texels on each side that tell how much they differ
 BAND = 32  # rows that a thread takes at a time
 # The sRGB curve's second derivative over its first is 1.4 / (level + 0.055), and a variance is at
-# most a quarter of the range's square.
+# most a quarter of the range's square; texels farther than beside a pixel count by half.
 CURVE, DARK = np.float32(1.4 / 8.0), np.float32(0.055)
 
 
@@ -308,11 +298,7 @@ def put_shares(
     counter: Counter, geometry: Plane | Map, ends: tuple[float, float], form: tuple[int, int],
     shares: Floats,
 ) -> None:  # fmt: skip
-    """Shares (h × w) of pixels that fall from 1 to 0 as their longer axes grow.
-
-    `ends`: Lengths, texels, at which the share is 1 and 0; where pixels have no place it is 0.
-    `form`: height and width.
-    """
+    """Shares (h × w) of pixels, 1 to 0 as their longer axes grow between the `ends`, texels."""
     for row in tasks(counter, form[0]):
         _put_row_of_shares(geometry, ends, row, form[1], shares)
 
@@ -343,11 +329,7 @@ class Differences(NamedTuple):
 
 @parallel_kernel
 def put_differences(counter: Counter, levels: Floats, channels: int, found: Differences) -> None:
-    """Bound differences of light by the range of levels (H × W × channels) around texels.
-
-    By second order they are half of the curve's bend times the variance. Texels beside a pixel
-    count in full, those a texel farther, which weigh less, as if they differed by half as much.
-    """
+    """Bound differences of light by the range of levels (H × W × channels) around texels."""
     height, width = found.size
     scratch = np.empty(5 * width * channels, np.float32)
     for rows in bands(counter, height, BAND):

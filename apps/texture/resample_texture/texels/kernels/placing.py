@@ -60,11 +60,7 @@ class Walk(NamedTuple):
 def _raster_of(
     block: Integers, box: Integers, taps: int
 ) -> tuple[float, float, int, int, int, float, float]:
-    """Pixels and cell sizes of a block; a cell meets at least 2 pixels along an axis.
-
-    Left, top and width, px; right and bottom ends of first pixels, px from there; and sizes of a
-    cell along u and v, texels.
-    """
+    """Left, top and width of a block, px; ends of first pixels; sizes of a cell, texels."""
     width, height = box[RIGHT] - box[LEFT], box[BOTTOM] - box[TOP]
     size_u, _ = extents(block, 0)
     size_v, _ = extents(block, 1)
@@ -78,18 +74,13 @@ def _raster_of(
 def place(
     geometry: TexelMapping,
     block: Integers,
-    box: Integers,
-    v: float,
-    offset: Floats,
+    box: Integers,  # (4,) pixels that the block may meet
+    v: float,  # of the row
+    offset: Floats,  # (N,) of the cells along u, texels from the block's start
     taps: int,
     batch: Batch,
 ) -> None:
-    """Place a row of cells on screen.
-
-    `box`: (4,) pixels that the block may meet. `v`: source coordinate of the row. `offset`: (N,) of
-    the cells along u from the block's start, texels. `taps`: see `Spread`. `batch`: filled but for
-    the values.
-    """
+    """Place a row of cells on screen: fill the batch but for the values."""
     if geometry.x.size > 0:
         _place_on_map(geometry.x, geometry.y, block, box, v, offset, taps, batch)
         return
@@ -127,10 +118,7 @@ def _walk(matrix: Doubles, block: Integers, box: Integers, v: float, taps: int) 
 
 @inner_kernel
 def _place_boxes(walk: Walk, offset: Floats, batch: Batch) -> None:
-    """Place cells as boxes around their projections.
-
-    Branch-free and in float32, for SIMD.
-    """
+    """Place cells as boxes around their projections, branch-free and in float32, for SIMD."""
     one, zero, half = np.float32(1), np.float32(0), np.float32(0.5)
     pixel, along_x, along_y, mass, _ = batch
     (x0, y0, d0), (x_step, y_step, d_step) = walk.start, walk.step
@@ -198,10 +186,7 @@ def determinant(m: Doubles) -> float:
 
 @inner_kernel
 def _bent(before: Single, here: Single, after: Single, offset: Single) -> tuple[Single, Single]:
-    """Value and slope at an offset from the middle of three, piecewise linear.
-
-    The slope in the middle is the mean of both sides; a missing neighbour's side has the other's.
-    """
+    """Value and slope at an offset from the middle of three, piecewise linear."""
     left, right = here - before, after - here
     if not math.isfinite(left):
         left = right
@@ -317,16 +302,6 @@ class CellRows(NamedTuple):
     line: Floats  # (channels, columns)
 
 
-@inner_kernel
-def _as_densities(batch: Batch, count: int, texels: float) -> None:
-    """Turn totals per texel into densities, values per px²."""
-    mass, values = batch.mass, batch.values
-    for n in range(count):
-        density = np.float32(texels) / mass[n] if mass[n] > np.float32(0) else np.float32(0)
-        for c in range(values.shape[0]):
-            values[c, n] *= density
-
-
 @plays(begun, Texture)
 def _begun(source: Texture, part: int) -> CellRows:
     """Fetch the texels of a block, and allocate scratch for its rows."""
@@ -366,10 +341,14 @@ def _fill(
     filter_row(work.line, block, parts_along(block, 0), source.taps, batch.values)
     # Place the cells on screen.
     place(source.geometry, block, box, v, offset, spread.taps, batch)
-    # Spread totals as densities over the area that each cell covers.
+    # Spread totals as densities, values per px², over the area that each cell covers.
     if spread.is_sum:
         (size_u, _), (size_v, _) = extents(block, 0), extents(block, 1)
-        _as_densities(batch, offset.size, size_u * size_v)
+        mass, values, texels = batch.mass, batch.values, np.float32(size_u * size_v)
+        for n in range(offset.size):
+            density = texels / mass[n] if mass[n] > np.float32(0) else np.float32(0)
+            for c in range(values.shape[0]):
+                values[c, n] *= density
     return int(offset.size)
 
 

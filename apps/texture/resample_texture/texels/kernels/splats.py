@@ -319,14 +319,9 @@ def _whole_block(rectangle: Integers, block: Integers) -> None:
 def blocks_on_plane(
     matrix: Doubles, root: Integers, lines: Doubles, frame: tuple[int, int], shape: Shape
 ) -> tuple[Integers, Integers]:
-    """Blocks of a plane under a homography whose splats a frame sees.
+    """Blocks of a plane whose splats a frame sees: axes (B, 2, 6), and bounds (B, 4), px.
 
-    `matrix`: (3, 3) source to target, positive third coordinate in front of the eye. `root`: (4,)
-    rectangle of the source: first column and row, width and height, texels. `lines`: (L, 3) that
-    bound the centers of texels that can be seen: the product with (u, v, 1) is negative beyond.
-    Behind the last, J cannot be relied on. `frame`: height and width of the target, px. Result: the
-    axes (B, 2, 6) of the blocks and what they may touch (B, 4): left, top, right, bottom, px; the
-    last two are one beyond.
+    `lines`: (L, 3) around the centers of texels that can be seen; behind the last, J is unreliable.
     """
     blocks, bounds, count = np.empty((256, 2, 6), np.int64), np.empty((256, 4), np.int64), 0
     stack = np.empty((256, 4), np.int64)
@@ -374,10 +369,7 @@ def blocks_on_plane(
 def blocks_on_map(
     x: Doubles, y: Doubles, frame: tuple[int, int], shape: Shape
 ) -> tuple[Integers, Integers]:
-    """Blocks of a source whose splats a frame sees; otherwise as `blocks_on_plane`.
-
-    `x`, `y`: (H + 2, W + 2) places of the texels' centers, with a margin of one.
-    """
+    """Blocks of a source by a map (H + 2, W + 2), see `blocks_on_plane`."""
     height, width = x.shape[0] - 2, x.shape[1] - 2
     tiles = (width + TILE - 1) // TILE, (height + TILE - 1) // TILE
     blocks = np.empty((tiles[0] * tiles[1], 2, 6), np.int64)

@@ -27,19 +27,13 @@ class Extract(NamedTuple):
 
 @inner_kernel
 def kind_of(block: Integers) -> int:
-    """Kind of texels that a block reads.
-
-    0 as they are, 1 prefiltered along u, 2 along v, 3 along both.
-    """
+    """Kind of texels of a block: 0 as they are, 1 prefiltered along u, 2 along v, 3 along both."""
     return int(block[0, CUT] > 1) + 2 * int(block[1, CUT] > 1)
 
 
 @inner_kernel
 def _prefix(index: int, size: int, edge: int) -> tuple[int, float, int, float]:
-    """Express a prefix sum, edges included, by two sums within the source.
-
-    Returns (i, f, j, g): the sum is f S[i] + g S[j], with S[i] that of the first i values.
-    """
+    """Return i, f, j and g of a prefix sum, f S[i] + g S[j], by those within the source."""
     if 0 <= index <= size:
         return index, 1.0, 0, 0.0
     # Clamped: repeat the first or the last value.
@@ -89,10 +83,7 @@ def _fetch_means(
 
 @kernel
 def _join_rows(flat: Floats, rows: tuple[int, int], begin: int, line: Floats) -> None:
-    """Sum rows of the source into a line, from number `begin` on.
-
-    Channels are interleaved (H, W × C).
-    """
+    """Sum rows of the source, (H, W × C), into a line, from number `begin` on."""
     start = np.uint64(begin)
     for row in range(rows[0], rows[1]):
         # Overwrite with the first row, then add the others; unsigned indices let LLVM vectorize.
@@ -126,22 +117,16 @@ def _join_columns(
 
 @kernel
 def fetch(
-    source: Floats,
+    source: Floats,  # (H, W, C), or the part of it that `extract` tells
     extract: Extract,
-    totals: Doubles,
+    totals: Doubles,  # (K, H + 1, W + 1, C) sums, by `kind_of` or for all; K is 0 without need
     block: Integers,
     pad: tuple[int, int],
     edge: int,
-    patch: Floats,
+    patch: Floats,  # (channels, rows, columns), filled with the channels from `first` on
     first: int,
 ) -> None:
-    """Fetch a block's texels, or their means over a cell, with `pad` more all around.
-
-    `source`: (H, W, C), or a part of it that has all that is fetched. `extract`: which part of the
-    source that is. `totals`: (K, H + 1, W + 1, C) sums of all texels above and to the left, by
-    `kind_of` blocks, or for all alike; K is 0 where no block needs them. `pad`: along u and v.
-    `patch`: (channels, rows, columns), filled with the channels from `first` on.
-    """
+    """Fetch a block's texels, or their means over a cell, with `pad` more all around."""
     # Find the texels that the padded patch covers, and whether all lie within the source.
     step_u, step_v = 1 << block[0, LEVEL], 1 << block[1, LEVEL]
     height, width, channels = extract.height, extract.width, source.shape[2]
@@ -238,8 +223,22 @@ def filter_row(
         for part in range(count):
             _filter_part(line, phase(parts[0] + part, cut), taps, values, part * texels, texels)
     else:
+        values[:] = np.float32(0)
         for texel in range(texels):
-            _filter_texel(line, texel, parts[0], cut, taps, values, texel * count, count)
+            first = texel * count
+            for channel in range(line.shape[0]):
+                # Add each tap's texel to all parts.
+                for k in range(taps.shape[0]):
+                    value, at = line[channel, texel + k], phase(parts[0], cut)
+                    # Phases of a texel's parts are adjacent columns of the table, or cut finely.
+                    if cut <= EXACT:
+                        for n in range(count):
+                            m = np.uint64(first) + np.uint64(n)
+                            values[channel, m] += value * taps[k, np.uint64(at) + np.uint64(n)]
+                    else:
+                        for n in range(count):
+                            weight = taps[k, phase(parts[0] + n, cut)]
+                            values[channel, first + n] += value * weight
 
 
 @inner_kernel
@@ -270,47 +269,15 @@ def _filter_part(
             values[channel, first + n] = total
 
 
-@inner_kernel
-def _filter_texel(
-    line: Floats,
-    texel: int,
-    part: int,
-    cut: int,
-    taps: Floats,
-    values: Floats,
-    first: int,
-    count: int,
-) -> None:
-    """Interpolate `count` parts of one texel."""
-    for channel in range(line.shape[0]):
-        for n in range(count):
-            values[channel, first + n] = np.float32(0)
-        # Add each tap's texel to all parts.
-        for k in range(taps.shape[0]):
-            value, at = line[channel, texel + k], phase(part, cut)
-            # Phases of a texel's parts are adjacent columns of the table, unless cut too finely.
-            if cut <= EXACT:
-                for n in range(count):
-                    m = np.uint64(first) + np.uint64(n)
-                    values[channel, m] += value * taps[k, np.uint64(at) + np.uint64(n)]
-            else:
-                for n in range(count):
-                    values[channel, first + n] += value * taps[k, phase(part + n, cut)]
-
-
 @kernel
 def cell_offsets(block: Integers) -> Floats:
-    """Centers of the cells of a row (N,), in texels from the block's start.
-
-    Adjacent in memory are the same parts of adjacent texels, or adjacent parts of one texel,
-    whichever are more: so inner loops are longest.
-    """
+    """Centers of the cells of a row (N,), in texels from the block's start."""
     _, joined = extents(block, 0)
     first, last = parts_along(block, 0)
     texels, parts = texels_along(block, 0), last - first
     offset = np.empty(texels * parts, np.float32)
     for texel in range(texels):
-        for part in range(parts):
+        for part in range(parts):  # the more of texels and parts are adjacent, for long inner loops
             n = part * texels + texel if parts <= texels else texel * parts + part
             offset[n] = joined * (texel + (first + part + 0.5) / block[0, CUT])
     return offset
