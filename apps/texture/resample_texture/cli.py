@@ -12,7 +12,6 @@ from resample.command.flags import OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, with_settings
-from resample.files.stores.opening import Place
 from resample.lazy import installed_version
 from resample_texture.command.choices import (
     Besides,
@@ -348,10 +347,38 @@ def info(
     """
     import json
 
-    from resample.files.sequences import files_of
+    from resample.files.pictures import picture_at
+    from resample.files.sequences import files_of, frames_of
 
     files = files_of(images)
-    told = [_facts(file) for file in files]
+    told: list[dict[str, Any]] = []
+    for file in files:
+        frames = frames_of(file)
+        facts: dict[str, Any] = {"kind": "picture"}
+        if frames is not None:
+            duration = round(sum(frames.seconds), 3)
+            facts = {"kind": "pictures", "count": len(frames.seconds), "seconds": duration}
+            facts["plays"] = frames.plays or "without end"
+        if frames is not None and frames.pages is None:
+            first = next(iter(frames.read())).data
+            told.append({**facts, "size": [first.shape[1], first.shape[0]]})
+            continue
+        header = picture_at(file).header
+        kind, about = header.kind, header.about
+        meaning = "levels of displays" if kind.is_encoded else "linear light"
+        told.append(
+            {
+                **facts,
+                "size": [header.size[1], header.size[0]],
+                "channels": list(kind.channels),
+                "values": about.number or f"{kind.bits} bits",
+                "meaning": "numbers" if about.number else meaning,
+                "assumed": about.assumed or None,
+                "colors": about.colors or None,
+                "orientation": header.orientation,
+                "georeference": about.geo is not None and about.geo.has_place,
+            }
+        )
     if len(told) > 1:
         told = [{"file": str(file), **facts} for file, facts in zip(files, told, strict=True)]
     if as_json:
@@ -362,39 +389,6 @@ def info(
         for facts in told
     )
     sys.stdout.write("\n".join(tables))
-
-
-def _facts(path: Place) -> dict[str, Any]:
-    """Return what a file of one or more pictures says, as JSON values.
-
-    Raises ValueError, OSError: it cannot be read.
-    """
-    from resample.files.pictures import picture_at
-    from resample.files.sequences import frames_of
-
-    frames = frames_of(path)
-    facts: dict[str, Any] = {"kind": "picture"}
-    if frames is not None:
-        duration = round(sum(frames.seconds), 3)
-        facts = {"kind": "pictures", "count": len(frames.seconds), "seconds": duration}
-        facts["plays"] = frames.plays or "without end"
-        if frames.pages is None:
-            first = next(iter(frames.read())).data
-            return {**facts, "size": [first.shape[1], first.shape[0]]}
-    header = picture_at(path).header
-    kind, about = header.kind, header.about
-    meaning = "levels of displays" if kind.is_encoded else "linear light"
-    return {
-        **facts,
-        "size": [header.size[1], header.size[0]],
-        "channels": list(kind.channels),
-        "values": about.number or f"{kind.bits} bits",
-        "meaning": "numbers" if about.number else meaning,
-        "assumed": about.assumed or None,
-        "colors": about.colors or None,
-        "orientation": header.orientation,
-        "georeference": about.geo is not None and about.geo.has_place,
-    }
 
 
 @app.command

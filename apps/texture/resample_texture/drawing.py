@@ -31,7 +31,6 @@ from resample_texture.texels.encoding import (
     WIDE,
     Encoding,
     Mended,
-    added,
     check_picture,
     complex_of_parts,
     decoded,
@@ -154,8 +153,10 @@ def _drawn_whole(image: NDArray[Any], drawing: Drawing) -> Warped:
     if encoding.gaps and is_sum:
         mean = dataclasses.replace(drawing.method, total=False)  # type: ignore[type-var]
         there = np.ascontiguousarray(texels[..., -encoding.gaps :])
-        plain = added(warped, run(drawing._replace(method=mean), there).image, encoding.gaps)
-        return _as_stored(plain, encoding)
+        there = run(drawing._replace(method=mean), there).image
+        coverage = np.clip(there, 0.0, warped.coverage[..., None]).max(axis=2)
+        sums = warped.image[..., : -encoding.gaps]
+        return _as_stored(Mended(sums, coverage, None), encoding)
     return drawing.stored(warped, encoding)
 
 
@@ -240,17 +241,18 @@ def _as_stored(plain: Mended, encoding: Encoding) -> Warped:
     return Warped(result, plain.coverage)
 
 
-def put(warped: Warped, out: NDArray[Any]) -> Warped:
-    """Put a result into the array given as `out`."""
-    check_out(out, warped.image.shape, warped.image)
-    out[...] = warped.image
+def put(
+    warped: Warped, nodata: complex | None, fill: complex | str | None, out: NDArray[Any] | None
+) -> Warped:
+    """Return a picture with `nodata`, or `fill` if given, for its mask, in an array if given."""
+    image = warped.image
+    if nodata is not None:
+        image = np.ma.filled(image, nodata if fill is None or fill == PREMULTIPLIED else fill)
+    if out is None:
+        return type(warped)(image, warped.coverage)
+    check_out(out, image.shape, image)
+    out[...] = image
     return type(warped)(out, warped.coverage)
-
-
-def with_nodata(warped: Warped, nodata: complex, fill: complex | str | None) -> Warped:
-    """Return a masked picture with a value in place of its mask: `nodata`, or `fill` if given."""
-    value = nodata if fill is None or fill == PREMULTIPLIED else fill
-    return type(warped)(np.ma.filled(warped.image, value), warped.coverage)
 
 
 class DrawnParts(NamedTuple):
@@ -448,7 +450,7 @@ def picked(image: NDArray[Any], picks: Picks, alpha: AnyAlpha | None = None) -> 
     result = result.reshape(form)
     if mask is not None:
         hidden = (lost | nothing[..., None]).reshape(form)
-        result = masked(result, hidden, mask.fill)
+        result = masked(result, hidden, mask.fill_value)
     return Warped(result, np.where(nothing, np.float32(0), picks.coverage))
 
 

@@ -199,7 +199,7 @@ class PictureScene(AnyScene):
         method, level = "hybrid", 0
         if not isinstance(geometry, ForwardMap):  # which needs the texels themselves
             # Take the level that has about one texel per pixel of the preview.
-            per = PER * texels_per_pixel(geometry, shape, (size[0], size[1]))
+            per = PER * _texels_per_pixel(geometry, shape, (size[0], size[1]))
             most = int(math.log2(max(1, min(size))))
             method, level = "bilinear", min(most, max(0, math.floor(math.log2(max(per, 1.0)))))
         texels, encoding = self._texels(level)
@@ -249,7 +249,7 @@ class PictureScene(AnyScene):
         return self._levels[level], self._encoding
 
 
-def texels_per_pixel(geometry: Homography | BackwardMap, shape: Size, source_shape: Size) -> float:
+def _texels_per_pixel(geometry: Homography | BackwardMap, shape: Size, source_shape: Size) -> float:
     """Return the side of a pixel in texels, the median over the visible source."""
     if isinstance(geometry, BackwardMap):
         rows, columns = (max(1, count // GRID) for count in shape)

@@ -29,7 +29,7 @@ from resample_texture.arguments import (
     within,
     without_nodata,
 )
-from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put, with_nodata
+from resample_texture.drawing import MOST_AT_ONCE, Drawing, drawn, prepared, put
 from resample_texture.geometry.mappings import (
     BackwardMap,
     ForwardMap,
@@ -211,9 +211,7 @@ def warp(
         warped = stacked([one(picture, (quick, part)) for picture in image], image)
     else:
         warped = one(image, placed(matrix))
-    if nodata is not None:
-        warped = with_nodata(warped, nodata, options.get("fill"))
-    return warped if out is None else put(warped, out)
+    return put(warped, nodata, options.get("fill"), out)
 
 
 class Plan:
@@ -304,9 +302,7 @@ class Plan:
         drawing = drawing._replace(threads=threads, fill=filling, **light)
         each = [drawn(picture, drawing) for picture in pictures]
         warped = stacked(each, image) if is_stack else each[0]
-        if nodata is not None:
-            warped = with_nodata(warped, nodata, fill)
-        return warped if out is None else put(warped, out)
+        return put(warped, nodata, fill, out)
 
 
 def warp_points(

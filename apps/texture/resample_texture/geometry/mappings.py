@@ -76,11 +76,6 @@ def read_arrays(path: str | Path) -> NDArray[Any] | dict[str, NDArray[Any]]:
     return read_npy(file, mapped=True) if is_npy(file) else read_npz(file)
 
 
-def as_pairs(array: ArrayLike, name: str) -> Doubles:
-    """Return checked numbers (H, W, 2) as float64; `name` begins error messages."""
-    return checked_pairs(array, name).astype(np.float64)
-
-
 def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
     """Return checked numbers (H, W, 2), unconverted; `name` begins error messages."""
     pairs = np.asarray(array)
@@ -93,7 +88,7 @@ def checked_pairs(array: ArrayLike, name: str) -> NDArray[Any]:
 
 def from_fixed_point(whole: NDArray[Any], fraction: NDArray[Any]) -> Doubles:
     """Return coordinates (h, w, 2) of whole pixels (h, w, 2) and fractions (h, w): 32 y + x."""
-    places = as_pairs(whole, "a fixed-point map")
+    places = checked_pairs(whole, "a fixed-point map").astype(np.float64)
     if fraction.shape != whole.shape[:2]:
         raise ValueError(f"{fraction.shape} fractions do not fit a map of {whole.shape[:2]} pixels")
     if whole.dtype != np.int16 or fraction.dtype not in (np.uint16, np.int16):
@@ -228,7 +223,7 @@ class ForwardMap:
     @classmethod
     def from_flow(cls, flow: ArrayLike) -> "ForwardMap":
         """Return a map that moves each texel by a vector (x, y) of `flow`, (H, W, 2) px."""
-        moves = as_pairs(flow, "a flow")
+        moves = checked_pairs(flow, "a flow").astype(np.float64)
         x, y = pixel_centers(moves.shape[:2])
         return cls(x + moves[..., 0], y + moves[..., 1])
 
@@ -305,7 +300,7 @@ class BackwardMap:
         first = np.asarray(map_x)
         second = None if map_y is None else np.asarray(map_y)
         if second is None or second.size == 0:
-            both = as_pairs(first, "a single OpenCV map")
+            both = checked_pairs(first, "a single OpenCV map").astype(np.float64)
             return cls(both[..., 0] + 0.5, both[..., 1] + 0.5)
         if first.ndim == 3:
             both = from_fixed_point(first, second)
@@ -364,7 +359,8 @@ class BackwardMap:
         given = np.asarray(grid)
         if given.ndim == 4 and given.shape[0] == 1:
             given = given[0]
-        share = (as_pairs(given, "a grid of one picture") + 1.0) / 2.0
+        pairs = checked_pairs(given, "a grid of one picture").astype(np.float64)
+        share = (pairs + 1.0) / 2.0
         size = np.array(source_shape[::-1], np.float64)
         places = share * (size - 1.0) + 0.5 if align_corners else share * size
         return cls(places[..., 0], places[..., 1])

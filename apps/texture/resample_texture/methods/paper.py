@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
+from resample.engine.jit import Counter, parallel_kernel, tasks
 from resample.hybrid.blend import WeightedSum, mean_of
-from resample.hybrid.classify import THRESHOLD, Jacobian, Widths, flat_sample, gaussian_widths
+from resample.hybrid.classify import THRESHOLD, Widths, flat_sample, gaussian_widths
 from resample.hybrid.paint import paint
 from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import NOTHING, RECORD
@@ -31,7 +31,6 @@ from resample_texture.texels.splatting import (
 from resample_texture.types import Edge, Warped
 
 MOST_AT_ONCE = 1 << 18  # texels whose records are in memory together
-Placed = tuple[bool, tuple[float, float], Jacobian]  # whether there is any; its place, px; and J
 
 
 @dataclass(frozen=True)
@@ -140,34 +139,22 @@ def place_texels(
         for column in range(columns):
             n = row * columns + column
             records[n]["kind"] = NOTHING
+            # The place of the texel's center, and J there: by differences of the map, or exactly.
+            r, c = row + top + 1, column + left + 1
             if x.size > 0:
-                is_placed, place, jacobian = _on_map(x, y, row + top + 1, column + left + 1)
+                px, py = x[r, c], y[r, c]
+                xu, yu = slope(x[r, c - 1], px, x[r, c + 1]), slope(y[r, c - 1], py, y[r, c + 1])
+                xv, yv = slope(x[r - 1, c], px, x[r + 1, c]), slope(y[r - 1, c], py, y[r + 1, c])
+                is_placed = math.isfinite(px + py + xu + xv + yu + yv)
             else:
-                is_placed, place, jacobian = _on_plane(matrix, row + top, column + left, nearest)
+                u, v, m = c - 0.5, r - 0.5, matrix
+                w = m[2, 0] * u + m[2, 1] * v + m[2, 2]
+                is_placed = w > 0.0 and w >= nearest
+                near = 1.0 / w if is_placed else 0.0
+                px = (m[0, 0] * u + m[0, 1] * v + m[0, 2]) * near
+                py = (m[1, 0] * u + m[1, 1] * v + m[1, 2]) * near
+                xu, xv = (m[0, 0] - px * m[2, 0]) * near, (m[0, 1] - px * m[2, 1]) * near
+                yu, yv = (m[1, 0] - py * m[2, 0]) * near, (m[1, 1] - py * m[2, 1]) * near
             if is_placed:
-                flat_sample(records[n], place, jacobian, 1.0, widths, shape)
-                area[n] = abs(jacobian[0] * jacobian[3] - jacobian[1] * jacobian[2])
-
-
-@inner_step
-def _on_plane(m: Doubles, row: int, column: int, nearest: float) -> Placed:
-    """Place of a texel's center by a homography, and J there."""
-    u, v = column + 0.5, row + 0.5
-    w = m[2, 0] * u + m[2, 1] * v + m[2, 2]
-    if w <= 0.0 or w < nearest:
-        return False, (0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
-    near = 1.0 / w
-    x = (m[0, 0] * u + m[0, 1] * v + m[0, 2]) * near
-    y = (m[1, 0] * u + m[1, 1] * v + m[1, 2]) * near
-    xu, xv = (m[0, 0] - x * m[2, 0]) * near, (m[0, 1] - x * m[2, 1]) * near
-    yu, yv = (m[1, 0] - y * m[2, 0]) * near, (m[1, 1] - y * m[2, 1]) * near
-    return True, (x, y), (xu, xv, yu, yv)
-
-
-@inner_step
-def _on_map(x: Doubles, y: Doubles, r: int, c: int) -> Placed:
-    """Place of a texel's center by a map, and J there by differences."""
-    place = (x[r, c], y[r, c])
-    xu, yu = slope(x[r, c - 1], x[r, c], x[r, c + 1]), slope(y[r, c - 1], y[r, c], y[r, c + 1])
-    xv, yv = slope(x[r - 1, c], x[r, c], x[r + 1, c]), slope(y[r - 1, c], y[r, c], y[r + 1, c])
-    return math.isfinite(place[0] + place[1] + xu + xv + yu + yv), place, (xu, xv, yu, yv)
+                flat_sample(records[n], (px, py), (xu, xv, yu, yv), 1.0, widths, shape)
+                area[n] = abs(xu * yv - xv * yu)

@@ -38,15 +38,9 @@ WIDE = ("int32", "int64", "uint32", "uint64", "float64")
 COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
 
 Booleans = NDArray[np.bool_]
+MaskedArray = np.ma.MaskedArray[Any, Any]
 LEAST = 0.5  # share of a pixel's coverage that must have a value
 ROUNDED = 1e-5  # share of the coverage by which sums of weights may differ without missing values
-
-
-class Mask(NamedTuple):
-    """Mask and fill value of a masked array."""
-
-    is_set: Booleans  # of the array's shape
-    fill: Any  # fill value of the array
 
 
 class Mended(NamedTuple):
@@ -57,10 +51,10 @@ class Mended(NamedTuple):
     missing: Booleans | None  # (H, W, C) where a channel has no value though a pixel is covered
 
 
-def unmasked(image: Any) -> tuple[NDArray[Any], Mask | None]:
-    """Return an array, and its mask if it is a masked array."""
+def unmasked(image: Any) -> tuple[NDArray[Any], MaskedArray | None]:
+    """Return an array without its mask; and itself if it is a masked array."""
     if isinstance(image, np.ma.MaskedArray):
-        return np.asarray(image.data), Mask(np.ma.getmaskarray(image), image.fill_value)
+        return np.asarray(image.data), image
     return np.asarray(image), None
 
 
@@ -71,10 +65,10 @@ def masked(values: NDArray[Any], hidden: Booleans, fill: Any) -> NDArray[Any]:
 
 
 def missing_in(
-    planes: NDArray[Any], mask: Mask | None, *, together: bool = False
+    planes: NDArray[Any], mask: MaskedArray | None, *, together: bool = False
 ) -> Booleans | None:
     """Find values (H, W, C) that are masked or not finite; None if there are none."""
-    missing = None if mask is None else mask.is_set.reshape(planes.shape)
+    missing = None if mask is None else np.ma.getmaskarray(mask).reshape(planes.shape)
     if planes.dtype.kind == "f":
         with np.errstate(over="ignore", invalid="ignore"):  # the sum is the fastest test
             total = planes.sum(dtype=np.float64 if planes.dtype.itemsize == 8 else np.float32)
@@ -109,12 +103,6 @@ def mended(warped: Warped, gaps: int) -> Mended:
         return Mended(values, coverage, None)
     missing = (there < LEAST * coverage[..., None]) & (coverage > 0.0)[..., None]
     return Mended(_shared(values, there, coverage), coverage, missing)
-
-
-def added(warped: Warped, there: Floats, gaps: int) -> Mended:
-    """Return the sums of existing values, whose coverage is `there` (H, W, C)."""
-    coverage = np.clip(there, 0.0, warped.coverage[..., None]).max(axis=2)
-    return Mended(warped.image[..., :-gaps], coverage, None)
 
 
 def kept(warped: Warped, gaps: int) -> Mended:
@@ -269,7 +257,7 @@ def decoded(
             color = texels[..., :3] * texels[..., 3:]
         texels = np.concatenate([color, texels[..., 3:]], axis=2)
     texels, gaps = weighed(texels, missing, least=gaps)
-    fill = None if mask is None else mask.fill
+    fill = None if mask is None else mask.fill_value
     encoding = Encoding(image.dtype, image.ndim == 2, is_encoded, is_straight, gaps, span, fill)
     return contiguous(texels, np.float32), encoding
 
@@ -403,8 +391,8 @@ def parts_of_complex(image: NDArray[Any]) -> NDArray[Any]:
         parts = np.where(np.repeat(missing, 2, axis=2), parts.dtype.type(np.nan), parts)
     if mask is None:
         return parts
-    hidden = np.repeat(mask.is_set.reshape(missing.shape), 2, axis=2)
-    return masked(parts, hidden, np.real(mask.fill))
+    hidden = np.repeat(np.ma.getmaskarray(mask).reshape(missing.shape), 2, axis=2)
+    return masked(parts, hidden, np.real(mask.fill_value))
 
 
 def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
@@ -416,7 +404,8 @@ def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
     values[np.isnan(values)] = complex(np.nan, np.nan)
     if mask is None:
         return values
-    hidden = mask.is_set[..., ::2] | mask.is_set[..., 1::2]
+    is_set = np.ma.getmaskarray(mask)
+    hidden = is_set[..., ::2] | is_set[..., 1::2]
     return masked(values, hidden.reshape(form), getattr(image, "fill_value", None))
 
 

@@ -11,17 +11,21 @@ if TYPE_CHECKING:
     from resample_texture.viewing.pictures import picture, picture_view
 
 __all__ = ["MESHES", "picture", "picture_view", "suits", "view"]
+PICTURES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
 MESHES = (".obj", ".glb", ".gltf")  # files of meshes, whose page another package has
 __getattr__ = attributes(__name__, {"picture": "pictures", "picture_view": "pictures"})
 
 
 def suits(names: Sequence[str]) -> bool:
     """Whether the names are one file with one picture or one mesh."""
-    from resample_texture.viewing import pictures
+    if len(names) != 1 or not Path(names[0]).is_file():
+        return False
+    suffix = Path(names[0]).suffix.lower()
+    if suffix in TIFF:
+        import cv2
 
-    if len(names) == 1 and Path(names[0]).suffix.lower() in MESHES:
-        return Path(names[0]).is_file()
-    return pictures.suits(names)
+        return bool(cv2.imcount(names[0]) == 1)  # several pages may be a volume
+    return suffix in (*PICTURES, *MESHES)
 
 
 def view(image: Any, /, **settings: Any) -> "Viewer":

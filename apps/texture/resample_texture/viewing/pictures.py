@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 COMMAND = "resample-texture warp"
 SHOWN = (WarpGeometry, PictureWarping, Written, Besides)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
-SUFFIXES, TIFF = (".png", ".jpg", ".jpeg", ".exr", ".webp", ".bmp"), (".tif", ".tiff")
 KINDS = [
     {"matrix": matrix}
     for matrix in ("2,0,0,0,2,0", "0.3,0,0,0,0.3,0", "0.3,0.1,0,0,0.5,0,0.01,0.01,1")
@@ -141,18 +140,6 @@ def fitted(extent: Size, size: Size) -> str:
     left, top = round((width - scale * across) / 2), round((height - scale * down) / 2)
     right, bottom = left + scale * across, top + scale * down
     return f"{left:g},{top:g} {right:g},{top:g} {right:g},{bottom:g} {left:g},{bottom:g}"
-
-
-def suits(names: Sequence[str]) -> bool:
-    """Whether the names are one file with one picture."""
-    import cv2
-
-    if len(names) != 1 or not Path(names[0]).is_file():
-        return False
-    suffix = Path(names[0]).suffix.lower()
-    if suffix in TIFF:
-        return bool(cv2.imcount(names[0]) == 1)  # several pages may be a volume
-    return suffix in SUFFIXES
 
 
 def picture(path: str | Path, settings: Mapping[str, Any]) -> "Image":
