@@ -39,6 +39,7 @@ GROUPS = (
     "readers",
     "reconstructions",
     "samples",
+    "stores",
     "views",
     "warps",
 )
@@ -57,6 +58,7 @@ ELSEWHERE = {
     "hybrid-resample-meshes": {"commands": "texture.mesh", "pages": "texture.mesh"},
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
     "hybrid-resample-particles": {"commands": "points.density", "pages": "points.density"},
+    "hybrid-resample-zarr": {"commands": "volume.convert", "readers": "zarr", "stores": "zarr"},
 }
 
 REQUIRED = inspect.Parameter.empty  # marks a parameter without a default

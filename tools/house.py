@@ -20,6 +20,7 @@ SOURCES = (
     *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
     *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
     *("plugins/particles/resample_particles", "plugins/sky/resample_sky"),
+    "plugins/zarr/resample_zarr",
 )
 MOST_LINES = 60  # of a function, without its docstring
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, mapped, over
 from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, tell_empty, write_frame
-from resample.files.stores.opening import Address, place_of
+from resample.files.stores import Address, place_of
 from resample.messages import check_kind, one_line, shortly
 from resample.showable import Behind, ChannelOrder, Showable
 from resample.types import Floats, Frame, Statistics

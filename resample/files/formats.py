@@ -13,7 +13,7 @@ from resample.files.films import FORMATS
 from resample.files.metadata.colors import converted
 from resample.files.metadata.fields import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.opening import STORE
+from resample.files.stores import STORE, store_format
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -44,9 +44,7 @@ def check_output(path: Path, look: WriteOptions) -> None:
     if look.quality is not None:
         _check_quality(path, look.quality)
     if suffix == STORE:
-        from resample.files.chunked import check_store
-
-        check_store(path)
+        store_format(path).check_store(path)
     if look.bits is not None and look.bits not in _depths(suffix):
         allowed = " or ".join(map(str, _depths(suffix)))
         raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")

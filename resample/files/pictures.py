@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,19 @@ from resample.files.metadata.fields import (
     upright,
 )
 from resample.files.metadata.tags import moved
-from resample.files.stores.opening import Address, Place, place_of
+from resample.files.stores import (
+    Address,
+    Part,
+    Place,
+    StoredPicture,
+    is_in_store,
+    place_of,
+    store_format,
+)
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.pictures import check_honest, check_picture
 from resample.types import Doubles, Floats
-
-if TYPE_CHECKING:
-    from resample.files.chunked import Part, StoredPicture
 
 BYTES_PER_VALUE = 20  # bytes per value of a source and its copies while it is read and processed
 FORMS = {  # OpenImageIO's integer types
@@ -133,7 +138,7 @@ class LoadablePicture:
     page: int
     header: Header
     as_data: bool  # see `read_picture`
-    stored: "StoredPicture | None"  # of zarr
+    stored: StoredPicture | None  # of zarr
     encoding: str = "auto"  # see `open_file`
 
     @property
@@ -222,7 +227,7 @@ class LoadablePicture:
         matrix = whole @ np.diag([times, times, 1.0]) @ np.linalg.inv(part)
         return Picture(turned, kind, self.header.upright_about), matrix
 
-    def load(self, seen: "Part | None" = None) -> LoadedPicture:
+    def load(self, seen: Part | None = None) -> LoadedPicture:
         """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
 
         Large arrays are kept in a file, see `array_where_it_fits`.
@@ -299,10 +304,7 @@ def picture_at(
     path: Place, page: int = 0, *, as_data: bool = True, encoding: str = "auto"
 ) -> LoadablePicture:
     """Read a picture's header; parameters and errors as in `read_picture`."""
-    from resample.files.chunked import is_in_store, open_picture
-
-    is_stored = isinstance(path, Address) or is_in_store(path)
-    stored = open_picture(path) if is_stored else None
+    stored = store_format(path).open_picture(path) if is_in_store(path) else None
     header = _header(path, page, stored, as_data=as_data, encoding=encoding)
     return LoadablePicture(path, page, header, as_data, stored, encoding)
 
@@ -349,7 +351,7 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
 
 
 def _header(
-    path: Place, page: int, stored: "StoredPicture | None", *, as_data: bool, encoding: str
+    path: Place, page: int, stored: StoredPicture | None, *, as_data: bool, encoding: str
 ) -> Header:
     if stored is not None:
         is_encoded = stored.bits == 8 if encoding == "auto" else encoding == "srgb"

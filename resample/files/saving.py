@@ -33,7 +33,7 @@ from resample.files.metadata.fields import (
 )
 from resample.files.metadata.tags import state
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.opening import STORE
+from resample.files.stores import STORE, store_format
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.reading.native import plain
 from resample.reading.pictures import complaint_of, opened
@@ -172,9 +172,7 @@ def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
     with the same channels.
     """
     if path.suffix.lower() == STORE:
-        from resample.files.chunked import writing_store
-
-        with writing_store(path, height) as store:
+        with store_format(path).writing_store(path, height) as store:
             yield lambda picture: store.put(page_of(path, picture, look).data)
         return
     with replacing(path) as temporary:

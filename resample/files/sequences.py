@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.console import say, say_of
 from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
-from resample.files.chunked import is_in_store
 from resample.files.films import (
     FORMATS,
     FRAME_BYTES,
@@ -49,7 +48,7 @@ from resample.files.metadata.fields import TIFF, page_tags
 from resample.files.metadata.tags import Directory, Tag, is_animated_png
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
-from resample.files.stores.opening import STORE, Address, Place
+from resample.files.stores import STORE, Address, Place, is_in_store
 from resample.files.writing import replacing, write_json
 from resample.memory import return_freed_memory
 from resample.reading.limits import check_animation, check_unpacked

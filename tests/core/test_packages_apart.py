@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("cells", "comparisons", "figures", "gradients", "meshes", "particles", "sky"):
+for name in ("cells", "comparisons", "figures", "gradients", "meshes", "particles", "sky", "zarr"):
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -45,6 +45,10 @@ MISSING = [
     ("resample-texture mesh sample:knot -o a.png", "command 'texture.mesh'", "meshes"),
     ("resample-texture view sample:knot", "page 'texture.mesh'", "meshes"),
     ("resample-points density sample:halo -o a.png", "command 'points.density'", "particles"),
+    ("resample-volume convert checker-box a.zarr", "command 'volume.convert'", "zarr"),
+    ("resample-volume info s3://a/b.zarr", "reader 'zarr'", "zarr"),
+    ("resample-texture resize sample:bricks a.zarr --size 20", "store 'zarr'", "zarr"),
+    ("resample-texture resize s3://a/b.zarr a.png --size 20", "store 'zarr'", "zarr"),
     ("resample-points compare sample:knot-gaussians", "command 'points.compare'", "comparisons"),
 ]
 WORK = [
@@ -92,6 +96,15 @@ def test_a_file_of_cells_names_the_package_that_reads_it(name, tmp_path):
     refused = alone(f"resample-volume info {name}", tmp_path)
     assert "pip install hybrid-resample-cells" in refused.stderr
     assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+
+
+def test_a_store_names_the_package_that_reads_it(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "zarr.json").touch()
+    for line in ("resample-volume info a", "resample-texture resize a b.png --size 20"):
+        refused = alone(line, tmp_path)
+        assert "pip install hybrid-resample-zarr" in refused.stderr
+        assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
 
 
 @pytest.mark.some(2)

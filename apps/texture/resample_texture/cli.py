@@ -12,7 +12,7 @@ from resample.command.flags import OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, with_settings
-from resample.files.stores.opening import Place
+from resample.files.stores import Place
 from resample.lazy import installed_version
 from resample_texture.command.choices import (
     Besides,

@@ -33,7 +33,7 @@ from resample.files.sequences import (
     is_batch,
     write_frames,
 )
-from resample.files.stores.opening import Address, Place
+from resample.files.stores import Address, Place
 from resample.files.writing import check_targets, replacing, write_json
 from resample.messages import one_line
 from resample.reading.limits import check_unpacked
