@@ -55,6 +55,7 @@ ELSEWHERE = {
         "primitives": "ewa inflate",
         "warps": "ldi mcmillan mcmillan-zbuffer mesh opencv subsample",
     },
+    "hybrid-resample-formats": {"readers": "bioio cube fits hdf5 imaris mrc netcdf neuro vdb"},
     "hybrid-resample-meshes": {"commands": "texture.mesh", "pages": "texture.mesh"},
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
     "hybrid-resample-particles": {"commands": "points.density", "pages": "points.density"},

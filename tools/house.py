@@ -18,6 +18,7 @@ SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
     "plugins/cells/resample_cells",
     *("plugins/comparisons/resample_comparisons", "plugins/figures/resample_figures"),
+    "plugins/formats/resample_formats",
     *("plugins/gradients/resample_gradients", "plugins/meshes/resample_meshes"),
     *("plugins/particles/resample_particles", "plugins/sky/resample_sky"),
     "plugins/zarr/resample_zarr",

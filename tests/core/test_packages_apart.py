@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-for name in ("cells", "comparisons", "figures", "gradients", "meshes", "particles", "sky", "zarr"):
+for name in "cells comparisons figures formats gradients meshes particles sky zarr".split():
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
@@ -87,6 +87,14 @@ def test_a_mistyped_command_is_told_without_them(tmp_path):
     refused = alone("resample-volume comparee checker-box", tmp_path)
     known = 'resample: error: Unknown command "comparee". Did you mean "compare"?\n'
     assert (refused.stderr, refused.returncode) == (known, 2)
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.mrc.gz"])
+def test_a_file_of_another_format_names_the_package_that_reads_it(name, tmp_path):
+    (tmp_path / name).write_bytes(b"something")
+    refused = alone(f"resample-volume info {name}", tmp_path)
+    assert "pip install hybrid-resample-formats\n" in refused.stderr
+    assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
 
 
 @pytest.mark.parametrize("name", ["a.vtu", "a.vtk"])

@@ -13,13 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+PLUGINS = ("comparisons", "figures", "formats", "gradients", "meshes", "particles", "sky", "zarr")
 PACKAGES = (
     "resample",
     *(f"apps/{a}/resample_{a}" for a in ("points", "texture", "volume", "warp3d")),
-    *(
-        f"plugins/{a}/resample_{a}"
-        for a in ("comparisons", "figures", "gradients", "meshes", "particles", "sky", "zarr")
-    ),
+    *(f"plugins/{a}/resample_{a}" for a in PLUGINS),
 )
 # The first pattern that matches a path settles its stratum; None: no mutants.
 STRATA = (
@@ -30,10 +28,8 @@ STRATA = (
     (r"^resample/engine/", "kernels"),
     (r"^resample/hybrid/", "hybrid"),
     (r"^resample/(painting|profiles|cameras)/", "painting"),
-    (
-        r"^resample/(files|reading)/|^(apps|plugins)/\w+/\w+/(files|exchange|inputs)|^plugins/zarr/",
-        "readers",
-    ),
+    (r"^resample/(files|reading)/|^(apps|plugins)/\w+/\w+/(files|exchange|inputs)", "readers"),
+    (r"^plugins/(formats|zarr)/", "readers"),
     (r"^resample/|/(command|viewing)(/|\.py)|/cli\.py|/__main__\.py", "plumbing"),
     (r"^(apps/points|plugins/particles)/", "points"),
     (r"^apps/texture/|^plugins/", "texture"),

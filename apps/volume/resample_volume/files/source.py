@@ -50,8 +50,6 @@ OWN = {  # suffixes of readers that are imported only for such files
 HINTS = {  # what to do with files of other kinds
     (".mat",): "save its array as .npy: scipy.io.loadmat and h5py read it",
     (".xdmf", ".xmf", ".pvd", ".exo", ".case", ".foam"): "save it as .vti or .vtu in ParaView",
-    (".vts", ".vtu", ".vtm", ".vthb"): "pip install hybrid-resample-cells has one",
-    (STORE, ".zarr.zip", ".ozx"): "pip install hybrid-resample-zarr has one",
     (".vsi", ".svs", ".scn", ".ndpi"): "save it as OME-TIFF: bioformats2raw and QuPath do",
     (".par", ".rec", ".img.gz", ".hdr.gz"): "save it as .nii.gz: nibabel reads it",
 }
@@ -176,7 +174,9 @@ def find_reader(path: str | Path) -> Reader:
         suffix = _suffix(path.name, readers)
     if not suffix:
         name = STORE if path.is_dir() and is_store(path) else path.name.lower()
-        hint = next((hint for ends, hint in HINTS.items() if name.endswith(ends)), "")
+        elsewhere = {ends: registry.missing("readers", reader) for reader, ends in OWN.items()}
+        hints = {ends: told for ends, told in elsewhere.items() if told} | HINTS
+        hint = next((hint for ends, hint in hints.items() if name.endswith(ends)), "")
         why = f"{path} is read by none of the readers; {hint}"
         if path.is_dir() and not hint:
             why = f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a "
