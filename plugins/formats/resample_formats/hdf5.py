@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import unit_of_length
-from resample.reading.arrays import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.limits import check_items
 from resample.reading.native import damage
 from resample_formats.axes import SPACE, LabelledAxis, lattice_of, recording_along
+from resample_formats.groups import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.data.values import require_memory

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from resample.reading.arrays import SIGNATURE, dataset_in, group_in
 from resample.reading.limits import check_unpacked
 from resample.reading.native import damage, lacking, plain
+from resample_formats.groups import SIGNATURE, dataset_in, group_in
 from resample_formats.hdf5 import contents
 from resample_volume.data.values import require_memory
 from resample_volume.files.headers import (
