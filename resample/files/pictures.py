@@ -340,10 +340,7 @@ def with_gaps(data: Floats, kind: Kind, about: FileMetadata) -> Floats:
 
 
 def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]:
-    """Where values are missing, per value or per pixel.
-
-    `data`: (H, W, C). `as_whole`: a pixel, (H, W, 1), is missing if all its values are.
-    """
+    """Where values (H, W, C) are missing: each, or pixels (H, W, 1) `as_whole`."""
     gaps: NDArray[np.bool] = np.isclose(
         data, data.dtype.type(missing), rtol=EVEN[data.dtype.itemsize], atol=0.0
     )
@@ -371,19 +368,15 @@ def _header(
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     is_encoded = file.encoding.is_encoded and (bits < 32 or form == "float32")
     kind = Kind(shown(names), bits, is_encoded)
-    if as_data and _is_number(form, names, about):
+    # Integers may be numbers, neither shades nor colors.
+    if about.geo is not None and form in ("uint8", "uint16"):
+        is_number = form == "uint16" or names != ("R", "G", "B")
+    elif len(names) > 3 and form in ("uint8", "uint16"):
+        is_number = shown(names) == names
+    else:
+        is_number = form in ("int8", "int16", "int32", "uint32")
+    if as_data and is_number and "A" not in names:
         kind, about = Kind(names, 32, is_encoded=False), about._replace(number=form)
     if encoding != "auto" or about.number:
         about = about._replace(assumed="")
     return Header(file.shape, kind, about, orientation, file.has_half_light)
-
-
-def _is_number(form: str, names: tuple[str, ...], about: FileMetadata) -> bool:
-    """Whether integers are numbers, neither shades nor colors."""
-    if "A" in names:
-        return False
-    if about.geo is not None and form in ("uint8", "uint16"):
-        return form == "uint16" or names != ("R", "G", "B")
-    if len(names) > 3 and form in ("uint8", "uint16"):
-        return shown(names) == names
-    return form in ("int8", "int16", "int32", "uint32")

@@ -68,26 +68,14 @@ Place = Path | Address
 
 
 def place_of(name: "str | PathLike[str] | Address") -> Place:
-    """Convert a name to a path or address.
-
-    Examples
-    --------
-    >>> place_of("s3://bucket/slide.zarr"), place_of("slide.zarr").name
-    (Address(url='s3://bucket/slide.zarr'), 'slide.zarr')
-    """
+    """Convert a name to a path or address."""
     if isinstance(name, Address):
         return name
     return Address(str(name)) if is_address(name) else Path(name)
 
 
 def is_address(name: object) -> bool:
-    """Whether a name is an address.
-
-    Examples
-    --------
-    >>> is_address("https://a.org/heart.ome.zarr"), is_address("heart.ome.zarr")
-    (True, False)
-    """
+    """Whether a name is an address."""
     scheme, colon, rest = str(name).partition("://")
     return bool(colon and rest) and scheme.lower() in SCHEMES
 

@@ -41,10 +41,7 @@ Curve = Callable[[Any], Any]
 
 
 def is_encoded(path: Path, spec: Any) -> bool:
-    """Whether integers are encoded for displays, rather than linear light.
-
-    8 bits of which nothing is said are; 16 bits are not.
-    """
+    """Whether integers are encoded for displays; without a word 8 bits are, and 16 are light."""
     coded = spec.getattribute("CICP")
     if coded is not None or spec.getattribute("ICCProfile") is not None:
         return coded is None or int(coded[1]) != LINEAR
