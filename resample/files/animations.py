@@ -163,22 +163,28 @@ def write_film(
     target = Path(os.path.realpath(path))
     write = None if target.is_dir() else _WRITERS.get(path.suffix.lower())
     kept = target if write is None else target.with_name(f".{target.name}.frames")
-    is_new = not kept.is_dir()
+    is_new, frames = not kept.is_dir(), [kept / FRAME.format(n) for n in range(shots.total)]
     kept.mkdir(exist_ok=True)
     with alone(kept, path):
         try:
-            _claim(kept, {"frames": shots.total, **shots.job}, resume)
+            # Record which animation the frames belong to; remove frames that do not.
+            facts, job = kept / FACTS, {"frames": shots.total, **shots.job}
+            if facts.is_file() and resume:
+                check_same(kept, facts_of(facts), json.loads(json.dumps(job)))
+            else:
+                for frame in kept.glob(FRAMES) if facts.is_file() else frames:
+                    frame.unlink(missing_ok=True)
+            write_json(facts, job)
         except OSError:
             if is_new:
                 kept.rmdir()
             raise
-        frames = [kept / name for name in _names(shots.total)]
         try:
             missing = (
                 n for n, frame in enumerate(frames) if not (_is_whole(frame) and shots.has_more(n))
             )
-            job = partial(_make_one, kept, shots.frame, executor is not None)
-            for n in shared_out(executor, job, missing):
+            make = partial(_make_one, kept, shots.frame, executor is not None)
+            for n in shared_out(executor, make, missing):
                 if progress is not None:  # not for frames of an earlier run, which take no time
                     progress((n + 1) / shots.total)
             if executor is not None:
@@ -234,24 +240,6 @@ def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: 
     with replacing(path) as temporary:
         Image.fromarray(levels).save(temporary)
     return n
-
-
-def _claim(folder: Path, job: Mapping[str, Any], resume: bool) -> None:
-    """Record which animation a folder's frames belong to; remove frames that do not."""
-    facts = folder / FACTS
-    if facts.is_file() and resume:
-        check_same(folder, facts_of(facts), json.loads(json.dumps(job)))
-    else:
-        own = (
-            folder.glob(FRAMES) if facts.is_file() else map(folder.joinpath, _names(job["frames"]))
-        )
-        for frame in own:
-            frame.unlink(missing_ok=True)
-    write_json(facts, job)
-
-
-def _names(count: int) -> list[str]:
-    return [FRAME.format(n) for n in range(count)]
 
 
 def facts_of(path: Path) -> dict[str, Any]:

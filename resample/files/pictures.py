@@ -241,7 +241,11 @@ class LoadablePicture:
         shape = (*header.shape[:2], len(channels))
         data = array_where_it_fits(shape, self.dtype, self.path.name)
         done, has_nans, has_gaps = 0, False, False
-        for strip in self._levels(file) if self.is_plain else self._strips(file):
+        strips: Iterator[NDArray[Any]] = self._strips(file)
+        if self.is_plain and file is not None:  # levels, in the order of the kind's channels
+            order = [file.encoding.names.index(name) for name in header.kind.channels]
+            strips = (strip[..., order] for strip in file.strips(file.form))
+        for strip in strips:
             data[done : done + len(strip)] = strip
             done += len(strip)
             if not self.is_plain:
@@ -272,12 +276,6 @@ class LoadablePicture:
         for each in filter(None, (lost, about.assumed)):
             assert isinstance(self.path, Path)  # stores say nothing of colors
             say_of(self.path, f"its {each}")
-
-    def _levels(self, file: PictureFile | None) -> Iterator[NDArray[Any]]:
-        """Levels of a file as stored, in the order of the kind's channels."""
-        assert file is not None
-        order = [file.encoding.names.index(name) for name in self.header.kind.channels]
-        return (strip[..., order] for strip in file.strips(file.form))
 
     def _strips(self, file: PictureFile | None) -> Iterator[Floats]:
         """Light, or numbers, in the stored orientation, from the top; alpha is last."""

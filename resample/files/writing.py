@@ -143,26 +143,22 @@ def beside(target: Path) -> Iterator[Path]:
         _tidied.add(target.parent)
         remove_left(target.parent)
     with ExitStack() as held:
-        temporary = target.with_name(_start_of(_locked(target, held)) + target.suffix)
+        while True:
+            owner = f"{_machine()}-{secrets.token_hex(4)}"
+            lock = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
+            held.callback(_remove, lock)  # first, as a signal may come as soon as there is the file
+            opened = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+            held.callback(os.close, opened)
+            try:
+                take_lock(opened, lock)
+            except BlockingIOError:  # a process that tidies up has just found it
+                continue
+            except OSError:  # a file system without locks, where nothing is tidied up
+                pass
+            break
+        temporary = target.with_name(_start_of(lock) + target.suffix)
         held.callback(_remove, temporary)
         yield temporary
-
-
-def _locked(target: Path, held: ExitStack) -> Path:
-    """New file beside a target that this process has locked, until `held` is closed."""
-    while True:
-        owner = f"{_machine()}-{secrets.token_hex(4)}"
-        lock = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
-        held.callback(_remove, lock)  # first, as a signal may come as soon as there is the file
-        opened = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
-        held.callback(os.close, opened)
-        try:
-            take_lock(opened, lock)
-        except BlockingIOError:  # a process that tidies up has just found it
-            continue
-        except OSError:  # a file system without locks, where nothing is tidied up
-            pass
-        return lock
 
 
 def _start_of(lock: Path) -> str:

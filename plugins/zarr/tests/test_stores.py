@@ -475,7 +475,7 @@ def test_times_channels_and_colors_come_back(rng):
     same(converted("a.npy"), open_recording("a.npy"))
     shutil.rmtree("b.ome.zarr")
     one = converted("a.npy", "--time", "1", "--channel", "0")
-    assert np.array_equal(one.values[0, 0], np.load("a.npy")[1, 0])
+    assert np.array_equal(one.values[0, 0], np.load("a.npy", allow_pickle=False)[1, 0])
     shutil.rmtree("b.ome.zarr")
     np.save("a.npy", rng.integers(0, 255, (5, 6, 7, 3)).astype(np.uint8))
     same(converted("a.npy"), open_recording("a.npy"))
