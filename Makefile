@@ -39,7 +39,7 @@ test-all: $(VENV)/.dev
 test-lowest: VERSIONS := --resolution lowest-direct
 test-prereleases: VERSIONS := --prerelease allow
 test-lowest test-prereleases: $(BIN)/uv
-	$(BIN)/uv pip install -q --python $(BIN)/python $(VERSIONS) -e '.[film,depth,dicom,vtk,vdb,view,notebook,las,hdf5,fits,neuro,e57]'
+	$(BIN)/uv pip install -q --python $(BIN)/python $(VERSIONS) -e '.[film,depth,dicom,vtk,view,notebook,las,e57]'
 	$(BIN)/uv pip install -q --python $(BIN)/python --group dev
 	$(PYTEST) -m "not sweep" $(ARGS)
 # What a first picture takes after `pip install` of the wheel, in an empty environment; ARGS="--without numba" leaves packages out.
@@ -125,7 +125,7 @@ $(VENV)/.docs: requirements/docs.txt $(VENV)/.dev
 lock: LOCK := $(BIN)/uv pip compile -q pyproject.toml --python-version 3.11 --universal --generate-hashes --no-header
 lock: | $(BIN)/uv
 	$(LOCK) -o requirements/run.txt
-	$(LOCK) --extra film --extra depth --extra dicom --extra vtk --extra vdb --extra peers --extra notebook --extra las --extra hdf5 --extra fits --extra neuro --extra e57 --group dev -c requirements/run.txt -o requirements/dev.txt
+	$(LOCK) --extra film --extra depth --extra dicom --extra vtk --extra peers --extra notebook --extra las --extra e57 --group dev -c requirements/run.txt -o requirements/dev.txt
 	$(LOCK) --group docs -c requirements/dev.txt -o requirements/docs.txt
 	$(subst pyproject.toml,--group build,$(LOCK)) -c requirements/dev.txt -o requirements/build.txt
 	$(subst pyproject.toml,--group audit,$(LOCK)) -o requirements/audit.txt

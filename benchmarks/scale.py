@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.sparse import Bubbles
 from resample.cameras.viewpoints import Orbit
 from resample.memory import GIB, bytes_of
-from resample_volume.files.zarr import RECENT
+from resample_zarr.volumes import RECENT
 
 if TYPE_CHECKING:
     from resample.types import Frame
@@ -92,9 +92,9 @@ def demonstrated(size: int, job: Job) -> bool:
 
 def generated(path: Path, size: int) -> None:
     """Write a sparse volume as OME-Zarr."""
-    from resample_volume.files.zarr import Single
-    from resample_volume.files.zarr_writing import Layered, write_store
     from resample_volume.types import Recording
+    from resample_zarr.volumes import Single
+    from resample_zarr.writing import Layered, write_store
 
     values: Any = Single(Bubbles(size).bricks())
     recording = Recording(values, np.ones(3), np.zeros(3), np.eye(3), f"bubbles {size}")

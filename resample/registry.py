@@ -39,6 +39,7 @@ GROUPS = (
     "readers",
     "reconstructions",
     "samples",
+    "stores",
     "views",
     "warps",
 )
@@ -54,10 +55,12 @@ ELSEWHERE = {
         "primitives": "ewa inflate",
         "warps": "ldi mcmillan mcmillan-zbuffer mesh opencv subsample",
     },
+    "hybrid-resample-formats": {"readers": "bioio cube fits hdf5 imaris mrc netcdf neuro vdb"},
     "hybrid-resample-labels": {"methods": "majority"},
     "hybrid-resample-meshes": {"commands": "texture.mesh", "pages": "texture.mesh"},
     "hybrid-resample-figures": {"commands": "texture.figures volume.figures warp3d.figures"},
     "hybrid-resample-particles": {"commands": "points.density", "pages": "points.density"},
+    "hybrid-resample-zarr": {"commands": "volume.convert", "readers": "zarr", "stores": "zarr"},
 }
 
 REQUIRED = inspect.Parameter.empty  # marks a parameter without a default

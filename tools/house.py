@@ -14,14 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
+PLUGINS = sorted(path.name for path in ROOT.glob("plugins/[a-z]*"))
 SOURCES = (
     *("resample", "apps/points", "apps/texture", "apps/volume", "apps/warp3d"),
-    *("plugins/cells/resample_cells", "plugins/chunks/resample_chunks"),
-    *("plugins/comparisons/resample_comparisons", "plugins/dropins/resample_dropins"),
-    "plugins/figures/resample_figures",
-    *("plugins/gradients/resample_gradients", "plugins/labels/resample_labels"),
-    "plugins/meshes/resample_meshes",
-    *("plugins/particles/resample_particles", "plugins/sky/resample_sky"),
+    *(f"plugins/{name}/resample_{name}" for name in PLUGINS),
 )
 MOST_LINES = 60  # of a function, without its docstring
 PARAMETERS = re.compile(r"^Parameters\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)

@@ -130,9 +130,8 @@ def made_by(
 ) -> tuple[Shots, Executor | None]:
     """Frames as worker processes make them, each after loading its own data; and the executor.
 
-    Workers of this machine may use as much memory as this process is allowed.
-
-    `crew`: workers; None: frames are made in this process.
+    Workers of this machine may use as much memory as this process. Without a crew frames are made
+    here.
     """
     if crew is None or read is None:
         return shots, None
@@ -164,21 +163,46 @@ def write_film(
     target = Path(os.path.realpath(path))
     write = None if target.is_dir() else _WRITERS.get(path.suffix.lower())
     kept = target if write is None else target.with_name(f".{target.name}.frames")
-    is_new = not kept.is_dir()
+    is_new, frames = not kept.is_dir(), [kept / FRAME.format(n) for n in range(shots.total)]
     kept.mkdir(exist_ok=True)
     with alone(kept, path):
         try:
-            _claim(kept, {"frames": shots.total, **shots.job}, resume)
+            # Record which animation the frames belong to; remove frames that do not.
+            facts, job = kept / FACTS, {"frames": shots.total, **shots.job}
+            if facts.is_file() and resume:
+                check_same(kept, facts_of(facts), json.loads(json.dumps(job)))
+            else:
+                for frame in kept.glob(FRAMES) if facts.is_file() else frames:
+                    frame.unlink(missing_ok=True)
+            write_json(facts, job)
         except OSError:
             if is_new:
                 kept.rmdir()
             raise
-        with _keeping_finished_frames(kept):
-            _make(kept, shots, progress, executor)
-            tell_empty(path, all(_is_even(kept / name) for name in _names(shots.total)))
+        try:
+            missing = (
+                n for n, frame in enumerate(frames) if not (_is_whole(frame) and shots.has_more(n))
+            )
+            make = partial(_make_one, kept, shots.frame, executor is not None)
+            for n in shared_out(executor, make, missing):
+                if progress is not None:  # not for frames of an earlier run, which take no time
+                    progress((n + 1) / shots.total)
+            if executor is not None:
+                remove_left(kept)
+            ends = (np.atleast_2d(image.getextrema()) for image in Stored(frames))
+            tell_empty(path, all(low == high for every in ends for low, high in every))
             if write is not None:
                 with replacing(target) as temporary:
-                    write(temporary, [kept / name for name in _names(shots.total)], fps)
+                    write(temporary, frames, fps)
+        except BaseException:
+            count = len(list(kept.glob(FRAMES)))
+            if count:
+                say(f"{count} frames are kept; run the same command with --resume to continue")
+            else:
+                (kept / FACTS).unlink(missing_ok=True)
+                with suppress(OSError):  # it holds other files
+                    kept.rmdir()
+            raise
         if write is not None:
             shutil.rmtree(kept)
 
@@ -205,29 +229,6 @@ def alone(folder: Path, path: Path) -> Iterator[None]:
         os.close(opened)
 
 
-def _make(folder: Path, shots: Shots, progress: Progress | None, executor: Executor | None) -> None:
-    """Make all frames that are missing in a folder."""
-    missing = (
-        n
-        for n, name in enumerate(_names(shots.total))
-        if not (_is_whole(folder / name) and shots.has_more(n))
-    )
-    job = partial(_make_one, folder, shots.frame, executor is not None)
-    for n in shared_out(executor, job, missing):
-        if progress is not None:  # not for frames of an earlier run, which take no time
-            progress((n + 1) / shots.total)
-    if executor is not None:
-        remove_left(folder)
-
-
-def _is_even(path: Path) -> bool:
-    """Whether a frame has one color."""
-    from PIL import Image
-
-    with Image.open(path) as image:
-        return all(low == high for low, high in np.atleast_2d(image.getextrema()))
-
-
 def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: int) -> int:
     """Make a frame and return its number."""
     from PIL import Image
@@ -239,40 +240,6 @@ def _make_one(folder: Path, frame: Callable[[int], Levels], by_others: bool, n: 
     with replacing(path) as temporary:
         Image.fromarray(levels).save(temporary)
     return n
-
-
-@contextmanager
-def _keeping_finished_frames(folder: Path) -> Iterator[None]:
-    """After an error, keep frames that are done; remove the folder if there are none."""
-    try:
-        yield
-    except BaseException:
-        count = len(list(folder.glob(FRAMES)))
-        if count:
-            say(f"{count} frames are kept; run the same command with --resume to continue")
-        else:
-            (folder / FACTS).unlink(missing_ok=True)
-            with suppress(OSError):  # it holds other files
-                folder.rmdir()
-        raise
-
-
-def _claim(folder: Path, job: Mapping[str, Any], resume: bool) -> None:
-    """Record which animation a folder's frames belong to; remove frames that do not."""
-    facts = folder / FACTS
-    if facts.is_file() and resume:
-        check_same(folder, facts_of(facts), json.loads(json.dumps(job)))
-    else:
-        own = (
-            folder.glob(FRAMES) if facts.is_file() else map(folder.joinpath, _names(job["frames"]))
-        )
-        for frame in own:
-            frame.unlink(missing_ok=True)
-    write_json(facts, job)
-
-
-def _names(count: int) -> list[str]:
-    return [FRAME.format(n) for n in range(count)]
 
 
 def facts_of(path: Path) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb, mapped, over
 from resample.console import Color, linear_color
 from resample.files.saving import screen_levels, tell_empty, write_frame
-from resample.files.stores.opening import Address, place_of
+from resample.files.stores import Address, place_of
 from resample.messages import check_kind, one_line, shortly
 from resample.showable import Behind, ChannelOrder, Showable
 from resample.types import Floats, Frame, Statistics
@@ -82,30 +82,31 @@ def picture_and_encoding(
                 f"{', '.join(map(str, given.dims))}"
             )
         array = np.asarray(given.transpose(rows, columns, *dims.values()).values)
+    elif isinstance(given, list | tuple) or hasattr(given, "__array__"):
+        try:
+            array = np.asanyarray(given)
+        except (ValueError, TypeError, RuntimeError) as error:
+            if isinstance(given, list | tuple):
+                uneven = f"lists of different lengths are not a {name}; give {TAKEN}"
+                raise ValueError(uneven) from None
+            # Tensors that have a gradient, or are on a device, say what to call.
+            raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
     else:
-        array = _array(given, name)
+        raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
     if array.dtype.kind not in kinds:
         numbers = "real or complex numbers" if "c" in kinds else "real numbers"
         raise TypeError(f"a {name} of {array.dtype}; its values must be {numbers}")
     return array, None
 
 
-def _array(given: Any, name: str) -> NDArray[Any]:
-    if not (isinstance(given, list | tuple) or hasattr(given, "__array__")):
-        raise TypeError(f"a {name} of {type(given).__name__}; give {TAKEN}")
-    try:
-        return np.asanyarray(given)
-    except (ValueError, TypeError, RuntimeError) as error:
-        if isinstance(given, list | tuple):
-            raise ValueError(f"lists of different lengths are not a {name}; give {TAKEN}") from None
-        # Tensors that have a gradient, or are on a device, say what to call.
-        raise TypeError(f"a {name} of {type(given).__name__}: {one_line(error)}") from None
-
-
 def save(result: Any, path: str | Path, *, bits: int, background: Behind) -> None:
     """Write a result; see `resample.showable.Showable.save`."""
     check_kind("path", path, str | PathLike, "a text or a pathlib.Path")
-    frame = result if isinstance(result, Frame) else _as_frame(result)
+    frame = result
+    if not isinstance(result, Frame):
+        light, coverage = light_of(result), np.asarray(result.coverage, np.float32)
+        depth = getattr(result, "depth", np.full(light.shape[:2], np.inf, np.float32))
+        frame = Frame(light, depth, depth, coverage, Statistics(0, 0, 0, 0, 1, {}))
     write_frame(Path(path), frame, bits, _behind(background))
     tell_empty(Path(path), not frame.coverage.any())
 
@@ -205,14 +206,6 @@ def light_of(result: Any) -> Floats:
     if not getattr(result, "is_premultiplied", True):
         values = values * coverage
     return np.concatenate([values, coverage], axis=2)
-
-
-def _as_frame(result: Any) -> Frame[Any]:
-    """Convert a warped picture to a frame, to be written."""
-    light = light_of(result)
-    depth = getattr(result, "depth", np.full(light.shape[:2], np.inf, np.float32))
-    coverage = np.asarray(result.coverage, np.float32)
-    return Frame(light, depth, depth, coverage, Statistics(0, 0, 0, 0, 1, {}))
 
 
 def _false_colors(result: Any, of: str) -> Floats:

@@ -119,11 +119,7 @@ def new_film(path: Path) -> Iterator["OutputContainer"]:
 def new_stream(
     film: "OutputContainer", fps: float, size: tuple[int, int], coding: FilmCoding = PLAIN
 ) -> Any:
-    """Add a video stream to a film.
-
-    `size`: height and width, px. Codecs store one color per 2 × 2 pixels, so sides are rounded to
-    even.
-    """
+    """Add a video stream of a size (height, width) to a film; codecs want sides to be even."""
     from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 
     rate = Fraction(fps).limit_denominator(1001)
@@ -183,10 +179,7 @@ def other_tracks(
 
 
 def _remade(packet: Any, track: Any, turned: Any, start: float) -> list[Any]:
-    """Return a packet for another film that begins at a time of its own, s.
-
-    `turned`: resampler of sound that is encoded anew; what is damaged of it is left out.
-    """
+    """Packets for another film that begins at a time of its own, s; `turned` resamples sound."""
     import av
 
     is_last = packet.dts is None
@@ -257,10 +250,7 @@ UNMARKED = StereoMarks()
 
 
 def mark_stereo(path: Path, marks: StereoMarks) -> None:
-    """Add the boxes of two eyes to the video of an MP4 file, which begins with its tables.
-
-    Raises ValueError: the file's tables do not lie before its pictures.
-    """
+    """Add the boxes of two eyes to the video of an MP4 file, which begins with its tables."""
     added = marks.boxes()
     with path.open("r+b") as file:
         found = [box for box in _boxes_in(file.read(1 << 16), 0) if box[0] == b"moov"]

@@ -13,7 +13,7 @@ from resample.files.films import FORMATS
 from resample.files.metadata.colors import converted
 from resample.files.metadata.fields import AS_FLOATS, JPEG, PROFILE_SPACES, TIFF, FileMetadata
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.opening import STORE
+from resample.files.stores import STORE, store_format
 from resample.types import Floats
 
 SUFFIXES = (".png", ".exr", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -41,12 +41,13 @@ def check_output(path: Path, look: WriteOptions) -> None:
         raise ValueError(f"{path}: pictures are written as {known} or {STORE}")
     if suffix in BY_PILLOW and not can_be_written(suffix):
         raise ValueError(f"{path}: the installed Pillow cannot write it; take .png or .jpg")
-    if look.quality is not None:
-        _check_quality(path, look.quality)
+    if look.quality == NO_LOSS and suffix in QUALITY and suffix != ".webp":
+        raise ValueError(f"{path}: {suffix} is never {NO_LOSS}; take .png or .webp")
+    if look.quality not in (None, NO_LOSS) and suffix not in QUALITY:
+        known = ", ".join(QUALITY)
+        raise ValueError(f"{path}: {suffix} has no quality, {known} have; leave it out")
     if suffix == STORE:
-        from resample.files.chunked import check_store
-
-        check_store(path)
+        store_format(path).check_store(path)
     if look.bits is not None and look.bits not in _depths(suffix):
         allowed = " or ".join(map(str, _depths(suffix)))
         raise ValueError(f"{path}: {suffix} has {allowed} bits per channel, not {look.bits}")
@@ -62,15 +63,6 @@ def can_be_written(suffix: str) -> bool:
     from PIL import features
 
     return suffix in BY_PILLOW and BY_PILLOW[suffix] in features.get_supported()
-
-
-def _check_quality(path: Path, quality: int | str) -> None:
-    suffix = path.suffix.lower()
-    if quality == NO_LOSS and suffix in QUALITY and suffix != ".webp":
-        raise ValueError(f"{path}: {suffix} is never {NO_LOSS}; take .png or .webp")
-    if quality != NO_LOSS and suffix not in QUALITY:
-        known = ", ".join(QUALITY)
-        raise ValueError(f"{path}: {suffix} has no quality, {known} have; leave it out")
 
 
 def flattened(picture: Picture, background: Color) -> Picture:
@@ -181,10 +173,7 @@ def tell_colors(path: Path, about: FileMetadata, *, is_guessed: bool) -> None:
 def _with_colors(
     path: Path, picture: Picture, about: FileMetadata, *, is_same: bool
 ) -> FileMetadata:
-    """Metadata with what a file can store of the colors; `colors` is what it cannot.
-
-    `is_same`: values are encoded, or linear, as in the source.
-    """
+    """Metadata with what a file can store of the colors; `colors` is what it cannot."""
     suffix, count = path.suffix.lower(), len(picture.kind.channels) - picture.kind.has_alpha
     colors = PROFILE_SPACES.get(about.profile[16:20], 0)
     is_held = is_same and suffix != ".exr" and colors == (3 if suffix in BY_PILLOW else count)
@@ -232,7 +221,9 @@ def _form(suffix: str, kind: Kind, about: FileMetadata, look: WriteOptions) -> s
     """Type of a file's values."""
     if about.number and suffix != ".exr" and look.bits != 32:
         return about.number
-    bits = look.bits or _bits(suffix, kind.bits)
+    depths = _depths(suffix)
+    nearest = min(depths) if suffix == ".png" else max(depths)
+    bits = look.bits or (kind.bits if kind.bits in depths else nearest)
     return {8: "uint8", 16: "uint16", 32: "float32"}[bits]
 
 
@@ -240,14 +231,6 @@ def _depths(suffix: str) -> tuple[int, ...]:
     if suffix in QUALITY:
         return (8,)
     return {".png": (8, 16), ".exr": (32,)}.get(suffix, (8, 16, 32))
-
-
-def _bits(suffix: str, source: int) -> int:
-    """Bit depth of a format for a source of a bit depth."""
-    depths = _depths(suffix)
-    if source in depths:
-        return source
-    return min(depths) if suffix == ".png" else max(depths)
 
 
 def coverage_picture(coverage: Floats) -> Picture:
@@ -319,21 +302,15 @@ def fits(missing: float | None, form: str) -> bool:
 def with_word(
     data: NDArray[Any], values: Floats, missing: float, *, as_whole: bool
 ) -> NDArray[Any]:
-    """Replace missing values by their marker, and move other values off it.
-
-    `data`: (H, W, C) as stored.
-    """
+    """Replace missing values (H, W, C) by their marker, and move other values off it."""
     gap, word = np.isnan(values), data.dtype.type(missing)
     taken = ~gap & (data == word)
     if as_whole:
         taken &= taken.all(axis=2, keepdims=True)
     if not gap.any() and not taken.any():
         return data
-    return np.where(gap, word, np.where(taken, _neighbour(word), data))
-
-
-def _neighbour(word: Any) -> Any:
-    """Adjacent value of a marker."""
     if word.dtype.kind == "f":
-        return np.nextafter(word, np.float32(0.0 if word else 1.0))
-    return word - 1 if word == np.iinfo(word.dtype).max else word + 1
+        beside = np.nextafter(word, np.float32(0.0 if word else 1.0))
+    else:
+        beside = word - 1 if word == np.iinfo(word.dtype).max else word + 1
+    return np.where(gap, word, np.where(taken, beside, data))

@@ -183,8 +183,6 @@ class BufferedJpeg:
 
     If the system has no in-memory files (other than Linux) or limits the size of files, it is
     rejected beforehand if it might not fit.
-
-    `path`: existing file to write to. `spec`: OpenImageIO header of the picture.
     """
 
     def __init__(self, path: Path, spec: Any) -> None:
@@ -197,7 +195,13 @@ class BufferedJpeg:
         # Reject a file that might not fit.
         told = sum(np.asarray(attribute.value).nbytes for attribute in spec.extra_attribs)
         values = int(spec.width) * int(spec.height) * int(spec.nchannels)
-        most, limit = MOST_BYTES * values + told + HEAD, _limit()
+        most = MOST_BYTES * values + told + HEAD
+        limit = None  # of the size of files of this process, in memory too
+        with suppress(ImportError):  # on Windows
+            import resource
+
+            limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+            limit = None if limit == resource.RLIM_INFINITY else limit
         if limit is not None and most > limit:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
         if memory is None and shutil.disk_usage(path.parent).free < most:
@@ -247,11 +251,7 @@ class BufferedJpeg:
 
 
 class PillowOutput:
-    """Output for formats of Pillow, with the methods of OpenImageIO's; encodes when it is closed.
-
-    `path`: file to write to. `spec`: OpenImageIO header of the picture. `choices`: options of
-    `PIL.Image.Image.save`.
-    """
+    """Output for formats of Pillow, with the methods of OpenImageIO's; encodes when closed."""
 
     has_error = False
 
@@ -298,13 +298,3 @@ def _memory() -> int | None:
 
 def _name(memory: int) -> str:
     return f"/proc/self/fd/{memory}"
-
-
-def _limit() -> int | None:
-    """Limit on the size of files of this process, in memory too; None if there is none."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return None
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    return None if limit == resource.RLIM_INFINITY else limit

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,19 @@ from resample.files.metadata.fields import (
     upright,
 )
 from resample.files.metadata.tags import moved
-from resample.files.stores.opening import Address, Place, place_of
+from resample.files.stores import (
+    Address,
+    Part,
+    Place,
+    StoredPicture,
+    is_in_store,
+    place_of,
+    store_format,
+)
 from resample.memory import require_memory
 from resample.memory.mapped import array_where_it_fits
 from resample.reading.pictures import check_honest, check_picture
 from resample.types import Doubles, Floats
-
-if TYPE_CHECKING:
-    from resample.files.chunked import Part, StoredPicture
 
 BYTES_PER_VALUE = 20  # bytes per value of a source and its copies while it is read and processed
 FORMS = {  # OpenImageIO's integer types
@@ -133,7 +138,7 @@ class LoadablePicture:
     page: int
     header: Header
     as_data: bool  # see `read_picture`
-    stored: "StoredPicture | None"  # of zarr
+    stored: StoredPicture | None  # of zarr
     encoding: str = "auto"  # see `open_file`
 
     @property
@@ -222,7 +227,7 @@ class LoadablePicture:
         matrix = whole @ np.diag([times, times, 1.0]) @ np.linalg.inv(part)
         return Picture(turned, kind, self.header.upright_about), matrix
 
-    def load(self, seen: "Part | None" = None) -> LoadedPicture:
+    def load(self, seen: Part | None = None) -> LoadedPicture:
         """Read the picture as `read_picture` does, but keep the stored form if it is smaller.
 
         Large arrays are kept in a file, see `array_where_it_fits`.
@@ -236,7 +241,11 @@ class LoadablePicture:
         shape = (*header.shape[:2], len(channels))
         data = array_where_it_fits(shape, self.dtype, self.path.name)
         done, has_nans, has_gaps = 0, False, False
-        for strip in self._levels(file) if self.is_plain else self._strips(file):
+        strips: Iterator[NDArray[Any]] = self._strips(file)
+        if self.is_plain and file is not None:  # levels, in the order of the kind's channels
+            order = [file.encoding.names.index(name) for name in header.kind.channels]
+            strips = (strip[..., order] for strip in file.strips(file.form))
+        for strip in strips:
             data[done : done + len(strip)] = strip
             done += len(strip)
             if not self.is_plain:
@@ -268,12 +277,6 @@ class LoadablePicture:
             assert isinstance(self.path, Path)  # stores say nothing of colors
             say_of(self.path, f"its {each}")
 
-    def _levels(self, file: PictureFile | None) -> Iterator[NDArray[Any]]:
-        """Levels of a file as stored, in the order of the kind's channels."""
-        assert file is not None
-        order = [file.encoding.names.index(name) for name in self.header.kind.channels]
-        return (strip[..., order] for strip in file.strips(file.form))
-
     def _strips(self, file: PictureFile | None) -> Iterator[Floats]:
         """Light, or numbers, in the stored orientation, from the top; alpha is last."""
         kind, about = self.header.kind, self.header.about
@@ -299,10 +302,7 @@ def picture_at(
     path: Place, page: int = 0, *, as_data: bool = True, encoding: str = "auto"
 ) -> LoadablePicture:
     """Read a picture's header; parameters and errors as in `read_picture`."""
-    from resample.files.chunked import is_in_store, open_picture
-
-    is_stored = isinstance(path, Address) or is_in_store(path)
-    stored = open_picture(path) if is_stored else None
+    stored = store_format(path).open_picture(path) if is_in_store(path) else None
     header = _header(path, page, stored, as_data=as_data, encoding=encoding)
     return LoadablePicture(path, page, header, as_data, stored, encoding)
 
@@ -338,10 +338,7 @@ def with_gaps(data: Floats, kind: Kind, about: FileMetadata) -> Floats:
 
 
 def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]:
-    """Where values are missing, per value or per pixel.
-
-    `data`: (H, W, C). `as_whole`: a pixel, (H, W, 1), is missing if all its values are.
-    """
+    """Where values (H, W, C) are missing: each, or pixels (H, W, 1) `as_whole`."""
     gaps: NDArray[np.bool] = np.isclose(
         data, data.dtype.type(missing), rtol=EVEN[data.dtype.itemsize], atol=0.0
     )
@@ -349,7 +346,7 @@ def gaps_of(data: Floats, missing: float, *, as_whole: bool) -> NDArray[np.bool]
 
 
 def _header(
-    path: Place, page: int, stored: "StoredPicture | None", *, as_data: bool, encoding: str
+    path: Place, page: int, stored: StoredPicture | None, *, as_data: bool, encoding: str
 ) -> Header:
     if stored is not None:
         is_encoded = stored.bits == 8 if encoding == "auto" else encoding == "srgb"
@@ -369,19 +366,15 @@ def _header(
     bits = {"uint8": 8, "uint16": 16}.get(form, 32)
     is_encoded = file.encoding.is_encoded and (bits < 32 or form == "float32")
     kind = Kind(shown(names), bits, is_encoded)
-    if as_data and _is_number(form, names, about):
+    # Integers may be numbers, neither shades nor colors.
+    if about.geo is not None and form in ("uint8", "uint16"):
+        is_number = form == "uint16" or names != ("R", "G", "B")
+    elif len(names) > 3 and form in ("uint8", "uint16"):
+        is_number = shown(names) == names
+    else:
+        is_number = form in ("int8", "int16", "int32", "uint32")
+    if as_data and is_number and "A" not in names:
         kind, about = Kind(names, 32, is_encoded=False), about._replace(number=form)
     if encoding != "auto" or about.number:
         about = about._replace(assumed="")
     return Header(file.shape, kind, about, orientation, file.has_half_light)
-
-
-def _is_number(form: str, names: tuple[str, ...], about: FileMetadata) -> bool:
-    """Whether integers are numbers, neither shades nor colors."""
-    if "A" in names:
-        return False
-    if about.geo is not None and form in ("uint8", "uint16"):
-        return form == "uint16" or names != ("R", "G", "B")
-    if len(names) > 3 and form in ("uint8", "uint16"):
-        return shown(names) == names
-    return form in ("int8", "int16", "int32", "uint32")

@@ -28,11 +28,7 @@ class WrongFileError(ValueError):
 
 
 def download(url: str, target: Path, size: int, digest: str) -> None:
-    """Download a file with a known checksum, unless it exists.
-
-    `size`: its size in bytes. Longer responses are cut. `digest`: SHA-256 or SHA-512 of its
-    content, as hexadecimal digits.
-    """
+    """Download a file of a size in bytes and a digest (SHA-256 or SHA-512), unless it exists."""
     if target.is_file() and _digest(target, digest) == digest:
         return
     target.parent.mkdir(parents=True, exist_ok=True)

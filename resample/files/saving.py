@@ -33,7 +33,7 @@ from resample.files.metadata.fields import (
 )
 from resample.files.metadata.tags import state
 from resample.files.pictures import Kind, Picture
-from resample.files.stores.opening import STORE
+from resample.files.stores import STORE, store_format
 from resample.files.writing import INCOMPLETE, check_end, refused, replacing
 from resample.reading.native import plain
 from resample.reading.pictures import complaint_of, opened
@@ -117,10 +117,7 @@ def _color(background: Background | None) -> Color | None:
 def screen_levels(
     rgba: Floats, bits: int = 8, background: Background | None = None
 ) -> NDArray[Any]:
-    """Convert to sRGB levels, (H, W, 4) with straight alpha, or (H, W, 3) over a background.
-
-    Parameters as of `write_png`.
-    """
+    """Convert to sRGB levels, (H, W, 4) with straight alpha, or (H, W, 3) over a background."""
     pixels = rgba if background is None else over(rgba, background)
     return levels(pixels, f"uint{bits}", has_alpha=background is None, is_light=True)
 
@@ -139,10 +136,7 @@ def write_exr(path: str | Path, frame: Frame[Any]) -> None:
 
 
 def write_picture(path: Path, picture: Picture, look: WriteOptions) -> None:
-    """Write a picture in the format of its suffix.
-
-    `picture`: EXR and float TIFF store it unchanged; integers are straight and sRGB-encoded.
-    """
+    """Write a picture in the format of its suffix."""
     write_pages(path, [picture], look)
 
 
@@ -168,13 +162,10 @@ def write_pages(path: Path, pictures: Iterable[Picture], look: WriteOptions) -> 
 def writing_rows(path: Path, height: int, look: WriteOptions) -> Iterator[Put]:
     """Write a picture of `height` rows; the file appears when the block succeeds.
 
-    Yields: the function that takes the picture's rows from the top, any number at a time, always
-    with the same channels.
+    Yields the function that takes rows from the top, any number at a time.
     """
     if path.suffix.lower() == STORE:
-        from resample.files.chunked import writing_store
-
-        with writing_store(path, height) as store:
+        with store_format(path).writing_store(path, height) as store:
             yield lambda picture: store.put(page_of(path, picture, look).data)
         return
     with replacing(path) as temporary:
@@ -359,9 +350,11 @@ def write_deep(path: Path, slabs: Iterable[DepthSlab]) -> None:
     """Write slabs of one size from front to back; empty pixels get no sample."""
     check_deep(path)
     parts, shape = [], (0, 0)
-    for slab in slabs:
-        shape = slab.rgba.shape[:2]
-        parts.append(_part(slab))
+    for near, far, picture in slabs:
+        shape, rgba = picture.shape[:2], picture.reshape(-1, 4)
+        pixel = np.flatnonzero((rgba != 0).any(axis=1))
+        ends = np.broadcast_to(np.array([near, far], np.float32), (pixel.size, 2))
+        parts.append((pixel, np.hstack([rgba[pixel], ends]).astype(np.float32)))
     if not parts:
         raise ValueError(f"{path}: a deep picture has one slab or more")
     with replacing(path) as temporary:
@@ -370,25 +363,13 @@ def write_deep(path: Path, slabs: Iterable[DepthSlab]) -> None:
         if not went_well or target.has_error:
             raise refused(path, temporary, complaint_of(target))
         try:
-            _check(temporary)
+            source = opened(temporary)
+            is_whole = source.read_native_deep_image() is not None and not source.geterror()
+            source.close()
         except OSError:
-            raise refused(path, temporary, INCOMPLETE) from None
-
-
-def _check(path: Path) -> None:
-    """Read a deep picture; an OSError if it is incomplete."""
-    source = opened(path)
-    data = source.read_native_deep_image()
-    if data is None or source.geterror():
-        raise OSError(f"{path} is damaged")
-    source.close()
-
-
-def _part(slab: DepthSlab) -> _PixelPart:
-    rgba = slab.rgba.reshape(-1, 4)
-    pixel = np.flatnonzero((rgba != 0).any(axis=1))
-    ends = np.broadcast_to(np.array([slab.near, slab.far], np.float32), (pixel.size, 2))
-    return pixel, np.hstack([rgba[pixel], ends]).astype(np.float32)
+            is_whole = False
+        if not is_whole:
+            raise refused(path, temporary, INCOMPLETE)
 
 
 def _spec(shape: tuple[int, ...]) -> Any:

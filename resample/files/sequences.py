@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from resample.colors import from_srgb
 from resample.console import say, say_of
 from resample.files.animations import FACTS, Stored, alone, check_same, facts_of
-from resample.files.chunked import is_in_store
 from resample.files.films import (
     FORMATS,
     FRAME_BYTES,
@@ -46,10 +45,10 @@ from resample.files.formats import (
 )
 from resample.files.metadata.colors import coded_colors, is_srgb, stretched
 from resample.files.metadata.fields import TIFF, page_tags
-from resample.files.metadata.tags import Directory, Tag, is_animated_png
+from resample.files.metadata.tags import Tag, is_animated_png
 from resample.files.pictures import Kind, Picture, read_picture
 from resample.files.saving import write_pages
-from resample.files.stores.opening import STORE, Address, Place
+from resample.files.stores import STORE, Address, Place, is_in_store
 from resample.files.writing import replacing, write_json
 from resample.memory import return_freed_memory
 from resample.reading.limits import check_animation, check_unpacked
@@ -115,23 +114,26 @@ class Frames(NamedTuple):
 
 def frames_of(path: Place, encoding: str = "auto") -> Frames | None:
     """Pictures of a file with several; None if it has one or is not a picture."""
-    found = _frames_of(path, encoding)
-    if found is not None and found.pages is None and encoding == "linear":
-        raise ValueError(f"{path}: films and animations are sRGB; leave out the encoding linear")
-    return found
-
-
-def _frames_of(path: Place, encoding: str) -> Frames | None:
     if isinstance(path, Address) or is_in_store(path) or not path.is_file():
         return None
-    suffix = path.suffix.lower()
+    suffix, found = path.suffix.lower(), None
     if suffix in FILMS:
-        return _film(path)
-    if suffix in ANIMATED and (suffix not in (".png", ".apng") or is_animated_png(path)):
+        found = _film(path)
+    elif suffix in ANIMATED and (suffix not in (".png", ".apng") or is_animated_png(path)):
         seconds, plays = _animated_times(path)
-        return Frames(path, seconds, plays=plays) if len(seconds) > 1 else None
-    pages = _pages(path, page_tags(path)) if suffix in TIFF else ()
-    return Frames(path, (USUAL,) * len(pages), pages, encoding) if len(pages) > 1 else None
+        found = Frames(path, seconds, plays=plays) if len(seconds) > 1 else None
+    elif suffix in TIFF:
+        # Directories that are pictures: neither reduced copies nor masks.
+        kinds = [page.get(SUBFILE) for page in page_tags(path)]
+        bits = [int(kind.values[0]) if isinstance(kind, Tag) else 0 for kind in kinds]
+        if any(bit & MASK for bit in bits):
+            say(f"{path.name}: its masks are ignored")
+        pages = tuple(n for n, bit in enumerate(bits) if not bit & (SMALLER | MASK))
+        if len(pages) > 1:
+            return Frames(path, (USUAL,) * len(pages), pages, encoding)
+    if found is not None and encoding == "linear":
+        raise ValueError(f"{path}: films and animations are sRGB; leave out the encoding linear")
+    return found
 
 
 def check_frames(path: Path, frames: Frames, look: WriteOptions) -> None:
@@ -168,15 +170,6 @@ def write_frames(path: Path, pictures: Iterable[Picture], film: Frames, look: Wr
                 mux_beside(made, encoded(made, shades, film.seconds), film)
         else:
             _ANIMATED[suffix](temporary, shades, seconds, film.plays)
-
-
-def _pages(path: Path, pages: Sequence[Directory]) -> tuple[int, ...]:
-    """TIFF directories that are pictures: neither reduced copies nor masks."""
-    kinds = [page.get(SUBFILE) for page in pages]
-    bits = [int(kind.values[0]) if isinstance(kind, Tag) else 0 for kind in kinds]
-    if any(bit & MASK for bit in bits):
-        say(f"{path.name}: its masks are ignored")
-    return tuple(n for n, bit in enumerate(bits) if not bit & (SMALLER | MASK))
 
 
 def _animated_times(path: Path) -> tuple[tuple[float, ...], int]:
@@ -257,8 +250,11 @@ def _film(path: Path) -> Frames:
 
 def _film_frames(path: Path, begin: float = 0.0) -> Iterator[Picture]:
     """Pictures of a film that are shown `begin` seconds after its first one, or later."""
+    from av.video.reformatter import Colorspace
+
     from resample.engine.jit import workers
 
+    known = {int(space) for space in (Colorspace.ITU709, Colorspace.ITU601, Colorspace.SMPTE240M)}
     with opened_film(path) as film:
         stream = film.streams.video[0]
         stream.thread_type, stream.codec_context.thread_count = "AUTO", workers()
@@ -273,18 +269,11 @@ def _film_frames(path: Path, begin: float = 0.0) -> Iterator[Picture]:
             has_alpha = any(part.is_alpha for part in frame.format.components)
             is_deep = not has_alpha and any(part.bits > 8 for part in frame.format.components)
             form = "rgba" if has_alpha else "rgb48le" if is_deep else "rgb24"
-            levels = frame.to_ndarray(format=form, **_colors_of(frame))
+            # Large frames that do not state their color coding use that of HDTV.
+            coding: Any = Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601
+            coding = int(frame.colorspace) if int(frame.colorspace) in known else coding
+            levels = frame.to_ndarray(format=form, src_colorspace=coding)
             yield _shades(np.rot90(levels, round(frame.rotation / 90.0)))
-
-
-def _colors_of(frame: Any) -> dict[str, Any]:
-    """Color coding of a frame that does not state it: large frames use that of HDTV."""
-    from av.video.reformatter import Colorspace
-
-    known = {int(space) for space in (Colorspace.ITU709, Colorspace.ITU601, Colorspace.SMPTE240M)}
-    if int(frame.colorspace) in known:
-        return {"src_colorspace": int(frame.colorspace)}
-    return {"src_colorspace": Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601}
 
 
 def shades_of(
@@ -295,21 +284,17 @@ def shades_of(
         shown = as_srgb(picture) if look.in_srgb else picture
         if n == 0:
             tell_colors(path, shown.about, is_guessed=look.is_light)
-        yield _screen(path, shown, look, is_deep=is_deep)
-
-
-def _screen(path: Path, picture: Picture, look: WriteOptions, *, is_deep: bool) -> NDArray[Any]:
-    is_opaque = path.suffix.lower() in FORMATS and picture.kind.has_alpha
-    if look.background is not None or is_opaque:
-        picture = flattened(picture, look.background or (0.0, 0.0, 0.0))
-    colors = len(picture.kind.channels) - picture.kind.has_alpha
-    if colors not in (1, 3) or picture.about.number:
-        raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
-    form = "uint16" if is_deep else "uint8"
-    shades = levels(picture.data, form, has_alpha=picture.kind.has_alpha, is_light=look.is_light)
-    if colors == 1:
-        shades = shades[..., [0, 0, 0, 1][: 3 + picture.kind.has_alpha]]
-    return np.ascontiguousarray(shades, form)
+        is_opaque = path.suffix.lower() in FORMATS and shown.kind.has_alpha
+        if look.background is not None or is_opaque:
+            shown = flattened(shown, look.background or (0.0, 0.0, 0.0))
+        has_alpha = shown.kind.has_alpha
+        colors, form = len(shown.kind.channels) - has_alpha, "uint16" if is_deep else "uint8"
+        if colors not in (1, 3) or shown.about.number:
+            raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
+        shades = levels(shown.data, form, has_alpha=has_alpha, is_light=look.is_light)
+        if colors == 1:
+            shades = shades[..., [0, 0, 0, 1][: 3 + has_alpha]]
+        yield np.ascontiguousarray(shades, form)
 
 
 def _write_gif(
@@ -325,16 +310,15 @@ def _write_gif(
 def _write_webp(
     path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float], plays: int
 ) -> None:
-    """Write an animated WebP.
+    """Write an animated WebP."""
+    from PIL import Image
 
-    The encoder crops the transparent border of a frame, and then may flag the file as opaque.
-    """
     clear = []
 
     def images() -> Iterator[Any]:
         for frame in frames:
-            clear.append(frame.shape[2] == 4)
-            yield _image(frame)
+            clear.append(frame.shape[2] == 4)  # clear borders are cropped: the file may say opaque
+            yield Image.fromarray(frame)
 
     times, all_images = [round(1000.0 * second) for second in seconds], images()
     choices = {"duration": times, "quality": 90}
@@ -351,22 +335,18 @@ def _write_apng(
     path: Path, frames: Iterable[NDArray[np.uint8]], seconds: Sequence[float], plays: int
 ) -> None:
     """Write an animated PNG; Pillow iterates over the frames twice."""
+    from PIL import Image
+
     with TemporaryDirectory() as folder:
         kept = []
         for n, levels in enumerate(frames):
             kept.append(Path(folder) / f"{n}.png")
-            _image(levels).save(kept[-1], compress_level=1)
+            Image.fromarray(levels).save(kept[-1], compress_level=1)
         times = [1000.0 * second for second in seconds]
         stored = Stored(kept)
         first, others = next(iter(stored)), Stored(kept[1:])
         choices = {"duration": times, "disposal": 1, "blend": 0}
         first.save(path, format="PNG", save_all=True, loop=plays, append_images=others, **choices)
-
-
-def _image(levels: NDArray[np.uint8]) -> Any:
-    from PIL import Image
-
-    return Image.fromarray(levels)
 
 
 def _with_palette(levels: NDArray[np.uint8]) -> Any:
@@ -412,10 +392,7 @@ def encoded(
 
 
 def mux_beside(film: Any, packets: Iterable[tuple[float, Any]], source: Frames) -> None:
-    """Mux the pictures of a new film, beside the sound and subtitles of the one it is made of.
-
-    Sound goes beside the pictures that it is heard with; it ends with the last one.
-    """
+    """Mux the pictures of a new film, beside the sound that is heard with them, and subtitles."""
     beside: Iterator[tuple[float, Any]] = iter(())
     waiting = None
     for n, (shown, made) in enumerate(packets):
@@ -428,12 +405,7 @@ def mux_beside(film: Any, packets: Iterable[tuple[float, Any]], source: Frames) 
             waiting = next(beside, None)
 
 
-_ANIMATED = {
-    ".gif": _write_gif,
-    ".webp": _write_webp,
-    ".apng": _write_apng,
-    ".png": _write_apng,
-}
+_ANIMATED = {".gif": _write_gif, ".webp": _write_webp, ".apng": _write_apng, ".png": _write_apng}
 
 
 def is_batch(images: Sequence[Place], output: Path) -> bool:
@@ -470,7 +442,19 @@ def batch_of(images: Sequence[Place], output: Path) -> list[tuple[Place, Path]]:
 
 def files_of(images: Sequence[Place]) -> list[Place]:
     """Expand folders and patterns to files."""
-    found = list(dict.fromkeys(file for image in images for file in _files(image)))
+    every: list[Place] = []
+    for path in images:
+        if isinstance(path, Address) or is_in_store(path):
+            every.append(path)
+        elif path.is_dir():
+            inside = [file for file in sorted(path.iterdir()) if file.suffix.lower() in READ]
+            every += [one for one in inside if one.is_file() and not one.name.startswith(".")]
+        elif _is_pattern(path):
+            matches = sorted(map(Path, glob.glob(str(path), recursive=True)))
+            every += [file for file in matches if file.is_file()]
+        else:
+            every.append(path)
+    found = list(dict.fromkeys(every))
     if not found:
         raise ValueError(
             f"{', '.join(map(str, images))}: no pictures found; give files, a folder "
@@ -481,19 +465,6 @@ def files_of(images: Sequence[Place]) -> list[Place]:
 
 def _is_pattern(path: Path) -> bool:
     return not path.exists() and glob.has_magic(str(path))
-
-
-def _files(path: Place) -> Iterator[Place]:
-    if isinstance(path, Address) or is_in_store(path):
-        yield path
-    elif path.is_dir():
-        found = (file for file in sorted(path.iterdir()) if file.suffix.lower() in READ)
-        yield from (file for file in found if file.is_file() and not file.name.startswith("."))
-    elif _is_pattern(path):
-        matches = sorted(map(Path, glob.glob(str(path), recursive=True)))
-        yield from (file for file in matches if file.is_file())
-    else:
-        yield path
 
 
 def _name(source: Place, pattern: str | None) -> str:
@@ -553,7 +524,11 @@ def write_in_parts(
                         made.mux(packets)
                 return_freed_memory()  # encoders leave gaps between what stays
         except BaseException:
-            _leave(kept, parts if resume is not None else [])
+            count = PART * sum(part.is_file() for part in parts) if resume is not None else 0
+            if count:
+                say(f"{count} frames are kept; run the same command with --resume to continue")
+            else:
+                shutil.rmtree(kept, ignore_errors=True)
             raise
         with replacing(target) as temporary:
             with new_film(temporary) as made:
@@ -561,15 +536,6 @@ def write_in_parts(
             if target.suffix.lower() != ".mkv":
                 mark_stereo(temporary, marks)
     shutil.rmtree(kept)
-
-
-def _leave(kept: Path, parts: Sequence[Path]) -> None:
-    """After an error, keep finished parts and say so; without any remove their folder."""
-    count = sum(part.is_file() for part in parts)
-    if count:
-        say(f"{count * PART} frames are kept; run the same command with --resume to continue")
-    else:
-        shutil.rmtree(kept, ignore_errors=True)
 
 
 def _joined(

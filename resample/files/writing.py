@@ -22,7 +22,7 @@ from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from platform import node
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 from resample.messages import one_line
 from resample.reading.limits import BY_OTHERS, NotOwnError, check_own, tell_unused
@@ -61,7 +61,12 @@ def replacing(path: str | Path) -> Iterator[Path]:
             raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
         try:
             yield temporary
-            _on_disk(temporary)
+            with temporary.open("r+b") as file:
+                try:  # a full disk may be reported only then
+                    os.fsync(file.fileno())
+                except OSError as error:
+                    if error.errno in (*NO_SPACE, errno.EIO):  # others: there is no such thing
+                        raise
             temporary.replace(target)
         except OSError as error:
             is_own = error.filename is None or str(error.filename) == str(temporary)
@@ -75,16 +80,6 @@ def unwritten(path: str | Path, error: OSError) -> OSError:
     if error.errno is None or error.errno not in NO_SPACE:
         return OSError(f"{path} cannot be written: {one_line(error)}")
     return OSError(error.errno, f"cannot be written: {os.strerror(error.errno)}", str(path))
-
-
-def _on_disk(path: Path) -> None:
-    """Flush a file to the disk; a full disk may be reported only then."""
-    with path.open("r+b") as file:
-        try:
-            os.fsync(file.fileno())
-        except OSError as error:
-            if error.errno in (*NO_SPACE, errno.EIO):  # others: not supported by the file system
-                raise
 
 
 def refused(path: str | Path, temporary: Path, why: str) -> OSError:
@@ -109,23 +104,18 @@ def check_end(path: str | Path, temporary: Path) -> None:
             file.seek(max(0, size - len(PNG_END)))
             is_whole = file.read() == PNG_END
         else:
-            is_whole = kind not in (".mp4", ".mov") or _end_of_boxes(file, size) == size
+            place = 0 if kind in (".mp4", ".mov") else size
+            while place < size:  # from box to box
+                file.seek(place)
+                head = file.read(16)
+                length = int.from_bytes(head[:4], "big")
+                length = int.from_bytes(head[8:], "big") if length == 1 else length
+                if length < 8:
+                    break
+                place += length
+            is_whole = place == size
     if not is_whole:
         raise refused(path, temporary, INCOMPLETE)
-
-
-def _end_of_boxes(file: BinaryIO, size: int) -> int:
-    """Position where an MP4 file's last box should end; 0 if there is none."""
-    place = 0
-    while place < size:
-        file.seek(place)
-        head = file.read(16)
-        length = int.from_bytes(head[:4], "big")
-        length = int.from_bytes(head[8:], "big") if length == 1 else length
-        if length < 8:
-            return 0
-        place += length
-    return place
 
 
 class _Plain(io.FileIO):
@@ -153,26 +143,22 @@ def beside(target: Path) -> Iterator[Path]:
         _tidied.add(target.parent)
         remove_left(target.parent)
     with ExitStack() as held:
-        temporary = target.with_name(_start_of(_locked(target, held)) + target.suffix)
+        while True:
+            owner = f"{_machine()}-{secrets.token_hex(4)}"
+            lock = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
+            held.callback(_remove, lock)  # first, as a signal may come as soon as there is the file
+            opened = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+            held.callback(os.close, opened)
+            try:
+                take_lock(opened, lock)
+            except BlockingIOError:  # a process that tidies up has just found it
+                continue
+            except OSError:  # a file system without locks, where nothing is tidied up
+                pass
+            break
+        temporary = target.with_name(_start_of(lock) + target.suffix)
         held.callback(_remove, temporary)
         yield temporary
-
-
-def _locked(target: Path, held: ExitStack) -> Path:
-    """New file beside a target that this process has locked, until `held` is closed."""
-    while True:
-        owner = f"{_machine()}-{secrets.token_hex(4)}"
-        lock = target.with_name(f".{target.stem[:MOST]}.lock-{owner}")
-        held.callback(_remove, lock)  # first, as a signal may come as soon as there is the file
-        opened = os.open(lock, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
-        held.callback(os.close, opened)
-        try:
-            take_lock(opened, lock)
-        except BlockingIOError:  # a process that tidies up has just found it
-            continue
-        except OSError:  # a file system without locks, where nothing is tidied up
-            pass
-        return lock
 
 
 def _start_of(lock: Path) -> str:
@@ -183,8 +169,7 @@ def _start_of(lock: Path) -> str:
 def take_lock(opened: int, path: Path) -> None:
     """Lock an open file or folder until it is closed or the process ends; Windows has no locks.
 
-    Raises BlockingIOError: another process has locked or removed it. Raises OSError: the file
-    system has no locks.
+    A BlockingIOError says that another process has it, or has removed it.
     """
     if fcntl is None:
         return
@@ -200,31 +185,22 @@ def remove_left(folder: Path) -> None:
 
     Files of living processes and of other machines stay, as do those that cannot be removed.
     """
-    for opened, lock, names in _left(folder):
-        for name in names:
-            _remove(folder / name)
-        os.close(opened)
-        with suppress(OSError):
-            lock.unlink()
-
-
-def _left(folder: Path) -> Iterator[tuple[int, Path, list[str]]]:
-    """Locks of dead processes of this machine, which are ours now, and their temporary files."""
     names: list[str] = []
     with suppress(OSError):
         names = os.listdir(folder)
     for name in names:
-        found, path = LOCK.fullmatch(name), folder / name
+        found, lock = LOCK.fullmatch(name), folder / name
         if fcntl is None or found is None or found[2] != _machine():
             continue
-        start = _start_of(path)
         with suppress(OSError), ExitStack() as held:
-            how = os.O_RDWR if os.access(path, os.W_OK) else os.O_RDONLY
-            opened = os.open(path, how | os.O_NONBLOCK)
+            how = os.O_RDWR if os.access(lock, os.W_OK) else os.O_RDONLY
+            opened = os.open(lock, how | os.O_NONBLOCK)
             held.callback(os.close, opened)
-            take_lock(opened, path)
-            held.pop_all()
-            yield opened, path, [one for one in names if f"{one}.".startswith(f"{start}.")]
+            take_lock(opened, lock)
+            for one in names:
+                if f"{one}.".startswith(f"{_start_of(lock)}."):
+                    _remove(folder / one)
+            lock.unlink()
 
 
 def _remove(path: Path) -> None:
@@ -300,7 +276,12 @@ def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None)
         file.parent.mkdir(0o755, parents=True, exist_ok=True)
         if most is not None:
             check_own(file.parent)
-            _evict(file.parent, size, most)
+            files = [(entry.stat(), entry) for entry in file.parent.glob("*.np[yz]")]
+            total = size + sum(stat.st_size for stat, _ in files)
+            for stat, entry in sorted(files, key=lambda pair: pair[0].st_mtime):
+                if total > most:
+                    entry.unlink(missing_ok=True)
+                    total -= stat.st_size
         with replacing(file) as temporary, temporary.open("wb") as stream:
             temporary.chmod(temporary.stat().st_mode & ~BY_OTHERS)
             np.savez(stream, **arrays)
@@ -308,23 +289,9 @@ def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None)
     return False
 
 
-def _evict(folder: Path, wanted: int, most: int) -> None:
-    """Remove the least recently used files of a folder until `wanted` bytes fit."""
-    files = [(entry.stat(), entry) for entry in folder.glob("*.np[yz]")]
-    total = sum(stat.st_size for stat, _ in files)
-    for stat, entry in sorted(files, key=lambda pair: pair[0].st_mtime):
-        if total + wanted <= most:
-            return
-        entry.unlink(missing_ok=True)
-        total -= stat.st_size
-
-
 @cache
 def source_fingerprint(*names: str) -> str:
-    """Fingerprint of the source code of modules and packages, and of the engine.
-
-    Cached results that such code computed are keyed by it.
-    """
+    """Fingerprint of the source code of modules and packages, and of the engine, for caches."""
     digest = sha256()
     for name in ("resample.types", "resample.engine", *names):
         spec = find_spec(name)

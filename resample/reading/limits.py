@@ -11,7 +11,6 @@ to (textures, materials, buffers, raw data) must be in or below its own folder.
 Decompression stops when the output exceeds its limit, before memory holds it all.
 """
 
-import bz2
 import errno
 import logging
 import lzma
@@ -58,33 +57,21 @@ class FileLimits(NamedTuple):
 
 
 def limits() -> FileLimits:
-    """Current limits.
-
-    Examples
-    --------
-    >>> limits().depth
-    64
-    """
-    given = os.environ.get(SETTING, "")
-    changed = dict(_changed(part) for part in given.split(",") if part.strip())
+    """Current limits."""
+    changed = {}
+    for part in filter(str.strip, os.environ.get(SETTING, "").split(",")):
+        name, _, text = (word.strip() for word in part.partition("="))
+        try:
+            number = int(text) if text.isdecimal() else bytes_of(text) if name in BYTES else 0
+        except ValueError:
+            number = 0
+        if number < 1 or name not in FileLimits._fields:
+            raise ValueError(
+                f"{SETTING} or --limit has {part.strip()!r}; give {', '.join(FileLimits._fields)} "
+                "as in ratio=5000 or unpacked=8GiB, with commas between them"
+            )
+        changed[name] = number
     return FileLimits()._replace(**changed)
-
-
-def _changed(part: str) -> tuple[str, int]:
-    """Parse one part of the setting to a name and number."""
-    name, _, text = (word.strip() for word in part.partition("="))
-    try:
-        if name not in FileLimits._fields:
-            raise ValueError
-        number = int(text) if text.isdecimal() else bytes_of(text) if name in BYTES else 0
-    except ValueError:
-        number = 0
-    if number < 1:
-        raise ValueError(
-            f"{SETTING} or --limit has {part.strip()!r}; give {', '.join(FileLimits._fields)} as "
-            "in ratio=5000 or unpacked=8GiB, with commas between them"
-        )
-    return name, number
 
 
 def refused(what: str, found: str, name: str) -> LimitError:
@@ -109,12 +96,7 @@ def check_items(what: str, count: int, things: str) -> None:
 
 
 def check_unpacked(what: str, packed: int, unpacked: int) -> None:
-    """Reject data that unpack to more than the limits or the free memory, before unpacking.
-
-    Examples
-    --------
-    >>> check_unpacked("a.npz", packed=1000, unpacked=1_000_000)
-    """
+    """Reject data that unpack to more than the limits or the free memory, before unpacking."""
     check_ratio(what, packed, unpacked)
     check_free(what, unpacked)
 
@@ -128,16 +110,7 @@ def check_ratio(what: str, packed: int, unpacked: int) -> None:
 
 
 def check_animation(what: str, packed: int, frame: int, count: int) -> None:
-    """Reject an animation with implausibly many pixels for its file.
-
-    `what`: name for the message. `packed`: bytes in the file. Similar frames compress well, so the
-    limit is higher than for a picture. `frame`, `count`: bytes of a frame in memory, and number of
-    frames. Raises ValueError: there are too many.
-
-    Examples
-    --------
-    >>> check_animation("a.gif", packed=1_000_000, frame=1_000_000, count=500)
-    """
+    """Reject `count` frames of `frame` bytes in memory that are implausibly many for their file."""
     known = limits()
     whole = frame * count
     if whole > known.unpacked and whole > SIMILAR_FRAMES * known.ratio * max(1, packed):
@@ -156,18 +129,7 @@ def check_free(what: str, count: int) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """Reject a path at which there is no file; a folder is called one.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> with TemporaryDirectory() as folder:
-    ...     try:
-    ...         check_file(folder)
-    ...     except OSError as error:
-    ...         print(error.strerror)
-    is a folder; give a file in it
-    """
+    """Reject a path at which there is no file; a folder is called one."""
     if Path(path).is_dir():
         raise IsADirectoryError(errno.EISDIR, "is a folder; give a file in it", str(path))
     if not Path(path).is_file():
@@ -175,14 +137,7 @@ def check_file(path: str | Path) -> None:
 
 
 def neighbour(source: Path, name: str) -> Path:
-    """Path of a file that another refers to, whether it exists or not.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> neighbour(Path("scans/head.nhdr"), "head.raw").as_posix()
-    'scans/head.raw'
-    """
+    """Path of a file that another refers to, whether it exists or not."""
     if ADDRESS.match(name):
         raise _refusal(source, name, "an address, not a file; fetch it, and name the copy")
     if "\0" in name:
@@ -195,7 +150,13 @@ def neighbour(source: Path, name: str) -> Path:
             raise _refusal(source, name, f"an absolute path; {remedy}")
         if ".." in path.parts:
             raise _refusal(source, name, f"a path that leads outside; {remedy}")
-        if not _is_within(source, file):
+        try:
+            real = file.resolve()
+            homes = source.parent.resolve(), source.resolve().parent  # also where a link leads
+            is_within = any(real.is_relative_to(home) for home in homes)
+        except (OSError, RuntimeError):  # a cycle of links
+            is_within = False
+        if not is_within:
             raise _refusal(source, name, f"a link that leads outside; {remedy}")
     if file.exists() and not (file.is_file() or file.is_dir()):
         raise _refusal(source, name, "a device or a pipe, not a file")
@@ -207,33 +168,13 @@ def allows_outside() -> bool:
     return os.environ.get(OUTSIDE, "") not in ("", "0")
 
 
-def _is_within(source: Path, file: Path) -> bool:
-    """Whether a file is under the folder of another, or of the target if that is a link."""
-    try:
-        real = file.resolve()
-        homes = (source.parent.resolve(), source.resolve().parent)
-    except (OSError, RuntimeError):  # a cycle of links
-        return False
-    return any(real.is_relative_to(home) for home in homes)
-
-
 def _refusal(source: Path, name: str, reason: str) -> ValueError:
     return ValueError(f"{source.name} names {name!r:.100}, {reason}")
 
 
 @contextmanager
 def raised(limit: str | None = None, *, allow_outside: bool = False) -> Iterator[None]:
-    """Raise limits, or allow files to refer to others outside their folder, in this block.
-
-    `limit`: as in `RESAMPLE_LIMIT`: unpacked=8GiB,ratio=5000. Overrides the environment.
-    `allow_outside`: as `RESAMPLE_ALLOW_OUTSIDE=1`.
-
-    Examples
-    --------
-    >>> with raised("depth=90"):
-    ...     limits().depth
-    90
-    """
+    """Raise limits, or allow files outside of a folder, in this block."""
     with restored(SETTING, OUTSIDE):
         if limit is not None:
             os.environ[SETTING] = ",".join(filter(None, (os.environ.get(SETTING), limit)))
@@ -258,27 +199,8 @@ def restored(*names: str) -> Iterator[None]:
 
 
 def deflated(data: Buffer, most: int, form: int = ANY) -> bytes:
-    """Unpack zlib or gzip data of one or more streams.
-
-    `most`: limit in bytes.
-
-    Examples
-    --------
-    >>> import zlib
-    >>> deflated(zlib.compress(b"a" * 9), most=10)
-    b'aaaaaaaaa'
-    """
-    return _unpacked(data, most, lambda: zlib.decompressobj(wbits=form))
-
-
-def bunzipped(data: Buffer, most: int) -> bytes:
-    """Unpack bzip2 data; parameters and errors as in `deflated`."""
-    return _unpacked(data, most, bz2.BZ2Decompressor)
-
-
-def unlzma(data: Buffer, most: int, form: int, filters: Any = None) -> bytes:
-    """Unpack LZMA data in one of its forms; parameters and errors as in `deflated`."""
-    return _unpacked(data, most, lambda: lzma.LZMADecompressor(form, None, filters))
+    """Unpack zlib or gzip data of one or more streams, to `most` bytes at most."""
+    return unpacked(data, most, lambda: zlib.decompressobj(wbits=form))
 
 
 def check_deflated(what: str, data: Buffer, form: int = ANY) -> None:
@@ -299,11 +221,7 @@ def check_becomes(count: int, most: int) -> None:
 
 
 def check_members(what: str, members: Iterable[zipfile.ZipInfo], things: str) -> None:
-    """Reject a zip file with too many members, or with unreliable sizes.
-
-    `what`: name for the message. `members`: members of the file. `things`: word for them in the
-    message. Raises ValueError: it is rejected.
-    """
+    """Reject a zip file with too many members, or with unreliable sizes."""
     listed = list(members)
     check_items(what, len(listed), things)
     for member in listed:
@@ -311,7 +229,7 @@ def check_members(what: str, members: Iterable[zipfile.ZipInfo], things: str) ->
 
 
 def check_member(what: str, member: zipfile.ZipInfo) -> None:
-    """Reject a member of a zip file with an unreliable size; parameters as above."""
+    """Reject a member of a zip file whose size cannot be relied on."""
     if member.compress_type not in PLAIN:
         raise ValueError(
             f"{what} has {member.filename!r:.100} packed by a method whose sizes cannot be relied "
@@ -319,7 +237,8 @@ def check_member(what: str, member: zipfile.ZipInfo) -> None:
         )
 
 
-def _unpacked(data: Buffer, most: int, new: Callable[[], Any]) -> bytes:
+def unpacked(data: Buffer, most: int, new: Callable[[], Any]) -> bytes:
+    """Unpack streams by decompressors, to `most` bytes at most."""
     parts: list[bytes] = []
     rest, left = bytes(data), most
     may_follow = rest[:2] in JOINED
@@ -350,20 +269,7 @@ def unzstd(data: Any, most: int, size: int) -> Any:
     from numcodecs import Zstd
 
     data = bytes(data)
-    told, first = _head(data)
-    if told is not None:
-        check_becomes(told, most)
-        return Zstd().decode(data)
-    if _bound(data, first, most) <= most:
-        return Zstd().decode(data)
-    try:
-        return Zstd().decode(data, np.empty(size, np.uint8))
-    except RuntimeError as error:
-        raise ValueError(f"it unpacks to other than {size} bytes: {error}") from None
-
-
-def _head(data: bytes) -> tuple[int | None, int]:
-    """Unpacked size that a frame states, if any, and the position of its blocks."""
+    # The head of a frame, which may state the unpacked size.
     if len(data) < 6 or struct.unpack_from("<I", data)[0] != ZSTD:
         raise ValueError("it is not of Zstandard")
     flags = data[4]
@@ -372,15 +278,12 @@ def _head(data: bytes) -> tuple[int | None, int]:
     width = (int(is_single), 2, 4, 8)[flags >> 6]
     if len(data) < start + width:
         raise ValueError("it is cut off")
-    if not width:
-        return None, start
-    told = int.from_bytes(data[start : start + width], "little")
-    return told + 256 * (width == 2), start + width
-
-
-def _bound(data: bytes, place: int, most: int) -> int:
-    """Bound on the unpacked size of the only frame's blocks, or a number above `most`."""
-    count, is_last = 0, False
+    if width:
+        told = int.from_bytes(data[start : start + width], "little") + 256 * (width == 2)
+        check_becomes(told, most)
+        return Zstd().decode(data)
+    # Bound on the unpacked size of its blocks.
+    count, is_last, place = 0, False, start
     while not is_last and count <= most:
         if place + 3 > len(data):
             raise ValueError("it is cut off")
@@ -388,8 +291,13 @@ def _bound(data: bytes, place: int, most: int) -> int:
         is_last, kind, length = bool(head & 1), head >> 1 & 3, head >> 3
         count += ZSTD_BLOCK if kind == 2 else length
         place += 3 + (1 if kind == 1 else length)
-    is_whole = place + 4 * (data[4] >> 2 & 1) >= len(data)  # with its checksum
-    return count if is_whole else most + 1  # further frames would be unpacked, too
+    is_whole = place + 4 * (flags >> 2 & 1) >= len(data)  # with its checksum
+    if count <= most and is_whole:  # else further frames would be unpacked, too
+        return Zstd().decode(data)
+    try:
+        return Zstd().decode(data, np.empty(size, np.uint8))
+    except RuntimeError as error:
+        raise ValueError(f"it unpacks to other than {size} bytes: {error}") from None
 
 
 try:
@@ -409,10 +317,7 @@ class NotOwnError(PermissionError):
 
 
 def own_bytes(path: Path, limit: str | None = None) -> bytes:
-    """Content of a file that nobody but the user, or root, can have written; links are rejected.
-
-    `limit`: name of the limit on its size, see `resample.reading.limits`; None: there is none.
-    """
+    """Content of a file that nobody but the user, or root, can have written; links are rejected."""
     check_own(path.parent)
     with open(os.open(path, os.O_RDONLY | UNBLOCKED), "rb") as file:
         status = os.fstat(file.fileno())
@@ -439,21 +344,15 @@ def _check(path: Path, status: os.stat_result) -> None:
         owner = _name_of(status.st_uid)
         raise NotOwnError(f"{path} belongs to {owner} and would steer your commands")
     is_sticky = stat.S_ISDIR(status.st_mode) and status.st_mode & stat.S_ISVTX
-    if status.st_mode & BY_OTHERS and not is_sticky and not _is_private(status):
+    is_private = False  # whether only the owner's own group may write: many systems give one each
+    with suppress(KeyError):
+        group, owner = grp.getgrgid(status.st_gid), _name_of(status.st_uid)
+        is_owners = group.gr_name == owner and not set(group.gr_mem) - {owner}
+        is_private = is_owners and not status.st_mode & stat.S_IWOTH
+    if status.st_mode & BY_OTHERS and not is_sticky and not is_private:
         raise NotOwnError(
             f"{path} would steer your commands, and others may write to it (chmod go-w)"
         )
-
-
-def _is_private(status: os.stat_result) -> bool:
-    """Whether only the owner's own group may write: many systems give each user one."""
-    try:
-        group = grp.getgrgid(status.st_gid)
-    except KeyError:
-        return False
-    owner = _name_of(status.st_uid)
-    is_owners = group.gr_name == owner and not set(group.gr_mem) - {owner}
-    return is_owners and not status.st_mode & stat.S_IWOTH
 
 
 def _name_of(user: int) -> str:

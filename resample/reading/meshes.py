@@ -6,11 +6,14 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from resample.messages import naming, one_line, visible
 from resample.reading.limits import (
+    allows_outside,
     check_items,
     check_members,
     check_size,
@@ -19,7 +22,7 @@ from resample.reading.limits import (
     neighbour,
     refused,
 )
-from resample.reading.texts import check_xml_file, check_xml_member, json_of
+from resample.reading.texts import BLOCK, check_xml, check_xml_file, json_of
 
 JSON = 0x4E4F534A  # type of a binary file's first chunk
 SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # bytes of component types
@@ -72,7 +75,10 @@ def check_gltf(tree: Tree) -> None:
     for key, names in NAMED.items():
         for place, thing in _things(tree, key):
             for name, others in names.items():
-                for one in _several(thing, name, f"{place}.{name}"):
+                every = thing.get(name, []) if name in LISTS or name not in thing else [thing[name]]
+                if not isinstance(every, list):
+                    raise ValueError(f"its {place}.{name} is {every!r:.40}, not a list")
+                for one in every:
                     _index(tree, others, one, f"{place}.{name}")
     for key, check in CHECKS.items():
         for place, thing in _things(tree, key):
@@ -102,16 +108,6 @@ def _things(tree: Tree, key: str, place: str = "") -> Iterator[tuple[str, Tree]]
         if not isinstance(one, dict):
             raise ValueError(f"its {place or key}[{n}] is not an object")
         yield f"{place or key}[{n}]", one
-
-
-def _several(thing: Tree, name: str, place: str) -> list[Any]:
-    """Indices under a key, whether it holds one or a list."""
-    if name not in thing:
-        return []
-    found = thing[name] if name in LISTS else [thing[name]]
-    if not isinstance(found, list):
-        raise ValueError(f"its {place} is {found!r:.40}, not a list")
-    return found
 
 
 def _object(thing: Tree, name: str, place: str) -> Tree:
@@ -211,30 +207,25 @@ def _check_material(tree: Tree, place: str, material: Tree) -> None:
 
 
 def _check_mesh(tree: Tree, place: str, mesh: Tree) -> None:
-    """Reject an empty mesh."""
+    """Reject an empty mesh, and a primitive whose data are missing."""
     if not mesh.get("primitives"):
         raise ValueError(f"its {place} has no primitives")
     for at, primitive in _things(mesh, "primitives", f"{place}.primitives"):
-        _check_primitive(tree, at, primitive)
-
-
-def _check_primitive(tree: Tree, place: str, primitive: Tree) -> None:
-    """Reject a primitive whose data are missing."""
-    attributes = primitive.get("attributes")
-    if not isinstance(attributes, dict):
-        raise ValueError(f"its {place}.attributes is not an object")
-    _object(primitive, "extensions", f"{place}.extensions")
-    for name, wanted in (("POSITION", "VEC3"), ("TEXCOORD_0", "VEC2"), ("NORMAL", "VEC3")):
-        if name in attributes or name == "POSITION":
-            at = f"{place}.attributes.{name}"
-            kind = _index(tree, "accessors", attributes.get(name), at).get("type")
-            if kind != wanted:
-                raise ValueError(f"its {at} is of type {kind}, not {wanted}")
-    for name, value in attributes.items():
-        _index(tree, "accessors", value, f"{place}.attributes.{name:.20}")
-    for name, others in (("indices", "accessors"), ("material", "materials")):
-        if name in primitive:
-            _index(tree, others, primitive[name], f"{place}.{name}")
+        attributes = primitive.get("attributes")
+        if not isinstance(attributes, dict):
+            raise ValueError(f"its {at}.attributes is not an object")
+        _object(primitive, "extensions", f"{at}.extensions")
+        for name, wanted in (("POSITION", "VEC3"), ("TEXCOORD_0", "VEC2"), ("NORMAL", "VEC3")):
+            if name in attributes or name == "POSITION":
+                where = f"{at}.attributes.{name}"
+                kind = _index(tree, "accessors", attributes.get(name), where).get("type")
+                if kind != wanted:
+                    raise ValueError(f"its {where} is of type {kind}, not {wanted}")
+        for name, value in attributes.items():
+            _index(tree, "accessors", value, f"{at}.attributes.{name:.20}")
+        for name, others in (("indices", "accessors"), ("material", "materials")):
+            if name in primitive:
+                _index(tree, others, primitive[name], f"{at}.{name}")
 
 
 CHECKS: dict[str, Callable[[Tree, str, Tree], None]] = {
@@ -274,7 +265,8 @@ def check_mesh(source: Path) -> None:
             with zipfile.ZipFile(source) as packed:
                 for info in members:
                     with packed.open(info) as member:
-                        check_xml_member(f"{source.name}: {info.filename}", member)
+                        blocks = iter(partial(member.read, BLOCK), b"")
+                        check_xml(f"{source.name}: {info.filename}", blocks)
         except (zipfile.BadZipFile, RuntimeError, EOFError, zlib.error) as error:  # or encrypted
             raise ValueError(f"{source.name} is damaged: {error}") from None
     elif kind in MARKUP:
@@ -286,7 +278,23 @@ def check_mesh(source: Path) -> None:
         with naming(f"{source.name} cannot be read as a mesh"):
             told = header_of(source)
             check_gltf(told)
-        _check_parts(source, told)
+        # Numbers need not be in a file, and many nodes may show one mesh.
+        unpacked = 0
+        with suppress(ValueError, LookupError, AttributeError, TypeError):  # the reader says it
+            sizes = [
+                int(each["count"]) * SIZES[each["componentType"]] * PARTS[each["type"]]
+                for each in told.get("accessors", [])
+            ]
+            meshes = []
+            for mesh in told.get("meshes", []):
+                meshes.append(0)
+                for part in mesh["primitives"]:
+                    meshes[-1] += sum(sizes[n] for n in part["attributes"].values())
+                    meshes[-1] += sizes[part["indices"]] if "indices" in part else 0
+            shown = [meshes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
+            unpacked = max(sum(shown), sum(meshes))
+        files = [source, *(file for file, _ in _named(source) if file.is_file())]
+        check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
 
 
 def named_textures(source: Path) -> Iterator[Path]:
@@ -316,56 +324,19 @@ def _named(source: Path) -> Iterator[tuple[Path, bool]]:
             if words[:2] == ["comment", "TextureFile"] and len(words) == 3:
                 yield neighbour(source, words[2].strip()), True
     elif kind == ".gltf":
-        yield from _named_in_gltf(source)
-
-
-def _check_parts(source: Path, told: dict[str, Any]) -> None:
-    """Reject a glTF whose nodes expand to implausibly many numbers for its files.
-
-    Numbers need not be in a file, and many nodes may instance one mesh.
-    """
-    unpacked = 0
-    with suppress(ValueError, LookupError, AttributeError, TypeError):  # reported by the reader
-        sizes = [
-            int(each["count"]) * SIZES[each["componentType"]] * PARTS[each["type"]]
-            for each in told.get("accessors", [])
-        ]
-        meshes = [
-            sum(
-                sizes[n]
-                for part in mesh["primitives"]
-                for n in (
-                    [
-                        *part["attributes"].values(),
-                        *([part["indices"]] if "indices" in part else []),
-                    ]
-                )
-            )
-            for mesh in told.get("meshes", [])
-        ]
-        shown = [meshes[node["mesh"]] for node in told.get("nodes", []) if "mesh" in node]
-        unpacked = max(sum(shown), sum(meshes))
-    files = [source, *(file for file, _ in _named(source) if file.is_file())]
-    check_unpacked(source.name, sum(file.stat().st_size for file in files), unpacked)
-
-
-def _named_in_gltf(source: Path) -> Iterator[tuple[Path, bool]]:
-    """Buffers and pictures of a glTF file in JSON."""
-    from urllib.parse import unquote
-
-    try:
-        content = header_of(source)
-        told = [
-            (one.get("uri", "data:"), key == "images")
-            for key in ("buffers", "images")
-            for one in content.get(key, [])
-        ]
-    except (ValueError, AttributeError, TypeError):
-        return  # the reader reports what is wrong
-    check_items(source.name, len(told), "buffers and pictures")
-    for name, is_texture in told:
-        if isinstance(name, str) and not name.startswith("data:"):
-            yield neighbour(source, unquote(name)), is_texture
+        try:
+            content = header_of(source)
+            told = [
+                (one.get("uri", "data:"), key == "images")
+                for key in ("buffers", "images")
+                for one in content.get(key, [])
+            ]
+        except (ValueError, AttributeError, TypeError):
+            return  # the reader reports what is wrong
+        check_items(source.name, len(told), "buffers and pictures")
+        for name, is_texture in told:
+            if isinstance(name, str) and not name.startswith("data:"):
+                yield neighbour(source, unquote(name)), is_texture
 
 
 def _values(file: Path, key: str) -> list[str]:
@@ -389,19 +360,12 @@ def unreadable(what: str, error: Exception) -> ValueError:
 
 def trimesh_resolver(source: Path) -> Any:
     """Resolver of referenced files for trimesh, after `check_mesh` has approved them."""
-    resolver = _resolver(source)
-    resolver.file_name = visible(resolver.file_name)  # used in the names of the mesh's parts
-    return resolver
-
-
-def _resolver(source: Path) -> Any:
     import trimesh
 
-    from resample.reading.limits import allows_outside
-
-    if allows_outside():
-        try:
-            return trimesh.resolvers.FilePathResolver(str(source), allow_anywhere=True)
-        except TypeError:  # always in trimesh before 5
-            pass
-    return trimesh.resolvers.FilePathResolver(str(source))
+    try:
+        choices = {"allow_anywhere": True} if allows_outside() else {}
+        resolver = trimesh.resolvers.FilePathResolver(str(source), **choices)
+    except TypeError:  # always in trimesh before 5
+        resolver = trimesh.resolvers.FilePathResolver(str(source))
+    resolver.file_name = visible(resolver.file_name)  # used in the names of the mesh's parts
+    return resolver

@@ -19,15 +19,7 @@ from resample.messages import one_line
 
 
 def plain(path: str | Path) -> str:
-    r"""Name of a file for any library: its own, or a temporary link if it is not valid text.
-
-    Result: links keep the suffix, are in the folder for temporary files, and are removed at exit.
-
-    Examples
-    --------
-    >>> plain("café.png"), plain("caf\udce9.png").isascii()
-    ('café.png', True)
-    """
+    """Name of a file for any library; a link, removed at exit, where its own is no valid text."""
     name = str(path)
     try:
         name.encode()

@@ -3,10 +3,11 @@
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from resample.messages import TOO_LARGE, TOO_MANY_DIGITS
 from resample.reading.limits import check_items, check_size, limits, refused
@@ -16,6 +17,7 @@ WIDEST = 1 << 63  # integers from here on do not fit into arrays
 # Dotted keys; each word is matched once.
 PARTS = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|'[^'\n]*')[ \t]*+\.[ \t]*+){16,}""")
 BLOCK = 1 << 16  # bytes parsed together
+TOO_DEEP = "too deep", "nested levels", "depth"
 LONGEST = 1 << 20  # bytes of a tag or comment; parsers restart each with every block
 
 
@@ -29,41 +31,19 @@ def text_of(path: Path) -> str:
 
 
 def json_of(text: str) -> Any:
-    """Parse JSON.
-
-    Examples
-    --------
-    >>> json_of('{"fov": 30}')
-    {'fov': 30}
-    """
+    """Parse JSON."""
     check_size("its JSON", len(text), "tree")
-    try:
-        return _checked(json.loads(text))
-    except RecursionError:
-        raise _too_deep() from None
-    except ValueError as error:
-        raise _own_error(error) from None
+    return _parsed(json.loads, text)
 
 
 def toml_of(text: str) -> dict[str, Any]:
-    """Parse TOML; errors as in `json_of`.
-
-    Examples
-    --------
-    >>> toml_of("fov = 30")
-    {'fov': 30}
-    """
+    """Parse TOML; errors as in `json_of`."""
     check_size("its TOML", len(text), "tree")
     # Parsing keys with very many parts takes quadratic time.
     longest = max((found[0].count(".") for found in PARTS.finditer(text)), default=0)
     if longest > limits().depth:
-        raise _too_deep()
-    try:
-        found: dict[str, Any] = _checked(tomllib.loads(text))
-    except RecursionError:
-        raise _too_deep() from None
-    except ValueError as error:
-        raise _own_error(error) from None
+        raise refused(*TOO_DEEP)
+    found: dict[str, Any] = _parsed(tomllib.loads, text)
     return found
 
 
@@ -71,15 +51,7 @@ def yaml_of(text: str) -> dict[str, Any]:
     """Parse the first document of YAML, as ROS and OpenCV write it, to names and values.
 
     Values are numbers, texts, None, lists and dictionaries. Tags are ignored; anchors, which can
-    multiply what a file holds, are rejected.
-
-    Raises ValueError: it is not YAML, has no names, is too large or nested too deep; the message
-    names the line.
-
-    Examples
-    --------
-    >>> yaml_of("fov: 30")
-    {'fov': 30.0}
+    multiply what a file holds, are rejected. The message of a ValueError names the line.
     """
     import yaml
 
@@ -97,7 +69,7 @@ def yaml_of(text: str) -> dict[str, Any]:
         facts: dict[str, Any] = _value(events, first, 1)
         return facts
     except RecursionError:
-        raise _too_deep() from None
+        raise refused(*TOO_DEEP) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise ValueError(f"line {mark.line + 1 if mark else 1}: {error.problem}") from None
@@ -117,50 +89,43 @@ def _value(events: Iterator[Any], event: Any, depth: int) -> Any:
     if event.anchor is not None:
         raise ValueError(f"{_line(event)}: anchors are not allowed; write the value out")
     if isinstance(event, yaml.ScalarEvent):
-        return _number_or_text(event.value) if not event.style else event.value
+        words = event.value
+        if event.style:
+            return words
+        if words in ("", "~", "null"):
+            return None
+        try:
+            return float(words.lower().replace(".inf", "inf").replace(".nan", "nan"))
+        except ValueError:
+            return words
     if depth > limits().depth:
-        raise _too_deep()
+        raise refused(*TOO_DEEP)
     inner = takewhile(lambda part: not isinstance(part, yaml.CollectionEndEvent), events)
     if isinstance(event, yaml.SequenceStartEvent):
         return [_value(events, part, depth + 1) for part in inner]
-    return {_name(part): _value(events, next(events), depth + 1) for part in inner}
+    found = {}
+    for name in inner:
+        if not hasattr(name, "value") or name.anchor is not None:
+            raise ValueError(f"{_line(name)}: a name is a text")
+        found[str(name.value)] = _value(events, next(events), depth + 1)
+    return found
 
 
-def _name(event: Any) -> str:
-    """Name of a value."""
-    if not hasattr(event, "value") or event.anchor is not None:
-        raise ValueError(f"{_line(event)}: a name is a text")
-    return str(event.value)
-
-
-def _number_or_text(words: str) -> float | str | None:
-    """Value of words without quotes."""
-    if words in ("", "~", "null"):
-        return None
+def _parsed(parse: Callable[[str], Any], text: str) -> Any:
+    """Parse a tree; reject one that is nested too deep or has numbers with too many digits."""
     try:
-        return float(words.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    except ValueError:
-        return words
-
-
-def _too_deep() -> ValueError:
-    return refused("too deep", "nested levels", "depth")
-
-
-def _own_error(error: ValueError) -> ValueError:
-    """Convert a parser's error; for numbers of thousands of digits it mentions Python internals."""
-    is_own = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
-    return ValueError(TOO_LARGE) if is_own else error
-
-
-def _checked(tree: Any) -> Any:
-    """Return a tree unless it is nested too deep or has numbers with too many digits."""
+        tree = parse(text)
+    except RecursionError:
+        raise refused(*TOO_DEEP) from None
+    except ValueError as error:  # of numbers of thousands of digits Python says how to allow them
+        is_long = type(error) is ValueError and TOO_MANY_DIGITS.match(str(error))
+        raise (ValueError(TOO_LARGE) if is_long else error) from None
     left, most, count = [(tree, 0)], limits().depth, 0
     while left:
         item, depth = left.pop()
         if isinstance(item, dict | list):
             if depth >= most:
-                raise _too_deep()
+                raise refused(*TOO_DEEP)
             inner = item.values() if isinstance(item, dict) else item
             left.extend((one, depth + 1) for one in inner if isinstance(one, dict | list | int))
         elif isinstance(item, int) and not -WIDEST <= item < WIDEST:
@@ -170,83 +135,56 @@ def _checked(tree: Any) -> Any:
     return tree
 
 
-class _EndError(Exception):
-    """The XML ends here."""
-
-
 def check_xml(
     what: str, blocks: Iterable[bytes], last: str = "", encoding: str | None = None
 ) -> int:
-    """Reject XML that is nested too deep or has a DOCTYPE.
+    """Reject XML that is nested too deep or has a DOCTYPE; return the number of elements.
 
-    Malformed XML is left to the actual reader, which reports the error.
-
-    `blocks`: its bytes, in pieces. `encoding`: encoding of the bytes; None: as declared. Result:
-    number of elements.
-
-    Examples
-    --------
-    >>> check_xml("a.xml", [b"<a><b/></a>"])
-    2
+    Malformed XML is left to the actual reader, which reports the error. `encoding`: of the bytes;
+    None: as declared.
     """
     from xml.parsers import expat
 
-    parser, seen, read = expat.ParserCreate(encoding), _ParserState(what, last), 0
-    parser.StartElementHandler, parser.EndElementHandler = seen.begun, seen.ended
-    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = seen.defined
+    depth = count = read = 0
+    most = limits().depth
+
+    def begin(name: str, _: Any) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > most:
+            raise refused(f"{what} is too deep", "nested elements", "depth")
+        if name == last:
+            raise StopIteration  # nothing behind it is read
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def define(*_: Any) -> None:
+        raise ValueError(f"{what} has a DOCTYPE, which is not supported")
+
+    parser = expat.ParserCreate(encoding)
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = define
     try:
         for block in blocks:
             parser.Parse(block, False)
             read += len(block)
             if read - parser.CurrentByteIndex > LONGEST:
                 raise ValueError(f"{what} has a tag or comment of more than {LONGEST} bytes")
-    except (expat.ExpatError, LookupError, _EndError):  # LookupError: unknown encoding
+    except (expat.ExpatError, LookupError, StopIteration):  # LookupError: unknown encoding
         pass
-    return seen.count
-
-
-class _ParserState:
-    """State of the parser."""
-
-    def __init__(self, what: str, last: str) -> None:
-        self.what, self.last, self.most = what, last, limits().depth
-        self.depth = self.count = 0
-
-    def begun(self, name: str, _: Any) -> None:
-        """Enter an element."""
-        self.depth += 1
-        self.count += 1
-        if self.depth > self.most:
-            raise refused(f"{self.what} is too deep", "nested elements", "depth")
-        if name == self.last:
-            raise _EndError
-
-    def ended(self, _: str) -> None:
-        """Leave an element."""
-        self.depth -= 1
-
-    def defined(self, *_: Any) -> None:
-        """Reject a DOCTYPE."""
-        raise ValueError(f"{self.what} has a DOCTYPE, which is not supported")
+    return count
 
 
 def check_xml_file(path: Path, last: str = "") -> None:
     """As `check_xml` for a file; also rejects too many elements."""
     with path.open("rb") as file:
-        check_items(path.name, check_xml(path.name, _blocks(file), last), "elements")
-
-
-def check_xml_member(what: str, file: IO[bytes]) -> None:
-    """As `check_xml` for an open member of an archive."""
-    check_xml(what, _blocks(file))
+        blocks = iter(partial(file.read, BLOCK), b"")
+        check_items(path.name, check_xml(path.name, blocks, last), "elements")
 
 
 def check_xml_text(what: str, text: str) -> None:
     """As `check_xml` for a text."""
     pieces = (text[start : start + BLOCK] for start in range(0, len(text), BLOCK))
     check_xml(what, (piece.encode() for piece in pieces), encoding="utf-8")
-
-
-def _blocks(file: IO[bytes]) -> Iterator[bytes]:
-    while block := file.read(BLOCK):
-        yield block

@@ -12,7 +12,7 @@ from resample.files.sequences import frames_of
 from resample.messages import visible
 from resample.reading import native
 from resample.reading.native import plain
-from resample_volume.files.zarr import state_of_files
+from resample_zarr.volumes import state_of_files
 from tests.commands import ended
 from tests.core.test_full_disk import STORES, WRITERS
 from tests.fuzz import corpus

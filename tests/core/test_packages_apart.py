@@ -24,7 +24,7 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-apart = "cells chunks comparisons dropins figures gradients labels meshes particles sky"
+apart = "cells chunks comparisons dropins figures formats gradients labels meshes particles sky zarr"
 for name in apart.split():
     sys.modules["resample_" + name] = None
 from {module} import main
@@ -51,6 +51,10 @@ MISSING = [
     ("resample-texture mesh sample:knot -o a.png", "command 'texture.mesh'", "meshes"),
     ("resample-texture view sample:knot", "page 'texture.mesh'", "meshes"),
     ("resample-points density sample:halo -o a.png", "command 'points.density'", "particles"),
+    ("resample-volume convert checker-box a.zarr", "command 'volume.convert'", "zarr"),
+    ("resample-volume info s3://a/b.zarr", "reader 'zarr'", "zarr"),
+    ("resample-texture resize sample:bricks a.zarr --size 20", "store 'zarr'", "zarr"),
+    ("resample-texture resize s3://a/b.zarr a.png --size 20", "store 'zarr'", "zarr"),
     ("resample-points compare sample:knot-gaussians", "command 'points.compare'", "comparisons"),
 ]
 WORK = [
@@ -91,6 +95,14 @@ def test_a_mistyped_command_is_told_without_them(tmp_path):
     assert (refused.stderr, refused.returncode) == (known, 2)
 
 
+@pytest.mark.parametrize("name", ["a.h5", "a.mrc.gz"])
+def test_a_file_of_another_format_names_the_package_that_reads_it(name, tmp_path):
+    (tmp_path / name).write_bytes(b"something")
+    refused = alone(f"resample-volume info {name}", tmp_path)
+    assert "pip install hybrid-resample-formats\n" in refused.stderr
+    assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+
+
 @pytest.mark.parametrize("name", ["a.vtu", "a.vtk"])
 def test_a_file_of_cells_names_the_package_that_reads_it(name, tmp_path):
     head = "# vtk DataFile Version 3.0\ncells\nASCII\nDATASET UNSTRUCTURED_GRID\n"
@@ -98,6 +110,15 @@ def test_a_file_of_cells_names_the_package_that_reads_it(name, tmp_path):
     refused = alone(f"resample-volume info {name}", tmp_path)
     assert "pip install hybrid-resample-cells" in refused.stderr
     assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
+
+
+def test_a_store_names_the_package_that_reads_it(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "zarr.json").touch()
+    for line in ("resample-volume info a", "resample-texture resize a b.png --size 20"):
+        refused = alone(line, tmp_path)
+        assert "pip install hybrid-resample-zarr" in refused.stderr
+        assert (refused.stderr.count("\n"), refused.stdout, refused.returncode) == (1, "", 2)
 
 
 @pytest.mark.some(2)

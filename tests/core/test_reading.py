@@ -40,9 +40,9 @@ from resample_volume.files.nifti import Nifti
 from resample_volume.files.nrrd import Nrrd
 from resample_volume.files.readers import Npy, Raw
 from resample_volume.files.vtk import Vti
-from resample_volume.files.zarr import Zarr
 from resample_volume.meshes import read_mesh
 from resample_warp3d.depth.files import read_depth
+from resample_zarr.volumes import Zarr
 
 REFUSALS = (ValueError, OSError, LookupError)
 HEADERS = (

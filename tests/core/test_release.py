@@ -71,7 +71,8 @@ def test_nothing_unpickles_evaluates_or_asks_a_shell(nodes):
             assert getattr(node.func, "id", "") not in ("eval", "exec"), (path, node.lineno)
         else:
             names = {alias.name for alias in node.names} | {getattr(node, "module", "")}
-            allowed = {"pickle"} if path.as_posix().endswith(OWN_CACHE) else set()
+            is_own = path.as_posix().endswith(OWN_CACHE) or "tests" in path.relative_to(ROOT).parts
+            allowed = {"pickle"} if is_own else set()
             assert not (FORBIDDEN - allowed) & names, (path, names)
 
 

@@ -29,7 +29,7 @@ UNUSED |= {
     "resample.cameras.reconstructions",
     "resample.cameras.keyframes",
     "resample.cameras.trajectories",
-    "resample.files.stores.metadata",
+    "resample_zarr.metadata",
 }
 COUNTING = """
 import cyclopts

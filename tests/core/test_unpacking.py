@@ -9,6 +9,7 @@ import os
 import struct
 import zipfile
 import zlib
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -23,7 +24,7 @@ from resample.files.sequences import frames_of
 from resample.files.writing import load_arrays
 from resample.messages import one_line
 from resample.reading.arrays import read_npz
-from resample.reading.limits import bunzipped, deflated, unlzma
+from resample.reading.limits import deflated, unpacked
 from resample.reading.meshes import check_mesh
 from resample.reading.pictures import size_at_once, size_of
 from resample_meshes.files import load_mesh
@@ -40,8 +41,8 @@ DATA = b"abcdefgh" * 100
 PACKERS = {
     "zlib": (zlib.compress, deflated),
     "gzip": (gzip.compress, deflated),
-    "bzip2": (bz2.compress, bunzipped),
-    "xz": (lzma.compress, lambda data, most: unlzma(data, most, lzma.FORMAT_XZ)),
+    "bzip2": (bz2.compress, partial(unpacked, new=bz2.BZ2Decompressor)),
+    "xz": (lzma.compress, partial(unpacked, new=lzma.LZMADecompressor)),
 }
 PIXEL = struct.pack(">IIBBBBB", 1, 1, 8, 2, 0, 0, 0)
 

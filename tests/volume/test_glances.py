@@ -19,11 +19,10 @@ from resample.outofcore.passes import PassContext
 from resample_volume.cli import app
 from resample_volume.data import scanning
 from resample_volume.data.values import Bricks
-from resample_volume.files import zarr as zarr_files
 from resample_volume.files.source import open_streamed
-from resample_volume.files.zarr import Single
-from resample_volume.files.zarr_writing import Layered, write_store
 from resample_volume.types import Recording
+from resample_zarr.volumes import Single
+from resample_zarr.writing import Layered, write_store
 from tests.commands import ended
 from tests.killing import Killing
 
@@ -140,7 +139,7 @@ def hired(monkeypatch):
 
 def test_a_command_has_its_workers_look_at_a_store(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(zarr_files, "LEAST", 0)
+    monkeypatch.setattr(scanning, "LEAST", 0)
     stored(tmp_path, noise((40, 24, 16), "uint8"))
     common = ["render", "noise.zarr", "--size", "24", "--transfer", "150..190"]
     common += ["--fit", "volume"]

@@ -11,10 +11,10 @@ from resample_volume.classification.regions import Region, RegionTransfer
 from resample_volume.classification.transfer import from_points
 from resample_volume.data.values import Bricks
 from resample_volume.files.source import read_labels
-from resample_volume.files.zarr import Single
-from resample_volume.files.zarr_writing import Layered, write_store
 from resample_volume.types import Recording, Volume
 from resample_volume.voxels.visible import classify
+from resample_zarr.volumes import Single
+from resample_zarr.writing import Layered, write_store
 
 GRAY, TOMATO = (0.5, 0.5, 0.5), (1.0, 99 / 255, 71 / 255)
 EVEN = from_points([(0, GRAY, 0.5)])

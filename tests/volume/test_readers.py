@@ -12,10 +12,10 @@ import pytest
 import SimpleITK
 
 from resample.memory import physical_memory
+from resample_formats.maps import Cube, Mrc
 from resample_volume.data import values as volume_values
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.dicom import Dicom
-from resample_volume.files.maps import Cube, Mrc
 from resample_volume.files.metaimage import MetaImage
 from resample_volume.files.nifti import Nifti
 from resample_volume.files.nrrd import Nrrd

@@ -13,23 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+PLUGINS = (
+    *("chunks", "comparisons", "dropins", "figures", "formats", "gradients", "labels", "meshes"),
+    *("particles", "sky", "zarr"),
+)
 PACKAGES = (
     "resample",
     *(f"apps/{a}/resample_{a}" for a in ("points", "texture", "volume", "warp3d")),
-    *(
-        f"plugins/{a}/resample_{a}"
-        for a in (
-            "chunks",
-            "comparisons",
-            "dropins",
-            "figures",
-            "gradients",
-            "labels",
-            "meshes",
-            "particles",
-            "sky",
-        )
-    ),
+    *(f"plugins/{a}/resample_{a}" for a in PLUGINS),
 )
 # The first pattern that matches a path settles its stratum; None: no mutants.
 STRATA = (
@@ -41,6 +32,7 @@ STRATA = (
     (r"^resample/hybrid/", "hybrid"),
     (r"^resample/(painting|profiles|cameras)/", "painting"),
     (r"^resample/(files|reading)/|^(apps|plugins)/\w+/\w+/(files|exchange|inputs)", "readers"),
+    (r"^plugins/(formats|zarr)/", "readers"),
     (r"^resample/|/(command|viewing)(/|\.py)|/cli\.py|/__main__\.py", "plumbing"),
     (r"^(apps/points|plugins/particles)/", "points"),
     (r"^apps/texture/|^plugins/", "texture"),

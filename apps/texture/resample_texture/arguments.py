@@ -15,7 +15,7 @@ from resample import registry
 from resample.calling import choice_meant
 from resample.cameras.models import Convention
 from resample.files.conversion import picture_and_encoding
-from resample.files.stores.opening import Address
+from resample.files.stores import Address
 from resample.messages import doubles_of, shortly, warn
 from resample_texture.geometry.mappings import (
     BackwardMap,

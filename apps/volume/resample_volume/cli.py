@@ -3,8 +3,7 @@
 import json
 import math
 import sys
-from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, NoReturn
 
 from cyclopts import Parameter
 
@@ -14,7 +13,7 @@ from resample.command.flags import Inline, OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import Session, require_picture, run
 from resample.command.settings import PictureFormat, Resampling, Serving, Sharing, with_settings
-from resample.console import linear_color, progress_bar, say
+from resample.console import linear_color
 from resample.files.writing import check_targets, write_json
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
@@ -307,55 +306,6 @@ def generate(name: str, /, *, output: flags.Output) -> None:
 
 
 @app.command
-def convert(
-    volume: str,
-    output: Path,
-    /,
-    *,
-    chunk: flags.AppearanceFlag[int] = 64,
-    shard: flags.AppearanceFlag[int | None] = None,
-    compression: flags.AppearanceFlag[Literal["zstd", "blosc", "none"]] = "zstd",
-    levels: flags.AppearanceFlag[bool] = True,
-    source: Annotated[ReadOptions, flags.Flat] = SOURCE,
-) -> None:
-    """Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.
-
-    For example:
-
-        resample-volume convert sample:vessel-tree vessels.ome.zarr
-        resample-volume convert sample:vessel-tree small.ome.zarr --chunk 32
-        resample-volume convert checker-box box.ome.zarr --compression none
-
-    Parameters
-    ----------
-    volume
-        A file, a folder of slices, or checker-box, vessel-tree, marschner-lobb; by default with all
-        times and channels.
-    output
-        Written to: a folder engine.ome.zarr, which appears once it is complete.
-    chunk
-        Voxels along each side of a chunk.
-    shard
-        Voxels along each side of a file that holds several chunks. [default: a file per chunk]
-    compression
-        Compression of chunks.
-    levels
-        Write coarser levels, too.
-    """
-    from resample_volume.command.inputs import note_assumed, stored
-    from resample_volume.files.zarr_writing import Layered, bricks_of, check_store, write_store
-
-    form = Layered(chunk, shard, compression, levels)
-    check_store(output)
-    recording = stored(source, volume)
-    if recording.note:
-        say(recording.note)
-    note_assumed(recording)
-    with progress_bar("converting bricks", bricks_of(recording, form)) as progress:
-        write_store(output, recording, form, progress)
-
-
-@app.command
 def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
     """Download a public volume, verify it and print its path; without a name, list all.
 
@@ -387,6 +337,11 @@ app.command(demonstrator(app, "Render the generated volumes.", DEMO))
 
 
 with_settings(app)
+add_command(
+    app,
+    "volume.convert",
+    "Write any volume as OME-Zarr 0.5, brick by brick, with coarser levels of exact means.",
+)
 add_command(
     app,
     "volume.compare",

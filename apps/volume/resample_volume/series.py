@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,8 @@ from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import Survey, survey, without_padding
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
-from resample_volume.types import Recording, Volume
+from resample_volume.types import Chunked, Recording, Volume
 from resample_volume.voxels.visible import finite_range, lattice_of, steepness, visible_with_slopes
-
-if TYPE_CHECKING:
-    from resample_volume.files.zarr import Chunked
 
 SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the lattice
 
@@ -179,8 +176,6 @@ def is_chunked(recording: Recording) -> bool:
     return chunked(recording) is not None
 
 
-def chunked(recording: Recording) -> "Chunked | None":
+def chunked(recording: Recording) -> Chunked | None:
     """Return values that stay in their file; None if these do not."""
-    from resample_volume.files.zarr import Chunked
-
     return recording.values if isinstance(recording.values, Chunked) else None

@@ -1,6 +1,6 @@
 """Data types of the volume application: arrays with shapes and units."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,14 @@ class Recorded(Protocol):
     def dtype(self) -> np.dtype[Any]: ...
     def swapaxes(self, first: int, second: int, /) -> "Recorded": ...
     def __getitem__(self, chosen: Any, /) -> Any: ...
+
+
+@runtime_checkable
+class Chunked(Recorded, Protocol):
+    """Values in chunks; a time and a channel of them is a volume of bricks."""
+
+    def only(self, number: int) -> "Chunked": ...  # one index of the second axis
+    def stacked_along_z(self) -> Any: ...  # bricks of all volumes, where the second has length 1
 
 
 class ChannelLook(NamedTuple):

@@ -13,7 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.reading.arrays import (
+from resample.reading.limits import check_file, check_items, neighbour
+from resample.reading.native import damage
+from resample.types import Doubles
+from resample_formats.groups import (
     dataset_in,
     group_in,
     member,
@@ -21,9 +24,6 @@ from resample.reading.arrays import (
     numbers_of,
     opened,
 )
-from resample.reading.limits import check_file, check_items, neighbour
-from resample.reading.native import damage
-from resample.types import Doubles
 from resample_particles.particles import Particles, is_named, particles_of
 from resample_particles.smoothing import KERNELS
 from resample_points.files.readers import SNAPSHOTS, read_cloud, suffixes

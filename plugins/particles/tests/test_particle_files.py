@@ -222,7 +222,7 @@ def test_the_command_writes_numbers_that_python_gives(folder, capsys):
     assert not ended("density", "a.hdf5", "--size", "40", "-o", "a.npy")
     assert "10^10 Msun/Mpc²" in capsys.readouterr().err
     truth = column_density(read_particles("a.hdf5"), "z", size=(40, 40)).value
-    np.testing.assert_array_equal(np.load("a.npy"), truth)
+    np.testing.assert_array_equal(np.load("a.npy", allow_pickle=False), truth)
     assert not ended("density", "a.hdf5", "--size", "40", "-o", "a.exr")
     pixels = read_channels(folder / "a.exr")
     np.testing.assert_array_equal(pixels["Y"], truth.astype(np.float32))
@@ -235,7 +235,7 @@ def test_the_command_writes_slices_of_quantities_before_cameras_and_along_axes(f
     found = column_density(
         gas, "x", size=(30, 30), kernel="wendland", quantity="temperature", slice_at=2.5
     )
-    np.testing.assert_array_equal(np.load(folder / "a.npy"), found.value)
+    np.testing.assert_array_equal(np.load(folder / "a.npy", allow_pickle=False), found.value)
     assert found.units == "K"
     assert not ended(
         "density",
@@ -249,7 +249,7 @@ def test_the_command_writes_slices_of_quantities_before_cameras_and_along_axes(f
         "-o",
         "b.npy",
     )
-    assert np.isfinite(np.load(folder / "b.npy")).all()
+    assert np.isfinite(np.load(folder / "b.npy", allow_pickle=False)).all()
 
 
 @pytest.mark.sweep

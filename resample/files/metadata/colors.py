@@ -6,6 +6,7 @@ edition, section 4.3).
 
 import struct
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import lru_cache, partial
 from io import BytesIO
 from pathlib import Path
@@ -41,10 +42,7 @@ Curve = Callable[[Any], Any]
 
 
 def is_encoded(path: Path, spec: Any) -> bool:
-    """Whether integers are encoded for displays, rather than linear light.
-
-    8 bits of which nothing is said are; 16 bits are not.
-    """
+    """Whether integers are encoded for displays; without a word 8 bits are, and 16 are light."""
     coded = spec.getattribute("CICP")
     if coded is not None or spec.getattribute("ICCProfile") is not None:
         return coded is None or int(coded[1]) != LINEAR
@@ -156,7 +154,13 @@ def converted(color: Floats, profile: bytes) -> Floats:
 @lru_cache(8)
 def profile_colors(profile: bytes) -> tuple[tuple[Curve, ...], Doubles]:
     """Read the curves of a profile's channels to light, 0..1, and its matrix from that to XYZ."""
-    tags, names = _tags(profile), {b"RGB ": b"rgb", b"GRAY": b"k"}.get(profile[16:20], b"")
+    names = {b"RGB ": b"rgb", b"GRAY": b"k"}.get(profile[16:20], b"")
+    tags = {}  # none where it is cut off
+    with suppress(struct.error):
+        (count,) = struct.unpack_from(">I", profile, HEADER)
+        places = (HEADER + 4 + ENTRY * n for n in range(min(count, len(profile) // ENTRY)))
+        entries = [struct.unpack_from(">4sII", profile, place) for place in places]
+        tags = {name: profile[first : first + size] for name, first, size in entries}
     wanted = [bytes([name]) + b"TRC" for name in names]
     wanted += [bytes([name]) + b"XYZ" for name in names if name != ord("k")]
     if not wanted or not tags.keys() >= set(wanted):
@@ -172,17 +176,6 @@ def _usual() -> Doubles:
     from PIL import ImageCms
 
     return profile_colors(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())[1]
-
-
-def _tags(profile: bytes) -> dict[bytes, bytes]:
-    """Contents of a profile, by name; none if it is cut off."""
-    try:
-        (count,) = struct.unpack_from(">I", profile, HEADER)
-        places = (HEADER + 4 + ENTRY * n for n in range(min(count, len(profile) // ENTRY)))
-        entries = [struct.unpack_from(">4sII", profile, place) for place in places]
-    except struct.error:
-        return {}
-    return {name: profile[first : first + size] for name, first, size in entries}
 
 
 def _fixed(data: bytes) -> Doubles:

@@ -86,11 +86,17 @@ def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
     """Read a file's metadata; `tags` are those of its page, for a TIFF file."""
     camera = tags or block_tags(_exif_block(path), CAMERA, NESTED)
     profile = spec.getattribute("ICCProfile")
-    spoken = tuple(
-        (entry.name, entry.type, _as_text(entry.value))
-        for entry in spec.extra_attribs
-        if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:"))
-    )
+    spoken = []
+    for entry in spec.extra_attribs:
+        if entry.name in SPOKEN or entry.name.startswith(("Exif:", "GPS:")):
+            value = entry.value
+            if isinstance(value, str) and not value.isascii():
+                stored = value.encode("utf-8", "surrogateescape")
+                try:
+                    value = stored.decode("utf-8")
+                except UnicodeDecodeError:  # Latin-1, such as © of old cameras
+                    value = stored.decode("latin-1")
+            spoken.append((entry.name, entry.type, value))
     colors = colors_of(path, spec)
     # Camera tags that remain valid after a warp.
     found: dict[int, Tag | Directory] = {
@@ -108,19 +114,8 @@ def about_file(path: Path, spec: Any, tags: Directory) -> FileMetadata:
         marks_of(path) if colors else b"",
         assumed_of(path, spec),
         geo=geo_of(tags),
-        spoken=spoken,
+        spoken=tuple(spoken),
     )
-
-
-def _as_text(value: Any) -> Any:
-    """A value of OpenImageIO; texts of other than UTF-8, such as © of old cameras, are Latin-1."""
-    if not isinstance(value, str) or value.isascii():
-        return value
-    stored = value.encode("utf-8", "surrogateescape")
-    try:
-        return stored.decode("utf-8")
-    except UnicodeDecodeError:
-        return stored.decode("latin-1")
 
 
 def orientation_of(path: Path, spec: Any) -> int:

@@ -153,8 +153,7 @@ def read_tags(
 ) -> list[dict[int, "Tag | Directory"]]:
     """Read wanted tags of every directory of a TIFF file; none for other files.
 
-    `nested`: tags that point to directories, and which of their tags to read; None: all. Damaged
-    files raise an OSError.
+    `nested`: tags that point to directories, and which of their tags to read; None: all.
     """
     with Path(path).open("rb") as file:
         try:
@@ -185,11 +184,7 @@ def block_of(directory: Directory) -> bytes:
 
 
 def add_tags(path: Path, additions: Sequence[Directory]) -> None:
-    """Add or replace tags in the directories of a TIFF file that no other process reads yet.
-
-    Nested mappings become directories of their own. An OSError is raised if the file cannot be
-    written or gets too large.
-    """
+    """Add or replace tags in the directories of a TIFF file; nested mappings become directories."""
     with path.open("r+b") as file:
         layout = LAYOUTS.get(file.read(4))
         if layout is None:
@@ -349,7 +344,7 @@ def before_pixels(file: BinaryIO) -> Iterator[bytes]:
 def put_into_png(path: Path, block: bytes, marks: bytes) -> None:
     """Insert an Exif chunk, unless empty, and chunks of colors after the header of a PNG file.
 
-    If it gets these, or has a color profile, OpenImageIO's other color chunks are removed.
+    If it gets these, or has a profile, other color chunks are removed.
     """
     fresh = path.with_name(f"{path.name}.exif")
     try:
@@ -406,8 +401,16 @@ def geo_of(tags: Directory) -> Geo | None:
     keys = _numbers(tags, KEYS).astype(int)
     types = [keys[n + 3] for n in range(4, len(keys) - 3, 4) if keys[n] == RASTER_TYPE]
     is_point = types[:1] == [PIXEL_IS_POINT]
-    matrix, points = _matrix(tags), None
-    given = _numbers(tags, POINTS)
+    # A matrix (4, 4) from either form.
+    given, scale, own = _numbers(tags, POINTS), _numbers(tags, SCALE), _numbers(tags, MATRIX)
+    matrix: Doubles | None = None
+    points: Doubles | None = None
+    if own.size == 16:
+        matrix = own.reshape(4, 4)
+    elif scale.size >= 2 and given.size >= 6:
+        x, y, z = scale[0], -scale[1], scale[2] if scale.size > 2 else 0.0
+        matrix = np.diag([x, y, z, 1.0])
+        matrix[:3, 3] = given[3:6] - np.array([x, y, z]) * given[:3]
     if matrix is None and given.size >= 6:
         points = given[: given.size // 6 * 6].reshape(-1, 6).copy()
         points[:, :2] += 0.5 * is_point
@@ -461,37 +464,16 @@ def tags_of(geo: Geo) -> Directory:
         points[:, :2] -= 0.5 * geo.is_point
         tags[POINTS] = _doubles_tag(points)
     if geo.matrix is not None:
-        tags.update(_placement(geo.matrix @ _shift(0.5) if geo.is_point else geo.matrix))
+        matrix = geo.matrix @ _shift(0.5) if geo.is_point else geo.matrix
+        plane, others = matrix[:2, :2], (matrix[:2, 2], matrix[2, :2], matrix[3])
+        is_turned = np.abs([plane[0, 1], plane[1, 0]]).max() > STRAIGHT * np.abs(plane).max()
+        is_flat = all((part[:3] == 0.0).all() for part in others)
+        if is_turned or not is_flat or plane[0, 0] <= 0.0 or plane[1, 1] >= 0.0:
+            return tags | {MATRIX: _doubles_tag(matrix)}
+        # Without rotation there are a scale and a tie point instead.
+        tags[SCALE] = _doubles_tag(np.array([plane[0, 0], -plane[1, 1], matrix[2, 2]]))
+        tags[POINTS] = _doubles_tag(np.concatenate([np.zeros(3), matrix[:3, 3]]))
     return tags
-
-
-def _matrix(tags: Directory) -> Doubles | None:
-    """Matrix (4, 4) from either form; None if there is none."""
-    given = _numbers(tags, MATRIX)
-    if given.size == 16:
-        return np.asarray(given.reshape(4, 4), np.float64)
-    scale, point = _numbers(tags, SCALE), _numbers(tags, POINTS)
-    if scale.size < 2 or point.size < 6:
-        return None
-    x, y, z = scale[0], -scale[1], scale[2] if scale.size > 2 else 0.0
-    matrix = np.diag([x, y, z, 1.0])
-    matrix[:3, 3] = point[3:6] - np.array([x, y, z]) * point[:3]
-    return matrix
-
-
-def _placement(matrix: Doubles) -> Directory:
-    """Scale and tie point if there is no rotation, else the matrix."""
-    plane = matrix[:2, :2]
-    is_turned = np.abs([plane[0, 1], plane[1, 0]]).max() > STRAIGHT * np.abs(plane).max()
-    others = (matrix[:2, 2], matrix[2, :2], matrix[3])
-    is_flat = all((part[:3] == 0.0).all() for part in others)
-    if is_turned or not is_flat or plane[0, 0] <= 0.0 or plane[1, 1] >= 0.0:
-        return {MATRIX: _doubles_tag(matrix)}
-    scale = np.array([plane[0, 0], -plane[1, 1], matrix[2, 2]])
-    return {
-        SCALE: _doubles_tag(scale),
-        POINTS: _doubles_tag(np.concatenate([np.zeros(3), matrix[:3, 3]])),
-    }
 
 
 def _doubles_tag(numbers: Doubles) -> Tag:

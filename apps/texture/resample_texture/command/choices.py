@@ -24,7 +24,7 @@ from resample.command.flags import (
     Switch,
 )
 from resample.command.settings import Choices, Convention, MethodsFilter, Threads, height_and_width
-from resample.files.stores import opening
+from resample.files import stores
 from resample.messages import numbers_in, parts_of
 
 if TYPE_CHECKING:
@@ -45,9 +45,9 @@ Edges = Literal["transparent", "clamp", "wrap", "mirror"]
 
 
 Picture = Annotated[
-    Path | opening.Address,
+    Path | stores.Address,
     Parameter(
-        converter=lambda _kind, words: opening.place_of(words[-1].value),
+        converter=lambda _kind, words: stores.place_of(words[-1].value),
         n_tokens=1,
         accepts_keys=False,
     ),

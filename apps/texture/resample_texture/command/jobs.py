@@ -27,7 +27,7 @@ from resample.files.metadata.tags import PNG_START, Tag, read_tags, stated
 from resample.files.pictures import Kind, Picture, form_of, header_of, picture_at, with_gaps
 from resample.files.saving import tell_empty, tell_unchanged, write_picture, writing_rows
 from resample.files.sequences import batch_of, check_frames, frames_of, is_batch, write_frames
-from resample.files.stores.opening import Address, Place
+from resample.files.stores import Address, Place
 from resample.files.writing import check_targets, replacing, write_json
 from resample.messages import one_line
 from resample.reading.limits import check_unpacked

@@ -24,7 +24,7 @@ from resample.files.metadata.fields import FileMetadata
 from resample.files.metadata.tags import Geo, moved, unplaced
 from resample.files.pictures import Kind, LoadablePicture, LoadedPicture, Picture, loadable_picture
 from resample.files.saving import screen_levels
-from resample.files.stores.opening import Place
+from resample.files.stores import Place
 from resample.memory import ALLOWED, GIB, require
 from resample.memory.mapped import pages_of
 from resample.types import Floats

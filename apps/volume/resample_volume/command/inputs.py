@@ -153,7 +153,7 @@ def with_memory(
     Workers scan a large one, unless its statistics are cached.
     """
     if is_streamed(volume):
-        from resample_volume.files.zarr import LEAST
+        from resample_volume.data.scanning import LEAST
 
         values = bricks_of(volume)
         return_freed_memory()
@@ -226,20 +226,6 @@ def held(source: ReadOptions, name: str) -> Recording:
     return changed(source, open_recording(*_named(source, name)))
 
 
-def stored(source: ReadOptions, name: str) -> Recording:
-    """Open what `source` chooses of a name; values of chunked files stay in their file."""
-    from resample_volume.files.zarr import Single
-
-    require_linear(source, "convert keeps values as they are")
-    if source.time is not None or source.channel is not None:
-        volume = opened(source, name, streamed=True)
-        if volume.colors is None:
-            values = Single(volume.values)
-            found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
-            return found._replace(length=volume.length)
-    return channels_of(source, name, streamed=True)
-
-
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     """Return the file or generated volume of a name, and its reader."""
     if not name:
@@ -263,14 +249,13 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
         whole = {name: getattr(reader, name) for name in ("shape", "dtype", "endian")} | told
         reader = replace(reader, shape=whole["shape"], dtype=whole["dtype"], endian=whole["endian"])
     if source.level is not None:
-        from resample_volume.files.zarr import Zarr
-
         reader = reader or find_reader(name)
-        if not isinstance(reader, Zarr):
+        if "level" not in registry.parameters(type(reader)):
             raise ValueError(
                 "level chooses a size of an OME-Zarr; this file has one size, leave it out"
             )
-        reader = replace(reader, level=source.level)
+        of_levels: Any = reader
+        reader = replace(of_levels, level=source.level)
     return (Path(name) if Path(name).exists() else name), reader
 
 

@@ -20,6 +20,7 @@ from resample.types import Doubles
 
 SAMPLED = 2e6  # sample size for the distribution of floating-point values
 LITTLE = 1 << 21  # values that NumPy counts in the time that OpenCV takes to import
+LEAST = 1 << 23  # voxels; a scan of fewer takes less than a second, and is not stored
 PARTS = 16  # least size for several processes
 
 

@@ -84,7 +84,11 @@ def dicom_volume(files: list[Path], name: str) -> Volume:
     with _quiet(files[0]):
         slices = _sorted(slices)
         first = slices[0].dataset
-        parts, kind, units = _parts(first), _kind(slices), _units(first)
+        given = first.get("PhotometricInterpretation") or ""
+        if not isinstance(given, str):
+            raise ValueError(f"its PhotometricInterpretation is {_shown(given)}, where one text is")
+        parts = 3 if given == "PALETTE COLOR" else whole(first, "SamplesPerPixel", 1)
+        kind, units = _kind(slices), _units(first)
         sizes = (whole(first, "Columns"), whole(first, "Rows"), len(slices))
         places = np.array([each.place for each in slices])
         spacing, direction = _lattice(slices, places)
@@ -184,21 +188,20 @@ def _slices(path: Path) -> list[_Slice]:
         if not 1 <= count <= path.stat().st_size:
             raise ValueError(f"its NumberOfFrames is {count}, more than its bytes, or below 1")
         check_items(path.name, count, "frames")
-        return [_slice(path, dataset, frame) for frame in range(count)]
-
-
-def _slice(path: Path, dataset: Any, frame: int) -> _Slice:
-    place = _numbers(dataset, frame, POSITION, (math.nan,) * 3)
-    axes = _numbers(dataset, frame, ORIENTATION, (1, 0, 0, 0, 1, 0)).reshape(2, 3)
-    count, offsets = whole(dataset, "NumberOfFrames", 1), dataset.get("GridFrameOffsetVector")
-    if offsets not in (None, "", []):  # doses
-        away = numbers(offsets, "GridFrameOffsetVector", count)
-        place = place + away[frame] * np.cross(*axes)
-    elif frame and not any("PlanePositionSequence" in each for each in _groups(dataset, frame)):
-        place = place + frame * (_between(dataset, frame) or 1.0) * np.cross(*axes)
-    slope = float(_numbers(dataset, frame, SLOPE, (1,))[0])
-    intercept = float(_numbers(dataset, frame, INTERCEPT, (0,))[0])
-    return _Slice(path, dataset, frame, place, axes, slope, intercept)
+        found, offsets = [], dataset.get("GridFrameOffsetVector")
+        for frame in range(count):
+            place = _numbers(dataset, frame, POSITION, (math.nan,) * 3)
+            axes = _numbers(dataset, frame, ORIENTATION, (1, 0, 0, 0, 1, 0)).reshape(2, 3)
+            groups = _groups(dataset, frame)
+            if offsets not in (None, "", []):  # doses
+                away = numbers(offsets, "GridFrameOffsetVector", count)
+                place = place + away[frame] * np.cross(*axes)
+            elif frame and not any("PlanePositionSequence" in each for each in groups):
+                place = place + frame * (_between(dataset, frame) or 1.0) * np.cross(*axes)
+            slope = float(_numbers(dataset, frame, SLOPE, (1,))[0])
+            intercept = float(_numbers(dataset, frame, INTERCEPT, (0,))[0])
+            found.append(_Slice(path, dataset, frame, place, axes, slope, intercept))
+        return found
 
 
 def _groups(dataset: Any, frame: int) -> list[Any]:
@@ -243,16 +246,6 @@ def _sorted(slices: list[_Slice]) -> list[_Slice]:
     if len(slices) == len({each.path for each in slices}) and None not in numbers:
         return sorted(slices, key=lambda each: whole(each.dataset, "InstanceNumber"))
     return sorted(slices, key=lambda each: (natural(each.path), each.frame))
-
-
-def _parts(dataset: Any) -> int:
-    """Return the number of components."""
-    given = dataset.get("PhotometricInterpretation") or ""
-    if not isinstance(given, str):
-        raise ValueError(f"its PhotometricInterpretation is {_shown(given)}, where one text is")
-    if given == "PALETTE COLOR":
-        return 3
-    return whole(dataset, "SamplesPerPixel", 1)
 
 
 def _units(dataset: Any) -> str:
@@ -313,13 +306,24 @@ def _values(slices: list[_Slice], shape: tuple[int, ...], kind: np.dtype[Any]) -
 
 def _pixels(path: Path) -> NDArray[Any]:
     """Read the stored pixels of a file, colors as red, green and blue."""
+    from pydicom.pixels.decoders.base import get_decoder
     from pydicom.pixels.processing import apply_color_lut
 
     dataset = _read_dataset(path, is_whole=True)
     with _quiet(path):
         meta = vars(dataset).get("file_meta")
         syntax: Any = None if meta is None else meta.get("TransferSyntaxUID")
-    plugin = _decoder(path, syntax) if syntax and syntax.is_encapsulated else ""
+    plugin = ""
+    if syntax and syntax.is_encapsulated:
+        try:
+            known = get_decoder(syntax).available_plugins
+        except NotImplementedError:
+            known = ()
+        if not known:
+            told = "pip install 'hybrid-resample[dicom]'"
+            raise ValueError(f"{path.name} is packed as {syntax.name}; {told}")
+        # GDCM last, as damaged data may crash it.
+        plugin = min(known, key=lambda plugin: (plugin == "gdcm", plugin))
     with _quiet(path), suppressed_output():
         if plugin:
             check_frames(dataset, path.name)
@@ -331,21 +335,6 @@ def _pixels(path: Path) -> NDArray[Any]:
             most = -1 if dataset.PixelRepresentation else 2**dataset.BitsStored - 1
             return (most - pixels.astype(np.int64)).astype(pixels.dtype)
         return pixels
-
-
-def _decoder(path: Path, syntax: Any) -> str:
-    """Return pydicom's plugin for decoding; GDCM last, as damaged data may crash it."""
-    from pydicom.pixels.decoders.base import get_decoder
-
-    try:
-        known = get_decoder(syntax).available_plugins
-    except NotImplementedError:
-        known = ()
-    if not known:
-        raise ValueError(
-            f"{path.name} is packed as {syntax.name}; pip install 'hybrid-resample[dicom]'"
-        )
-    return min(known, key=lambda plugin: (plugin == "gdcm", plugin))
 
 
 def _is_negative(dataset: Any) -> bool:

@@ -87,7 +87,17 @@ class Nifti(OneOfAll):
     suffixes: ClassVar[tuple[str, ...]] = (".nii", ".nii.gz")
 
     def read(self, path: Path, name: str, check: Check) -> Recording:
-        fields = _fields(first_bytes(path, LENGTHS[1]), path.name)
+        start = first_bytes(path, LENGTHS[1])
+        orders: tuple[Literal["<", ">"], ...] = ("<", ">")
+        fields: Any = None  # of either version, in either order of bytes
+        for form, length, magic in zip(FORMS, LENGTHS, (b"n+1", b"n+2"), strict=True):
+            for order in orders if len(start) >= length and fields is None else ():
+                found = np.frombuffer(start, form.newbyteorder(order), 1)[0]
+                if found["size"] == length and bytes(found["magic"]).startswith(magic):
+                    fields = found
+        if fields is None:
+            told = "is not a NIfTI file of one piece, or its header is cut off"
+            raise ValueError(f"{path.name} {told}")
         known = _header(fields, path, name)
         check(known)
         offset = int(fields["offset"])
@@ -178,19 +188,6 @@ def _header(fields: Any, path: Path, name: str) -> VolumeHeader:
         length=unit,
         note="; ".join(note),
     )
-
-
-def _fields(start: bytes, name: str) -> Any:
-    """Parse the header of either version, in either byte order."""
-    orders: tuple[Literal["<", ">"], ...] = ("<", ">")
-    for form, length, magic in zip(FORMS, LENGTHS, (b"n+1", b"n+2"), strict=True):
-        for order in orders:
-            if len(start) < length:
-                continue
-            fields = np.frombuffer(start, form.newbyteorder(order), 1)[0]
-            if fields["size"] == length and bytes(fields["magic"]).startswith(magic):
-                return fields
-    raise ValueError(f"{name} is not a NIfTI file of one piece, or its header is cut off")
 
 
 def _place(fields: Any) -> tuple[tuple[Doubles, Doubles, Doubles], list[str]]:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -154,12 +154,29 @@ def _vector(numbers: Doubles) -> str:
 
 
 def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> VolumeHeader:
-    kind = _dtype(value, path)
+    stored = NAMES.get(value["type"].lower())
+    if stored is None:
+        raise ValueError(f"{path.name} has voxels of type {value['type']!r}; known are numbers")
+    kind, endian = np.dtype(stored), value.get("endian", "").lower()
+    if kind.itemsize > 1 and PACKINGS.get(value["encoding"].lower()) != "text":
+        if endian not in ("little", "big"):
+            raise ValueError(f"{path.name}: its endian is {endian!r}; it must be little or big")
+        kind = kind.newbyteorder("<" if endian == "little" else ">")
     sizes = tuple(axes.size[axis] for axis in axes.space)
     if len(sizes) != 4:
         check_shape(sizes, name)
     spacing, origin, direction = _place(value, axes, path)
-    by, length = _unit(value, axes, path)
+    # The unit of lengths, and the factor to it.
+    length, by = VOXEL, 1.0
+    if value.keys() & {"space directions", "spacings"}:
+        words = WORD.findall(value.get("space units", ""))
+        if not words:
+            words = WORD.findall(value.get("units", ""))[: len(axes.size)]
+            words = [words[axis] for axis in axes.space[:3] if axis < len(words)]
+        known_units = {unit_of_length(word) for word in words} - {("", 1.0)}
+        if len(known_units) > 1:
+            raise ValueError(f"{path.name}: its lengths are in {', '.join(words)}; give one unit")
+        length, by = next(iter(known_units), (UNKNOWN, 1.0))
     spacing, origin = times(spacing, by), times(origin, by)
     known = header(sizes[:3], kind, name, spacing=spacing, origin=origin, direction=direction)
     parts = 1 if axes.part is None else axes.size[axes.part]
@@ -176,21 +193,6 @@ def _header(value: Mapping[str, str], axes: _Axes, path: Path, name: str) -> Vol
     )
 
 
-def _unit(value: Mapping[str, str], axes: _Axes, path: Path) -> tuple[float, str]:
-    """Return the unit of lengths, and the factor to it."""
-    if not value.keys() & {"space directions", "spacings"}:
-        return 1.0, VOXEL
-    words = WORD.findall(value.get("space units", ""))
-    if not words:
-        words = WORD.findall(value.get("units", ""))[: len(axes.size)]
-        words = [words[axis] for axis in axes.space[:3] if axis < len(words)]
-    units = {unit_of_length(word) for word in words} - {("", 1.0)}
-    if len(units) > 1:
-        raise ValueError(f"{path.name}: its lengths are in {', '.join(words)}; give one unit")
-    unit, by = next(iter(units), (UNKNOWN, 1.0))
-    return by, unit
-
-
 def _assumed(value: Mapping[str, str], axes: _Axes) -> str:
     """Tell along which axes no distance of voxels is stated, and that values were quantized."""
     quantized = {"old min", "oldmin", "old max", "oldmax"} & value.keys()
@@ -204,18 +206,6 @@ def _assumed(value: Mapping[str, str], axes: _Axes) -> str:
     if "axis maxs" in value and (missing or not words):
         lines.append("axis maxs do not give it, as in ITK")
     return "; ".join(lines)
-
-
-def _dtype(value: Mapping[str, str], path: Path) -> np.dtype[Any]:
-    name = NAMES.get(value["type"].lower())
-    if name is None:
-        raise ValueError(f"{path.name} has voxels of type {value['type']!r}; known are numbers")
-    kind, endian = np.dtype(name), value.get("endian", "").lower()
-    if kind.itemsize == 1 or PACKINGS.get(value["encoding"].lower()) == "text":
-        return kind
-    if endian not in ("little", "big"):
-        raise ValueError(f"{path.name}: its endian is {endian!r}; it must be little or big")
-    return kind.newbyteorder("<" if endian == "little" else ">")
 
 
 def _vectors(value: Mapping[str, str], path: Path) -> list[Doubles | None]:

@@ -3,12 +3,12 @@
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from resample import registry
-from resample.files.stores.opening import Address, is_address, is_store
+from resample.files.stores import STORE, Address, is_address, is_store
 from resample.files.writing import replacing, save_array
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
@@ -20,9 +20,6 @@ from resample_volume.files.generated import GENERATED
 from resample_volume.files.headers import KEPT
 from resample_volume.files.readers import Reader, Recorder, Streamer
 from resample_volume.types import Recording, Volume
-
-if TYPE_CHECKING:
-    from resample_volume.files.zarr import Zarr
 
 LISTED = ", ".join(GENERATED)
 SUFFIXES = (".nrrd", ".mha", ".nii", ".nii.gz", ".npy")
@@ -53,7 +50,6 @@ OWN = {  # suffixes of readers that are imported only for such files
 HINTS = {  # what to do with files of other kinds
     (".mat",): "save its array as .npy: scipy.io.loadmat and h5py read it",
     (".xdmf", ".xmf", ".pvd", ".exo", ".case", ".foam"): "save it as .vti or .vtu in ParaView",
-    (".vts", ".vtu", ".vtm", ".vthb"): "pip install hybrid-resample-cells has one",
     (".vsi", ".svs", ".scn", ".ndpi"): "save it as OME-TIFF: bioformats2raw and QuPath do",
     (".par", ".rec", ".img.gz", ".hdr.gz"): "save it as .nii.gz: nibabel reads it",
 }
@@ -152,13 +148,15 @@ def _located(name: str | Path, reader: Reader | None) -> tuple[Any, Any]:
     return path, reader
 
 
-def _distant(reader: Reader | None) -> "Zarr":
+def _distant(reader: Reader | None) -> Reader:
     """Return the reader of an address."""
-    from resample_volume.files.zarr import Zarr
-
     if reader is None:
-        return Zarr()
-    if not isinstance(reader, Zarr):
+        try:
+            found: Reader = registry.build("readers", "zarr")
+        except LookupError as error:
+            raise ValueError(f"only zarr stores are read from addresses; {error}") from None
+        return found
+    if STORE not in reader.suffixes:
         raise ValueError("only zarr stores are read from addresses; download other files")
     return reader
 
@@ -170,13 +168,17 @@ def find_reader(path: str | Path) -> Reader:
     path = Path(path)
     readers, broken = _readers()
     if path.is_dir():
-        suffix = ".zarr" if is_store(path) else _folder_suffix(path, readers)
+        suffix = STORE if is_store(path) else _folder_suffix(path, readers)
+        suffix = suffix if suffix in readers else ""
     else:
         suffix = _suffix(path.name, readers)
     if not suffix:
-        hint = next((hint for ends, hint in HINTS.items() if path.name.lower().endswith(ends)), "")
+        name = STORE if path.is_dir() and is_store(path) else path.name.lower()
+        elsewhere = {ends: registry.missing("readers", reader) for reader, ends in OWN.items()}
+        hints = {ends: told for ends, told in elsewhere.items() if told} | HINTS
+        hint = next((hint for ends, hint in hints.items() if name.endswith(ends)), "")
         why = f"{path} is read by none of the readers; {hint}"
-        if path.is_dir():
+        if path.is_dir() and not hint:
             why = f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a "
             why += "file"
         elif not hint:

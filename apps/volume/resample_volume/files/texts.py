@@ -171,7 +171,11 @@ def files_named(path: Path, data: str) -> list[Path]:
     check_items(path.name, len(names), "files named")
     if not names:
         raise ValueError(f"{path.name} names no files of data; correct its header")
-    return [_beside(path, name) for name in names]
+    files = [neighbour(path, name) for name in names]
+    for name, found in zip(names, files, strict=True):
+        if not found.is_file():
+            raise FileNotFoundError(f"{path.name} wants its data in {name}, which is not beside it")
+    return files
 
 
 def is_hounsfield(word: str) -> bool:
@@ -179,19 +183,21 @@ def is_hounsfield(word: str) -> bool:
     return word.strip("\"'= ").lower() in HOUNSFIELD
 
 
-def _beside(path: Path, name: str) -> Path:
-    file = neighbour(path, name)
-    if not file.is_file():
-        raise FileNotFoundError(f"{path.name} wants its data in {name}, which is not beside it")
-    return file
-
-
 def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDArray[Any]:
     """Read the next numbers (count,) of a file, up to the end of a line; name is for messages."""
     check_length(file, count, name)
     found, done = np.empty(count, dtype), 0
     for words in _batches(file, count, name):
-        found[done : done + len(words)] = _converted(words, dtype, name)
+        try:
+            with np.errstate(over="ignore"):
+                try:
+                    part = np.array(words, dtype)
+                except ValueError:
+                    part = np.array([FORTRAN.sub(b"e", word) for word in words], dtype)
+        except (ValueError, OverflowError) as error:
+            told = f"{name} is damaged: {str(error)[:80]}; get the file again"
+            raise ValueError(told) from None
+        found[done : done + len(words)] = part
         done += len(words)
     return found
 
@@ -241,17 +247,6 @@ def _batches(file: BinaryIO, count: int, name: str) -> Iterator[list[bytes]]:
                 )
             yield held
             held = []
-
-
-def _converted(words: list[bytes], dtype: np.dtype[Any], name: str) -> NDArray[Any]:
-    try:
-        with np.errstate(over="ignore"):
-            try:
-                return np.array(words, dtype)
-            except ValueError:
-                return np.array([FORTRAN.sub(b"e", word) for word in words], dtype)
-    except (ValueError, OverflowError) as error:
-        raise ValueError(f"{name} is damaged: {str(error)[:80]}; get the file again") from None
 
 
 def three_numbers(what: str, numbers: Numbers) -> tuple[float, ...]:

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -90,8 +90,13 @@ def stack_facts(page: Page, count: int, parts: int, name: str, *, is_alone: bool
     elif page.description.startswith("ImageJ="):
         found = _of_imagej(page, count)
     else:
-        found = _of_tags(page)
-        return found._replace(note="; ".join(filter(None, [found.note, turned])))
+        # Resolutions do not cover the third axis.
+        (x, y), per, told = page.resolution, COMMON.get(page.unit), ""
+        is_usual = x == y and x * (2.54 if per == "cm" else 1) in USUAL
+        if per and min(x, y) > 0 and not is_usual:
+            told = f"its resolution of {x:g} x {y:g} pixels per {per} is not used, as slices have "
+            told += "no distance (--spacing)"
+        return StackFacts(note="; ".join(filter(None, [told, turned])))
     if not all(0 < step < math.inf for step in found.spacing):
         listed = " x ".join(f"{step:g}" for step in found.spacing)
         raise ValueError(f"{name}: voxels of {listed}; correct its header, or give --spacing")
@@ -136,7 +141,12 @@ def _of_ome(text: str, count: int, parts: int, name: str) -> StackFacts:
     if sorted(order) != sorted("ZCT"):
         raise ValueError(f"{name}: its DimensionOrder is XY{order:.9}; correct it")
     spacing, length = _lengths(pixels, name)
-    looks = tuple(map(_look, pixels.findall("{*}Channel")))
+    looks: tuple[ChannelLook, ...] = ()
+    for channel in pixels.findall("{*}Channel"):
+        color = channel.get("Color", "")  # a signed integer of red, green, blue and opacity
+        is_number = re.fullmatch(r"-?\d{1,10}", color) is not None
+        shown = f"#{(int(color) >> 8) & 0xFFFFFF:06x}" if is_number else ""
+        looks = (*looks, ChannelLook(channel.get("Name", ""), shown))
     facts = StackFacts(size["T"], size["C"], size["Z"], order, spacing, length=length, looks=looks)
     if not any(look.color for look in looks):
         facts = facts._replace(looks=())
@@ -164,14 +174,6 @@ def _lengths(pixels: "Element", name: str) -> tuple[tuple[float, ...], str]:
             raise ValueError(f"{name}: its PhysicalSizes are in different units; correct them")
         return tuple(steps), UNKNOWN
     return _in_first(units, steps), units[0]
-
-
-def _look(channel: "Element") -> ChannelLook:
-    """Return the look of a channel; colors are signed integers of red, green, blue, opacity."""
-    color = channel.get("Color", "")
-    is_number = re.fullmatch(r"-?\d{1,10}", color) is not None
-    shown = f"#{(int(color) >> 8) & 0xFFFFFF:06x}" if is_number else ""
-    return ChannelLook(channel.get("Name", ""), shown)
 
 
 def _pages(
@@ -246,18 +248,6 @@ def _in_first(units: Sequence[str], lengths: Iterable[float]) -> tuple[float, ..
     return tuple(map(times, lengths, by))
 
 
-def _of_tags(page: Page) -> StackFacts:
-    """Report resolutions; they do not cover the third axis."""
-    x, y = page.resolution
-    per = COMMON.get(page.unit)
-    if not per or not min(x, y) > 0 or (x == y and x * (2.54 if per == "cm" else 1) in USUAL):
-        return StackFacts()
-    told = f"{x:g} x {y:g} pixels per {per}"
-    return StackFacts(
-        note=f"its resolution of {told} is not used, as slices have no distance (--spacing)"
-    )
-
-
 NUMPY = {"half": "float16", "float": "float32", "double": "float64"}  # OpenImageIO's name: NumPy's
 
 
@@ -290,14 +280,22 @@ def stack_values(paths: list[Path], known: VolumeHeader, pages: list[SlicePage])
             check_picture(path, image.spec())
             pixels = image.read_image("unknown")
             if pixels is None:
-                raise ValueError(f"slice {n} of {known.name} is damaged: {_last(image.geterror())}")
+                reason = image.geterror().strip().rpartition("\n")[2] or "no reason given"
+                raise ValueError(f"slice {n} of {known.name} is damaged: {reason}")
             values[n] = _straight(pixels, image.spec())
     return values if parts > 1 else values[..., 0]
 
 
 def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
     """Yield the pages of one file, each with the open image at it."""
-    with _opened(path) as image:
+    if not path.is_file():
+        raise ValueError(f"{path.name} is a device or a pipe, not a file")
+    try:
+        source = opened(path)
+    except OSError as error:
+        reason = str(error).rpartition("that can be read: ")[2]
+        raise ValueError(f"{path.name} cannot be read: {reason}") from None
+    with closing(source) as image:
         n = 0
         while image.seek_subimage(n, 0):
             spec = image.spec()
@@ -309,21 +307,6 @@ def _walk(path: Path) -> Iterator[tuple[SlicePage, Any]]:
             yield SlicePage(path.name, spec.width, spec.height, spec.nchannels, kind, told), image
             n += 1
         image.geterror()  # clears the error that there is no page n
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    if not path.is_file():
-        raise ValueError(f"{path.name} is a device or a pipe, not a file")
-    try:
-        image = opened(path)
-    except OSError as error:
-        reason = str(error).rpartition("that can be read: ")[2]
-        raise ValueError(f"{path.name} cannot be read: {reason}") from None
-    try:
-        yield image
-    finally:
-        image.close()
 
 
 def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
@@ -342,10 +325,6 @@ def _straight(pixels: NDArray[Any], spec: Any) -> NDArray[Any]:
     if pixels.dtype.kind in "iu":
         color = np.rint(np.minimum(color, most))
     return np.concatenate([color.astype(pixels.dtype), pixels[..., 3:]], axis=-1)
-
-
-def _last(message: str) -> str:
-    return message.strip().rpartition("\n")[2] or "no reason given"
 
 
 @dataclass(frozen=True)

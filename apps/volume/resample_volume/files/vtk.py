@@ -37,7 +37,6 @@ from resample_volume.files.headers import (
     voxels,
 )
 from resample_volume.files.sections import (
-    Array,
     ArrayQuery,
     Named,
     Sections,
@@ -68,10 +67,6 @@ POLYHEDRA = ("faceoffsets", "face_offsets", "polyhedron_offsets", "faces")
 BYTES = 8  # of a corner's number in memory
 
 
-class _NotXmlError(Exception):
-    """The XML part of the file has ended."""
-
-
 @dataclass
 class Element:
     """An element and its location."""
@@ -87,15 +82,33 @@ def elements_of(content: mmap) -> list[Element]:
     """Return all elements in order, as far as a file is XML; appended data is the last."""
     from xml.parsers import expat
 
-    parser, seen = expat.ParserCreate(), _Tracker()
-    seen.parser = parser
-    parser.StartElementHandler, parser.EndElementHandler = seen.begun, seen.ended
+    parser, every, around = expat.ParserCreate(), list[Element](), list[Element]()
+
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        every.append(Element(name, attributes, parser.CurrentByteIndex))
+        if name == APPENDED:
+            raise StopIteration  # what follows is no XML
+        around.append(every[-1])
+        parser.CharacterDataHandler = place
+
+    def end(_: str) -> None:
+        around.pop().end = parser.CurrentByteIndex
+        parser.CharacterDataHandler = place if around and around[-1].data < 0 else None
+
+    def place(text: str) -> None:
+        """Record where an element's data begin."""
+        if around and text.strip():
+            before = len(text) - len(text.lstrip())
+            around[-1].data = parser.CurrentByteIndex + before
+            parser.CharacterDataHandler = None
+
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
     try:
         for start in range(0, len(content), BLOCK):
             parser.Parse(content[start : start + BLOCK], False)
-    except (expat.ExpatError, LookupError, _NotXmlError):  # look-ups are of encodings
+    except (expat.ExpatError, LookupError, StopIteration):  # look-ups are of encodings
         pass
-    return seen.every
+    return every
 
 
 def data_start(content: mmap, appended: Element) -> int:
@@ -104,36 +117,6 @@ def data_start(content: mmap, appended: Element) -> int:
     while place and content[place : place + 1].isspace():
         place += 1
     return place + 1 if place and content[place : place + 1] == b"_" else -1
-
-
-class _Tracker:
-    """Parser state: finished elements, and the open ones."""
-
-    def __init__(self) -> None:
-        self.every: list[Element] = []
-        self.around: list[Element] = []
-        self.parser: Any = None
-
-    def begun(self, name: str, attributes: dict[str, str]) -> None:
-        """Enter an element."""
-        self.every.append(Element(name, attributes, self.parser.CurrentByteIndex))
-        if name == APPENDED:
-            raise _NotXmlError
-        self.around.append(self.every[-1])
-        self.parser.CharacterDataHandler = self.text
-
-    def ended(self, _: str) -> None:
-        """Leave an element."""
-        self.around.pop().end = self.parser.CurrentByteIndex
-        is_open = bool(self.around) and self.around[-1].data < 0
-        self.parser.CharacterDataHandler = self.text if is_open else None
-
-    def text(self, text: str) -> None:
-        """Record where an element's data begin."""
-        if self.around and text.strip():
-            before = len(text) - len(text.lstrip())
-            self.around[-1].data = self.parser.CurrentByteIndex + before
-            self.parser.CharacterDataHandler = None
 
 
 def check_blocks(path: Path) -> None:
@@ -151,7 +134,9 @@ def check_blocks(path: Path) -> None:
             raise ValueError(f"{path.name} is damaged: its data do not begin with an underscore")
         unpacked = 0
         for begin in _begins(content, every):
-            numbers = [one for (one,) in struct.iter_unpack(number, _whole(begin, number))]
+            width = struct.calcsize(number)
+            whole_numbers = begin[: min(2, len(begin) // width) * width]
+            numbers = [one for (one,) in struct.iter_unpack(number, whole_numbers)]
             if not numbers or (is_packed and numbers[0] and len(numbers) < 2):
                 raise ValueError(f"{path.name} is damaged: data do not begin with their size")
             if numbers[0] > size:
@@ -228,12 +213,6 @@ def _decoded(letters: bytes) -> bytes:
     found = known[0] if known else b""
     found = found[: len(found) - (len(found) % 4 == 1)]
     return base64.b64decode(found + b"=" * (-len(found) % 4))
-
-
-def _whole(begin: bytes, number: str) -> bytes:
-    """Return the bytes of two numbers, or of fewer at the end."""
-    width = struct.calcsize(number)
-    return begin[: min(2, len(begin) // width) * width]
 
 
 class _Ends(NamedTuple):
@@ -372,6 +351,8 @@ def grid_of(path: Path, reader_name: str) -> Any:
             for ends in _ends(path.name, content, every):
                 corners = _last(path.name, _table(about, form, ends))
                 check_unpacked(path.name, len(content), BYTES * corners)
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+
     failures: list[str] = []
     reader = getattr(forms, reader_name)()
     reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
@@ -379,7 +360,13 @@ def grid_of(path: Path, reader_name: str) -> Any:
     with suppressed_output():
         reader.UpdateInformation()
         _refuse(failures, path.name)
-        _require_memory(reader, path)
+        attributes = reader.GetOutputInformation(0)
+        extents = vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()
+        if attributes.Has(extents):  # else it is no grid; the caller rejects it
+            first, last = np.reshape(attributes.Get(extents), (3, 2)).T.tolist()
+            count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
+            require_memory(count, path.name)  # at least a byte per voxel
+            check_unpacked(path.name, path.stat().st_size, count)
         reader.Update()
         _refuse(failures, path.name)
     return reader.GetOutput()
@@ -392,29 +379,19 @@ def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[Named, list[Named
     every = arrays_of(grid)
     names = [named for named, _ in every]
     chosen = choose(names, wanted, name)
-    return (
-        chosen,
-        names,
-        vtk_to_numpy(every[names.index(chosen)][1]),
-    )  # holds a reference to VTK's memory
+    array = every[names.index(chosen)][1]
+    return chosen, names, vtk_to_numpy(array)  # which holds a reference to VTK's memory
 
 
 def arrays_of(grid: Any) -> list[tuple[Named, Any]]:
     """Return the numeric arrays at the points and cells of a data set of VTK's."""
-    return [
-        (
-            Named(
-                str(held.GetArrayName(n)),
-                held.GetArray(n).GetNumberOfComponents(),
-                of_cells,
-                held.GetArray(n) is held.GetScalars(),
-            ),
-            held.GetArray(n),
-        )
-        for of_cells, held in ((False, grid.GetPointData()), (True, grid.GetCellData()))
-        for n in range(held.GetNumberOfArrays())
-        if held.GetArray(n)  # texts are none
-    ]
+    found = []
+    for of_cells, held in ((False, grid.GetPointData()), (True, grid.GetCellData())):
+        for n in range(held.GetNumberOfArrays()):
+            if array := held.GetArray(n):  # texts are none
+                told = str(held.GetArrayName(n)), array.GetNumberOfComponents()
+                found.append((Named(*told, of_cells, array is held.GetScalars()), array))
+    return found
 
 
 def image_header(
@@ -435,19 +412,6 @@ def image_header(
     )
     first = known.spacing * (np.array(image.GetExtent()[::2]) + is_of_cells / 2)
     return known._replace(origin=known.origin + known.direction @ first)
-
-
-def _require_memory(reader: Any, path: Path) -> None:
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
-
-    attributes = reader.GetOutputInformation(0)
-    if not attributes.Has(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT()):
-        return  # not a grid; the caller rejects it
-    extent = attributes.Get(vtkStreamingDemandDrivenPipeline.WHOLE_EXTENT())
-    first, last = np.reshape(extent, (3, 2)).T.tolist()
-    count = math.prod(b - a + 1 for a, b in zip(first, last, strict=True))
-    require_memory(count, path.name)  # at least a byte per voxel
-    check_unpacked(path.name, path.stat().st_size, count)
 
 
 def _check_end(path: Path) -> None:
@@ -562,24 +526,6 @@ def _lattice(found: Sections) -> _Lattice:
     return _Lattice(points, np.ones(3), np.zeros(3), [planes[key] for key in AXES])
 
 
-def _header(lattice: _Lattice, array: Array, name: str) -> VolumeHeader:
-    dtype = np.dtype(np.uint8) if array.is_shade else array.dtype
-    if not array.named.is_of_cells:
-        return header(lattice.points, dtype, name, spacing=lattice.spacing, origin=lattice.origin)
-    origin = lattice.origin + lattice.spacing / 2
-    count = cells_between(lattice.points)
-    return header(count, dtype, name, spacing=lattice.spacing, origin=origin)
-
-
-def _evened(every: Recording, lattice: _Lattice, is_of_cells: bool) -> Recording:
-    """Resample a recording to an even lattice."""
-    volume = alone(every)
-    x, y, z = (middles(each, of_cells=is_of_cells) for each in lattice.planes)
-    even = rectilinear(volume.values, x, y, z, volume.name)
-    values = even.values[np.newaxis, np.newaxis]
-    return Recording(values, *even[1:5], note=even.note, length=every.length)
-
-
 @dataclass(frozen=True)
 class Vtk(OneOfAll):
     """VTK's legacy files, as text or binary: image data, rectilinear grids, grids of cells.
@@ -624,7 +570,11 @@ class Vtk(OneOfAll):
             arrays = found.arrays(math.prod(points), math.prod(cells_between(points)))
             chosen = choose([each.named for each in arrays], wanted, path.name)
             array = next(each for each in arrays if each.named == chosen)
-            bare = _header(lattice, array, name)
+            dtype = np.dtype(np.uint8) if array.is_shade else array.dtype
+            count, origin = points, lattice.origin
+            if chosen.is_of_cells:
+                count, origin = cells_between(points), origin + lattice.spacing / 2
+            bare = header(count, dtype, name, spacing=lattice.spacing, origin=origin)
             known = of_parts(bare, chosen, [each.named for each in arrays], wanted)
             if lattice.planes:
                 check_single(known, path.name)
@@ -639,4 +589,10 @@ class Vtk(OneOfAll):
             else:
                 values = voxels(VoxelData([path], array.start, is_exact=False), stored)
         every = recording(part_of(values, chosen, wanted, name), known)
-        return _evened(every, lattice, chosen.is_of_cells) if lattice.planes else every
+        if not lattice.planes:
+            return every
+        x, y, z = (middles(each, of_cells=chosen.is_of_cells) for each in lattice.planes)
+        volume = alone(every)
+        even = rectilinear(volume.values, x, y, z, volume.name)
+        values = even.values[np.newaxis, np.newaxis]
+        return Recording(values, *even[1:5], note=even.note, length=every.length)

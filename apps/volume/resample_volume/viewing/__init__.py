@@ -65,7 +65,7 @@ def _write(path: Path, volume: Any) -> None:
 
 def suits(names: Sequence[str]) -> bool:
     """Return whether these name one volume: a file, a folder or a generated one."""
-    from resample.files.stores.opening import is_address
+    from resample.files.stores import is_address
     from resample_volume.files.generated import GENERATED
     from resample_volume.files.source import find_reader
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from itertools import product
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import zarr
 from numpy.typing import NDArray
+from zarr.codecs import BloscCodec, ZstdCodec
 
-from resample.files.stores.metadata import OWN
-from resample.files.stores.opening import STORE, require_zarr
+from resample.files.stores import STORE
 from resample.files.writing import beside, unwritten
 from resample.outofcore.bricks import Step, boxes_of
 from resample.progress import Progress
@@ -20,9 +21,7 @@ from resample.types import Doubles
 from resample_volume.data.recordings import unit_of_space
 from resample_volume.data.values import values_of
 from resample_volume.types import ChannelLook, Recording
-
-if TYPE_CHECKING:
-    import zarr
+from resample_zarr.metadata import OWN
 
 SMALLEST = 64  # voxels along the longest axis of the last level
 VERSION = "0.5"
@@ -112,7 +111,6 @@ def write_store(
 
     `progress`: called with the fraction of bricks written, 0 to 1.
     """
-    zarr = require_zarr(path.name)
     check_store(path)
     shapes = sizes(_space(recording)) if form.is_layered else [_space(recording)]
     try:
@@ -171,7 +169,6 @@ def bricks_of(recording: Recording, form: Layered) -> int:
 
 def check_store(path: Path) -> None:
     """Reject a store that cannot be written, before any work is done."""
-    require_zarr(path.name)
     if not path.name.lower().endswith(STORE):
         raise ValueError(f"{path}: volumes are converted to OME-Zarr, as volume.ome.zarr")
     if path.exists():
@@ -194,11 +191,9 @@ def _letters(recording: Recording) -> str:
 
 
 def _array(
-    group: "zarr.Group", name: str, shape: Step, recording: Recording, form: Layered
-) -> "zarr.Array[Any]":
+    group: zarr.Group, name: str, shape: Step, recording: Recording, form: Layered
+) -> zarr.Array[Any]:
     """Create the empty array of one level."""
-    from zarr.codecs import BloscCodec, ZstdCodec
-
     compressors = {"zstd": ZstdCodec(level=3), "blosc": BloscCodec(cname="zstd", clevel=5)}
     letters = _letters(recording)
     before = tuple(
@@ -217,7 +212,7 @@ def _array(
     )
 
 
-def _fill(levels: "list[zarr.Array[Any]]", recording: Recording, form: Layered) -> Iterator[float]:
+def _fill(levels: list[zarr.Array[Any]], recording: Recording, form: Layered) -> Iterator[float]:
     """Write all levels, the finest first; yield the fraction written."""
     letters, times, parts = _letters(recording), *recording.values.shape[:2]
     shapes = [level.shape[-3:] for level in levels]

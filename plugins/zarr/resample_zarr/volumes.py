@@ -13,27 +13,19 @@ from functools import cached_property
 from hashlib import sha256
 from itertools import islice, product
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+import zarr
 from numpy.typing import NDArray
 
-from resample.files.stores.metadata import (
-    SPACE,
-    Holes,
-    Layout,
-    Level,
-    holes_of,
-    layout_of,
-    moved,
-    values_of,
-)
-from resample.files.stores.opening import Address, Place, open_node, reading, reading_metadata
+from resample.files.stores import Address, Place
 from resample.files.writing import load_arrays, store_arrays
 from resample.memory.mapped import folder
 from resample.outofcore.bricks import Box, Step
 from resample.progress import report
 from resample.reading.limits import check_free
+from resample_volume.data import scanning
 from resample_volume.data.recordings import alone
 from resample_volume.data.scanning import BrickStats, are_few, step_of
 from resample_volume.data.values import Bricks, Stored, require_memory
@@ -49,15 +41,23 @@ from resample_volume.files.headers import (
 )
 from resample_volume.files.texts import Numbers, spacing_of
 from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording, Volume
-
-if TYPE_CHECKING:
-    import zarr
+from resample_zarr.guarding import guard
+from resample_zarr.metadata import (
+    SPACE,
+    Holes,
+    Layout,
+    Level,
+    holes_of,
+    layout_of,
+    moved,
+    values_of,
+)
+from resample_zarr.opening import open_node, reading, reading_metadata
 
 RECENT = 2.0  # seconds in which a file may change without a new timestamp
 SETTLED = 3600.0  # the same for web servers, whose clocks may differ, seconds
 BATCH_SIZE = 32  # chunks that a web server is asked about at a time
 PAGE = 1000  # that are listed, or asked about, before work looks up
-LEAST = 1 << 23  # voxels; a pass over fewer takes less than a second
 FORM = 2  # of the cache files
 LOG = logging.getLogger("resample")
 
@@ -65,7 +65,7 @@ LOG = logging.getLogger("resample")
 class Portion(NamedTuple):
     """Times and channels of an array."""
 
-    array: "zarr.Array[Any]"
+    array: zarr.Array[Any]
     axes: str  # its letters
     at: tuple[tuple[str, int], ...]  # chosen indices; all of an axis that is not named
 
@@ -192,7 +192,7 @@ class StoredStatistics:
 
     def load(self, bricks: Bricks) -> BrickStats | None:
         """Load the statistics of an earlier command; None if missing, or the store has changed."""
-        if bricks.size < LEAST:
+        if bricks.size < scanning.LEAST:
             return None
         *beside, own = self._paths(bricks)
         for path in (*beside, own):
@@ -206,7 +206,7 @@ class StoredStatistics:
 
     def keep(self, bricks: Bricks, found: BrickStats, state: str | None) -> None:
         """Write statistics of a store in a state, if wanted and possible."""
-        if state is None or bricks.size < LEAST:
+        if state is None or bricks.size < scanning.LEAST:
             return
         codes = np.zeros(0, np.int64) if found.codes is None else found.codes
         parts: dict[str, Any] = found._replace(codes=codes)._asdict() | {"state": state}
@@ -306,15 +306,13 @@ class Single:
 class Boxes:
     """Reads boxes of one time and channel of an array, in any process."""
 
-    array: "zarr.Array[Any]"  # array of a store opened by its path
+    array: zarr.Array[Any]  # array of a store opened by its path
     axes: str  # its letters
     at: tuple[tuple[str, int], ...]  # time and channel
     dtype: np.dtype[Any]  # that voxels get
     holes: Holes | None = None  # what is missing of the array
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        from resample.files.stores.guarding import guard
-
         self.__dict__.update(state)
         guard(self.array, self.array.name)  # shards forget it on their way
 
@@ -350,7 +348,7 @@ class Chunked:
     Indexing by time and channel gives a volume as `Bricks`.
     """
 
-    array: "zarr.Array[Any]"
+    array: zarr.Array[Any]
     axes: str  # its letters, see `metadata.Layout`
     order: str = ORDER  # of the first two; swapped they are "ct"
     brick: Step | None = None  # voxels read together; None: by chunks
@@ -469,8 +467,6 @@ class Zarr:
         self, path: Place, check: Check = accept_any, brick: Step | None = None
     ) -> Recording:
         """Open all times and channels; values stay in the file, see `Chunked`."""
-        from resample.files.stores.guarding import guard
-
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
         number, count = self.level, len(layout.levels)
@@ -525,7 +521,7 @@ class Zarr:
         return listed
 
     def _header(
-        self, layout: Layout, level: Level, array: "zarr.Array[Any]", name: str
+        self, layout: Layout, level: Level, array: zarr.Array[Any], name: str
     ) -> VolumeHeader:
         size = dict(zip(layout.axes, map(int, array.shape), strict=True))
         spacing, origin = _lengths(level, layout.axes)
@@ -548,11 +544,9 @@ class Zarr:
         return known._replace(is_color=layout.is_color)
 
 
-def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Group]":
+def _image(path: Place, name: str) -> tuple[Layout, zarr.Array[Any] | zarr.Group]:
     """Return the metadata of an image, and its location."""
-    node = open_node(path)  # the message says what is missing
-    import zarr
-
+    node = open_node(path)
     if isinstance(node, zarr.Array):
         # A plain array is no part of an image.
         own = getattr(node.metadata, "dimension_names", None)
@@ -590,10 +584,8 @@ def _image(path: Place, name: str) -> "tuple[Layout, zarr.Array[Any] | zarr.Grou
     return layout, node
 
 
-def _array(node: "zarr.Array[Any] | zarr.Group", level: Level, name: str) -> "zarr.Array[Any]":
+def _array(node: zarr.Array[Any] | zarr.Group, level: Level, name: str) -> zarr.Array[Any]:
     """Return the array of a level."""
-    import zarr
-
     if isinstance(node, zarr.Array):
         return node
     with reading_metadata(f"{name}/{level.path}"):

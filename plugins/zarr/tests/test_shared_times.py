@@ -12,9 +12,10 @@ import pytest
 from resample.command import workers
 from resample.command.workers import WorkerPool
 from resample_volume import cli
-from resample_volume.files import zarr as zarr_files
+from resample_volume.data import scanning
 from resample_volume.files.source import open_recording, open_streamed
 from resample_volume.series import Series, whole
+from resample_zarr import volumes as zarr_files
 from tests import commands
 from tests.killing import Killing
 
@@ -211,7 +212,7 @@ def pickled(monkeypatch):
 )
 @pytest.mark.usefixtures("pickled")
 def test_frames_of_times_are_shared_out(name, words, is_kept, monkeypatch):
-    monkeypatch.setattr(zarr_files, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(scanning, "LEAST", 0 if is_kept else 1 << 30)
     beats("float32")
     assert ended("animate", name, *FILM, *words, "-o", "a") == 0
     assert ended("animate", name, *FILM, *words, "-o", "b", "--workers", "2") == 0
@@ -250,7 +251,7 @@ def test_rays_that_become_voxels_beside_another_volume_are_shared_out(name):
 )
 @pytest.mark.usefixtures("pickled")
 def test_padding_of_all_times_is_known_elsewhere_too(is_kept, monkeypatch):
-    monkeypatch.setattr(zarr_files, "LEAST", 0 if is_kept else 1 << 30)
+    monkeypatch.setattr(scanning, "LEAST", 0 if is_kept else 1 << 30)
     beats("int16", padding=-3000)
     assert ended("animate", "a.zarr", *FILM, "-o", "a") == 0
     assert ended("animate", "a.zarr", *FILM, "-o", "b", "--workers", "1") == 0

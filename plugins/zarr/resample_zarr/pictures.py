@@ -7,29 +7,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import zarr
 from numpy.typing import NDArray
 
-from resample.files.stores.metadata import Holes, holes_of, layout_of, values_of, warned
-from resample.files.stores.opening import (
-    ZIPS,
-    Address,
-    Place,
-    is_store,
-    open_node,
-    reading,
-    reading_metadata,
-    require_zarr,
-)
+from resample.files.stores import Part, Place
 from resample.files.writing import beside, unwritten
 from resample.memory.mapped import array_where_it_fits
+from resample_zarr.guarding import guard
+from resample_zarr.metadata import Holes, holes_of, layout_of, values_of, warned
+from resample_zarr.opening import open_node, reading, reading_metadata
 
 SIDE = 256  # px, of written chunks
 NAMES = {1: ("Y",), 3: ("R", "G", "B"), 4: ("R", "G", "B", "A")}  # channels, by their count
 LETTERS = {2: "yx", 3: "yxc"}  # default axes by number of dimensions
 DEPTHS = {"uint8": 8, "uint16": 16, "float16": 32, "float32": 32, "float64": 32}  # bits
-
-
-Part = tuple[slice, slice]  # rows and columns
 
 
 class StoredPicture(NamedTuple):
@@ -91,18 +82,9 @@ class StoredPicture(NamedTuple):
         return levels
 
 
-def is_in_store(path: Place) -> bool:
-    """Whether a picture is a zarr store: a folder, a zip file, or at an address."""
-    if isinstance(path, Address):
-        return True
-    return is_store(path) or (path.suffix.lower() in ZIPS and path.is_file())
-
-
 def open_picture(path: Place) -> StoredPicture:
     """Open a picture in a zarr store; for OME-Zarr the finest level."""
-    node, name = open_node(path), path.name  # raises if zarr is missing
-    import zarr
-
+    node, name = open_node(path), path.name
     if isinstance(node, zarr.Array):
         named = getattr(node.metadata, "dimension_names", None) or ()
         letters = "".join(str(axis).lower()[:1] for axis in named)
@@ -119,8 +101,6 @@ def open_picture(path: Place) -> StoredPicture:
             raise ValueError(f"{name} names a level {held!r}, which is not there; is it whole?")
     # Check that an array can be a picture.
     found = StoredPicture(array, axes, name)
-    from resample.files.stores.guarding import guard
-
     array, axes, name, _ = found
     sizes = " x ".join(map(str, array.shape))
     if len(axes) != array.ndim or len(set(axes)) < len(axes) or not set(axes) <= set("yxczt"):
@@ -148,7 +128,6 @@ def open_picture(path: Place) -> StoredPicture:
 
 def check_store(path: Path) -> None:
     """Reject a store that could not be written, before any work is done."""
-    require_zarr(path.name)
     if path.exists():
         raise ValueError(f"{path} already exists; remove it or give another name")
 
@@ -182,8 +161,6 @@ class StoreRows:
     def put(self, data: NDArray[Any]) -> None:
         """Write the next rows (N, W, C)."""
         if self.array is None:
-            import zarr
-
             _, width, count = data.shape
             shape = (self.height, width, count)[: 2 + (count > 1)]
             self.array = zarr.create_array(
@@ -212,3 +189,11 @@ class StoreRows:
         if len(rows):
             self.array[self.done : last] = rows[..., 0] if self.array.ndim == 2 else rows
         self.done = last
+
+
+class Stores:
+    """Pictures of zarr, as `resample.files.stores.StoreFormat` has them."""
+
+    open_picture = staticmethod(open_picture)
+    check_store = staticmethod(check_store)
+    writing_store = staticmethod(writing_store)

@@ -10,19 +10,19 @@ from benchmarks.sparse import Bubbles
 from resample.files import writing
 from resample.files.writing import replacing
 from resample_volume.calls import render
+from resample_volume.data import scanning
 from resample_volume.data.recordings import volume_at
-from resample_volume.files import zarr as zarr_files
 from resample_volume.files.source import open_streamed
-from resample_volume.files.zarr import Single
-from resample_volume.files.zarr_writing import Layered, write_store
 from resample_volume.types import Recording
+from resample_zarr.volumes import Single
+from resample_zarr.writing import Layered, write_store
 
 LOOK = "60/#804020/0,120/#e0a060/0.5,240/white/0.9"
 
 
 @pytest.fixture(autouse=True)
 def any_size(monkeypatch, tmp_path):
-    monkeypatch.setattr(zarr_files, "LEAST", 0)
+    monkeypatch.setattr(scanning, "LEAST", 0)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 

@@ -12,11 +12,11 @@ from threading import Lock, Thread
 import numpy as np
 import pytest
 
-from resample.files.stores import opening
 from resample_volume.cli import app
-from resample_volume.files import zarr as zarr_files
+from resample_volume.data import scanning
 from resample_volume.files.source import open_recording, open_streamed, open_volume
-from resample_volume.files.zarr_writing import Layered, bricks_of, write_store
+from resample_zarr import opening
+from resample_zarr.writing import Layered, bricks_of, write_store
 from tests import commands
 from tests.processes import PATIENCE
 from tests.servers import Server
@@ -35,7 +35,7 @@ COMMANDS = {
 def elsewhere(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    monkeypatch.setattr(zarr_files, "LEAST", 0)
+    monkeypatch.setattr(scanning, "LEAST", 0)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 

@@ -1,4 +1,4 @@
-"""FITS, HDF5, Imaris, NetCDF, MGH, MINC, Analyze, files of microscopes, and stacks of pictures."""
+"""FITS, HDF5, Imaris, NetCDF, MGH, MINC, Analyze, and files of microscopes."""
 
 import sys
 from contextlib import suppress
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from resample_formats.hdf5 import Hdf5, NetCdf
 from resample_volume.cli import app
-from resample_volume.files.hdf5 import Hdf5, NetCdf
 from resample_volume.files.source import open_recording, open_volume
 from tests.commands import ended
 
@@ -65,7 +65,7 @@ def test_an_image_of_a_fits_file_is_chosen_by_name_and_scaled(tmp_path):
     fits.HDUList(held).writeto(tmp_path / "a.fits")
     volume = open_volume(tmp_path / "a.fits")
     np.testing.assert_array_equal(volume.values, VALUES)
-    from resample_volume.files.libraries import Fits
+    from resample_formats.fits import Fits
 
     raw = Fits("SCI")(tmp_path / "a.fits").values
     np.testing.assert_allclose(raw, fits.getdata(tmp_path / "a.fits", "SCI"))
@@ -300,40 +300,6 @@ def test_microscopes_files_are_read_by_bioio_where_it_is(tmp_path, monkeypatch):
     np.testing.assert_array_equal(held.values, MORE)
     assert (held.spacing.tolist(), held.length) == ([0.25, 0.5, 2.0], "µm")
     assert [look.label for look in held.looks] == ["red", "green", "blue"]
-
-
-@pytest.mark.parametrize("suffix", ["jpg", "bmp", "png"])
-def test_a_folder_of_pictures_is_a_stack(tmp_path, suffix):
-    for n, plane in enumerate(VALUES):
-        Image.fromarray(plane).save(tmp_path / f"slice{n}.{suffix}", quality=100)
-    volume = open_volume(tmp_path)
-    atol = 3 if suffix == "jpg" else 0
-    np.testing.assert_allclose(volume.values.astype(int), VALUES, atol=atol)
-
-
-def test_npz_of_one_array_is_as_npy(tmp_path):
-    np.savez(tmp_path / "a.npz", density=VALUES)
-    np.testing.assert_array_equal(open_volume(tmp_path / "a.npz").values, VALUES)
-    np.savez_compressed(tmp_path / "b.npz", MORE)
-    np.testing.assert_array_equal(open_recording(tmp_path / "b.npz").values, MORE)
-    np.savez(tmp_path / "c.npz", one=VALUES, two=VALUES)
-    with pytest.raises(ValueError, match="chosen by its name: --reader npz:array=density"):
-        open_volume(tmp_path / "c.npz")
-
-
-@pytest.mark.parametrize(
-    ("name", "match"),
-    [
-        ("a.mat", "scipy.io.loadmat"),
-        ("a.pvd", "ParaView"),
-        ("a.vsi", "OME-TIFF"),
-        ("a.rec", "nibabel"),
-    ],
-)
-def test_other_kinds_of_files_are_answered_by_what_reads_them(tmp_path, name, match):
-    (tmp_path / name).write_bytes(b"something")
-    with pytest.raises(ValueError, match=f"{name} is read by none of the readers; .*{match}"):
-        open_volume(tmp_path / name)
 
 
 def test_commands_draw_them_and_say_what_they_hold(tmp_path, capsys):

@@ -1,6 +1,7 @@
 """Guarded stores: check location and size of files before they are read."""
 
 import asyncio
+import bz2
 import lzma
 import os
 import struct
@@ -24,14 +25,13 @@ from resample.memory import amount
 from resample.reading.limits import (
     LimitError,
     allows_outside,
-    bunzipped,
     check_becomes,
     check_free,
     check_member,
     check_size,
     deflated,
     neighbour,
-    unlzma,
+    unpacked,
     unzstd,
 )
 
@@ -331,11 +331,12 @@ def _decoder(name: str, told: dict[str, Any], size: int) -> Decode | None:
     if name in ("zlib", "gzip"):
         return deflated
     if name == "bz2":
-        return bunzipped
+        return partial(unpacked, new=bz2.BZ2Decompressor)
     if name == "lzma":
         form = int(told.get("format") or lzma.FORMAT_XZ)
         is_raw = form == lzma.FORMAT_RAW
-        return partial(unlzma, form=form, filters=told.get("filters") if is_raw else None)
+        filters = told.get("filters") if is_raw else None
+        return partial(unpacked, new=lambda: lzma.LZMADecompressor(form, None, filters))
     if name == "zstd":
         return partial(unzstd, size=size)
     return partial(_unpack_sized, name=name) if name in ("blosc", "lz4") else None

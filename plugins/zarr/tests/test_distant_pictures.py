@@ -10,7 +10,7 @@ from PIL import Image
 
 from resample.files.pictures import read_picture
 from resample.files.sequences import batch_of, is_batch
-from resample.files.stores.opening import Address
+from resample.files.stores import Address
 from resample_texture import cli, warp
 from resample_texture.command import rendering
 from tests import commands

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from resample.reading.limits import SETTING
+from resample_formats.maps import Cube, Mrc
 from resample_volume.data.recordings import volume_at
-from resample_volume.files.maps import Cube, Mrc
 from resample_volume.files.source import find_reader, open_volume
 
 AXES = ((1, 0, 0), (0, 1, 0), (0, 0, 1))

@@ -15,17 +15,16 @@ from subprocess import run
 
 import numpy as np
 import pytest
+import zarr
 
 from resample.files.pictures import read_picture
-from resample.files.stores import guarding
-from resample.files.stores import metadata as holes
 from resample_volume.cli import app
 from resample_volume.data.recordings import volume_at
 from resample_volume.files.source import describe, open_streamed, open_volume
+from resample_zarr import guarding
+from resample_zarr import metadata as holes
 from tests import commands
 from tests.processes import PATIENCE
-
-zarr = pytest.importorskip("zarr")
 
 SHAPE = [8, 8, 8]
 SMALL = np.arange(512, dtype=np.uint8).reshape(SHAPE)
@@ -199,7 +198,7 @@ def test_links_that_lead_outside_are_refused_unless_they_are_allowed(name, tmp_p
     (path / name).symlink_to("../other")
     if name == ".zarray":
         (path / "zarr.json").mkdir()  # so that it is looked for
-        monkeypatch.setattr("resample.files.stores.opening.is_store", lambda _: True)
+        monkeypatch.setattr("resample_zarr.opening.is_store", lambda _: True)
     with pytest.raises(ValueError, match=r"names '.*', a link that leads outside; files are read"):
         open_volume(path)
     monkeypatch.setenv("RESAMPLE_ALLOW_OUTSIDE", "1")
@@ -285,8 +284,8 @@ def test_millions_of_chunks_that_are_not_there_cost_nothing(side, form, tmp_path
     (path / ".zarray").write_text(facts)
     if form == "zip":
         path = zipped(tmp_path / "a.zarr.zip", bytes([7]) * side**3, facts)
-    size = f"resample.files.stores.guarding.{'Zip' if form == 'zip' else 'Folder'}.size"
-    real = pytest.importorskip("resample.files.stores.guarding")
+    size = f"resample_zarr.guarding.{'Zip' if form == 'zip' else 'Folder'}.size"
+    real = pytest.importorskip("resample_zarr.guarding")
     real = getattr(real, "Zip" if form == "zip" else "Folder").size
     monkeypatch.setattr(size, lambda self, key: asked.append(key) or real(self, key))
     found = volume_at(open_streamed(path), None, None)

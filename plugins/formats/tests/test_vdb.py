@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from resample_volume.files.libraries import Vdb
+from resample_formats.openvdb import Vdb
 from resample_volume.files.source import open_volume
 from tests.vdb_files import BALL, GRIDS, TILES
 

@@ -11,22 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.lengths import unit_of_length
-from resample.reading.arrays import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample.reading.limits import check_items
 from resample.reading.native import damage
+from resample_formats.axes import SPACE, LabelledAxis, lattice_of, recording_along
+from resample_formats.groups import dataset_in, group_in, hard_members, names_in, numbers_of, opened
 from resample_volume.data.recordings import SeveralChannelsError, SeveralTimesError
 from resample_volume.data.rectilinear import rectilinear
 from resample_volume.data.values import require_memory
-from resample_volume.files.headers import (
-    SPACE,
-    Check,
-    LabelledAxis,
-    OneOfAll,
-    header,
-    lattice_of,
-    recording,
-    recording_along,
-)
+from resample_volume.files.headers import Check, OneOfAll, header, recording
 from resample_volume.files.readers import header_of_array
 from resample_volume.types import UNKNOWN, VOXEL, ChannelLook, Recording
 

@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resample.files.stores.opening import Address
+from resample.files.stores import Address
 from resample_volume.cli import app
-from resample_volume.files import zarr as zarr_files
+from resample_volume.data import scanning
 from resample_volume.files.source import open_streamed, open_volume
-from resample_volume.files.zarr import Zarr
+from resample_zarr import opening
+from resample_zarr.volumes import Zarr
 from tests.commands import ended, refused
 from tests.servers import Server
 
@@ -132,7 +133,7 @@ def test_a_wrong_checksum_is_damage(values, server):
 @pytest.fixture
 def keeping(monkeypatch, tmp_path):
     """Volumes of any size are kept."""
-    monkeypatch.setattr(zarr_files, "LEAST", 0)
+    monkeypatch.setattr(scanning, "LEAST", 0)
     monkeypatch.setenv("HYBRID_RESAMPLE_CACHE", str(tmp_path / "cache"))
 
 
@@ -251,7 +252,7 @@ def test_addresses_of_other_files_are_refused(server):
 def test_what_reads_addresses_is_an_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "obstore", None)
     with pytest.raises(ValueError, match=r"pip install 'hybrid-resample\[remote\]'"):
-        Address("s3://a/b.zarr").store()
+        opening.distant_store(Address("s3://a/b.zarr"))
 
 
 def ports(count: int) -> list[int]:

@@ -6,8 +6,6 @@ import pytest
 
 from benchmarks.scale import LOOK, MIB, RECENT, SIDE, Job, generated, measured
 
-pytest.importorskip("zarr")
-
 PICTURE = 64 * SIDE * SIDE  # bytes of a picture, and of what is made of it
 
 

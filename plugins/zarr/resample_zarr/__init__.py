@@ -1,0 +1,1 @@
+"""Zarr and OME-Zarr: volumes and pictures in chunks, on disk and at addresses."""

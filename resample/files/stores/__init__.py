@@ -1,1 +1,0 @@
-"""Chunked zarr arrays: access and OME-Zarr metadata."""
