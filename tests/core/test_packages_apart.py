@@ -24,8 +24,8 @@ search = metadata.distributions
 metadata.distributions = lambda **choice: (
     found for found in search(**choice) if not found.name.startswith("hybrid-resample-")
 )
-apart = "cells chunks comparisons dropins figures formats gradients labels meshes particles sky zarr"
-for name in apart.split():
+apart = "cells chunks comparisons dropins figures formats gradients labels meshes particles"
+for name in (*apart.split(), "sky", "zarr"):
     sys.modules["resample_" + name] = None
 from {module} import main
 main()
