@@ -31,7 +31,6 @@ from resample.types import (
     Bounds,
     Classifier,
     Doubles,
-    Film,
     Flags,
     Floats,
     LatticeField,
@@ -66,8 +65,6 @@ EDGE, OF_EDGES = 0.3, 2  # second difference in linear light of an edge, and ray
 OF_STEEP_EDGES = 3  # rays per side there where looks become opaque at once
 OF_ROWS = 2  # px beyond some rows on which their edges and means depend
 MESH_RAYS = 4  # the same at edges of meshes
-BEND = np.array([1, -2, 1])  # weights of a second difference
-MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
 BRICK_PLANES = 16  # planes of bricks that are projected together
 MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
@@ -184,17 +181,21 @@ class RayPainter:
     ) -> int:
         """Replace middles of pixels by means, at edges by those of several rays; count these."""
         width = output.film.depth.shape[1]
-        # Edge pixels (N,), row by row: those at which light bends much along rows or columns.
-        from scipy.ndimage import correlate1d
+        from resample.engine.rays.painting import weigh_neighbours
 
-        found = np.zeros(output.film.depth.shape, bool)
-        for axis in (0, 1):
-            bend = correlate1d(output.film.rgba, BEND, axis, mode="nearest")
-            found |= (np.abs(bend) > EDGE).any(axis=-1)
+        # Edge pixels (N,), row by row: those at which light bends much along rows or columns.
+        rgba, found = output.film.rgba, np.zeros(output.film.depth.shape, bool)
+        for lines in (rgba.reshape(1, len(rgba), -1), rgba):
+            bend = np.empty_like(lines)
+            weigh_neighbours(lines, -2.0, 1.0, bend)
+            found |= (np.abs(bend.reshape(rgba.shape)) > EDGE).any(axis=-1)
         edges = np.flatnonzero(found)
         of_rows = (edges >= rows[0] * width) & (edges < rows[1] * width)
         edges = edges[of_rows] if self.quality != "fast" else edges[:0]
-        _mean_from_middles(output.film)
+        # Means over pixels are, to third order, their centers and 1/24 of the second differences.
+        for picture in (rgba, output.film.coverage):
+            for lines in (picture.reshape(1, len(picture), -1), picture.reshape(*found.shape, -1)):
+                weigh_neighbours(lines, 22 / 24, 1 / 24, lines)
         again = output._replace(
             apart=1, shown=output.shown[:0], size=1, columns=width, which=edges, left=0, top=0
         )
@@ -258,8 +259,6 @@ def _squares_shown(
 
     `box`: left, top, right and bottom of what is returned, px.
     """
-    from scipy.ndimage import maximum_filter
-
     from resample.engine.rays.coefficients import BRICK
 
     shape = np.rint([(box[3] - box[1]) * per, (box[2] - box[0]) * per]).astype(int)
@@ -292,8 +291,10 @@ def _squares_shown(
                 (down >= 0) & (down < marked.shape[0]) & (right >= 0) & (right < marked.shape[1])
             )
             marked[down[is_in], right[is_in]] = 1
-        marked = maximum_filter(marked, tuple(2 * wide[::-1] + 1), mode="constant")
-        shown |= marked[wide[1] : wide[1] + shape[0], wide[0] : wide[0] + shape[1]]
+        total = np.pad(marked.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        across, down = 2 * wide + 1
+        within = total[down:] - total[:-down]
+        shown |= within[:, across:] > within[:, :-across]
     return shown
 
 
@@ -340,18 +341,6 @@ def _tile_of(size: tuple[int, int], fineness: int, is_spread: bool, is_extreme: 
     if fineness > FEW_RAYS or (is_extreme and fineness > 1):
         return SMALL_TILE
     return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
-
-
-def _mean_from_middles(film: Film) -> None:
-    """Replace values at pixel centers by means over pixels.
-
-    To third order, the mean is the center plus 1/24 of the second differences along both axes.
-    """
-    from scipy.ndimage import correlate1d
-
-    for picture in (film.rgba, film.coverage):
-        for axis in (0, 1):
-            correlate1d(picture, MIDDLE, axis, output=picture, mode="nearest")
 
 
 def _least_spacing(field: LatticeField, view: View) -> float:
@@ -647,14 +636,11 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
 
 def bricks_to_next(seen: NDArray[np.bool_]) -> Flags:
     """Bricks (z, y, x) from each to the next one that is seen, along any axis; at most 255."""
-    from scipy.ndimage import distance_transform_cdt
+    from resample.engine.rays.coefficients import find_next_bricks
 
-    if not seen.any():
-        return np.full(seen.shape, MOST_BRICKS, np.uint8)
-    if seen.all():
-        return np.zeros(seen.shape, np.uint8)
-    away = distance_transform_cdt(~seen, "chessboard")
-    return np.asarray(np.minimum(away, MOST_BRICKS, out=away), np.uint8)
+    away = np.where(seen, 0, MOST_BRICKS).astype(np.uint8)
+    find_next_bricks(away)
+    return away
 
 
 def _visible(bounds: Bounds, count: NDArray[np.int64]) -> NDArray[np.bool_]:
