@@ -1,6 +1,5 @@
 """Distribute a command's work to local processes or other machines by dask (an extra)."""
 
-import asyncio
 import logging
 import os
 import tempfile
@@ -96,6 +95,8 @@ def share_memory(sharing: Sharing) -> None:
 
 def _client(sharing: Sharing, held: ExitStack) -> "Client":
     """Client of the given scheduler, or of a local one."""
+    import asyncio
+
     import dask.config
     from distributed import Client, LocalCluster
 
