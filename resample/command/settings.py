@@ -27,7 +27,15 @@ from typing import (
 from cyclopts import App, ArgumentCollection, Parameter
 from cyclopts.argument import Argument
 from cyclopts.config import Dict
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 
 from resample import memory as memories
 from resample.calling import REMEDIES, answer, choice_meant
@@ -52,7 +60,7 @@ from resample.console import SPLAT_COLOR, Color, linear_color
 from resample.files.metadata.tags import SUFFIXES as PICTURES
 from resample.files.metadata.tags import settings_in, stating
 from resample.files.writing import check_targets, replacing
-from resample.messages import naming
+from resample.messages import naming, one_line
 from resample.reading.limits import raised
 from resample.reading.texts import text_of, toml_of
 
@@ -767,7 +775,10 @@ def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list
         home, field = fields[key]
         is_several = get_origin(models[home].model_fields[field].annotation) is tuple
         parts[home][field] = as_on_a_command_line(value, is_several)
-    return [model(**part) for model, part in zip(models, parts, strict=True)]
+    try:
+        return [model(**part) for model, part in zip(models, parts, strict=True)]
+    except ValidationError as error:
+        raise ValueError(one_line(error)) from None
 
 
 def as_on_a_command_line(value: Any, is_several: bool = False) -> Any:
