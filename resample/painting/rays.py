@@ -239,19 +239,6 @@ def _caster(
     return lambda count, n, output: paint_several(count, n, every, media[0], output), kept
 
 
-def _tiles_of(
-    media: "Sequence[Medium]", view: View, size: tuple[int, int], margin: int, tile: int
-) -> tuple[int, int, int, int]:
-    """Range of tiles of a picture (height, width) that may be non-empty.
-
-    Result: first column and row, and those after the last.
-    """
-    each = np.array([_tiles_of_one(medium, view, size, margin, tile) for medium in media])
-    left, top = each[:, :2].min(axis=0).tolist()
-    right, bottom = each[:, 2:].max(axis=0).tolist()
-    return left, top, right, bottom
-
-
 def _squares_shown(
     media: "Sequence[Medium]", view: View, box: tuple[int, int, int, int], per: float, margin: int
 ) -> Flags:
@@ -310,28 +297,28 @@ def _corners_seen(medium: "Medium") -> Doubles:
     return np.asarray(medium.origin + place @ medium.lattice.T)
 
 
-def _tiles_of_one(
-    medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
+def _tiles_of(
+    media: "Sequence[Medium]", view: View, size: tuple[int, int], margin: int, tile: int
 ) -> tuple[int, int, int, int]:
-    """As `_tiles_of`, of one field."""
-    height, width = size
-    whole = (0, 0, -(-width // tile), -(-height // tile))
-    if len(medium.mesh.face):
-        return whole
-    if medium.bricks.empty.all():
-        return (0, 0, 0, 0)
-    x, y, z = (_corners_seen(medium) @ view.rotation.T + view.translation).T
-    away = z if view.perspective else np.ones_like(z)
-    if away.min() <= max(view.near, NEAREST):
-        return whole
-    across = view.focal[0] * x / away + view.principal[0]
-    down = view.focal[1] * y / away + view.principal[1]
-    reach = margin + 1
-    low = np.floor((np.array([across.min(), down.min()]) - reach) / tile)
-    high = np.ceil((np.array([across.max(), down.max()]) + reach) / tile)
-    left, top = np.clip(low, 0, whole[2:]).astype(int)
-    right, bottom = np.clip(high, 0, whole[2:]).astype(int)
-    return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
+    """Range of tiles of a picture (height, width) that may be non-empty.
+
+    Result: first column and row, and those after the last.
+    """
+    whole, ends = np.array([-(-size[1] // tile), -(-size[0] // tile)]), []
+    for medium in media:
+        if medium.bricks.empty.all() and not len(medium.mesh.face):
+            ends.append((0, 0, 0, 0))
+            continue
+        x, y, z = (_corners_seen(medium) @ view.rotation.T + view.translation).T
+        away = z if view.perspective else np.ones_like(z)
+        if len(medium.mesh.face) or away.min() <= max(view.near, NEAREST):
+            return 0, 0, int(whole[0]), int(whole[1])
+        place = view.focal[:, None] * np.stack([x, y]) / away + view.principal[:, None]
+        low = np.floor((place.min(axis=1) - margin - 1) / tile).clip(0, whole)
+        high = np.ceil((place.max(axis=1) + margin + 1) / tile).clip(low, whole)
+        ends.append((*low, *high))
+    left, top, right, bottom = np.array(ends, int).T
+    return int(left.min()), int(top.min()), int(right.max()), int(bottom.max())
 
 
 def _tile_of(size: tuple[int, int], fineness: int, is_spread: bool, is_extreme: bool) -> int:
@@ -341,14 +328,6 @@ def _tile_of(size: tuple[int, int], fineness: int, is_spread: bool, is_extreme: 
     if fineness > FEW_RAYS or (is_extreme and fineness > 1):
         return SMALL_TILE
     return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
-
-
-def _least_spacing(field: LatticeField, view: View) -> float:
-    """Pixels between neighbouring samples, at the minimum."""
-    least = float(np.linalg.norm(field.lattice, axis=0).min())
-    depth = _corners(field) @ view.rotation[2] + view.translation[2]
-    far = max(float(depth.max()), view.near, NEAREST) if view.perspective else 1.0
-    return least * float(view.focal.min()) / far
 
 
 def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
@@ -377,7 +356,11 @@ def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int
         effort = effort._replace(per_sample=OF_EXTREMES)
     if _is_spread(field, view, how):
         effort = effort._replace(per_sample=OF_SPREAD, most=MOST_SPREAD)
-    spacing = _least_spacing(field, view) if is_best else _mean_spacing(field, view)
+    spacing = _mean_spacing(field, view)
+    if is_best:  # the least distance between samples, where they are farthest
+        depth = _corners(field) @ view.rotation[2] + view.translation[2]
+        far = max(float(depth.max()), view.near, NEAREST) if view.perspective else 1.0
+        spacing = np.linalg.norm(field.lattice, axis=0).min() * float(view.focal.min()) / far
     fewest = 1 if spacing >= LARGE and not is_best else FEWEST_RAYS
     if len(field.mesh.face):
         fewest = MESH_RAYS
@@ -482,7 +465,8 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
     per_value = columns / (classifier.high - classifier.low)
     to_nodes = np.linalg.inv(lattice)
     origin = field.origin - lattice @ np.full(3, PAD - 1.0)
-    eye = -view.rotation.T @ view.translation
+    eye, viewer = -view.rotation.T @ view.translation, classifier.lamp.viewer
+    cuts = np.asarray([] if how.clip is None else how.clip, np.float64).reshape(-1, 4)
     space = SampleSpace(
         to_nodes @ (eye - origin),
         np.ascontiguousarray(to_nodes @ view.rotation.T),
@@ -512,20 +496,15 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
         origin,
         np.ascontiguousarray(to_nodes.T / per_value),
         float(1.0 / np.cbrt(abs(np.linalg.det(lattice)))),
-        _cuts(how.clip, lattice),
+        np.asarray(cuts / np.linalg.norm(cuts[:, :3] @ lattice, axis=1)[:, None]),
         field.known,
         field.tint,
         EFFORTS[how.quality].bent * columns,
-        _is_from_eye(classifier, eye, view),
+        # Whether the lamp's viewer is the eye, so that a ray has one direction for it.
+        bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9))),
         field.reached,
         field.mesh,
     )
-
-
-def _is_from_eye(classifier: Classifier, eye: Doubles, view: View) -> bool:
-    """Whether the lamp's viewer is the eye, so that a ray has one direction for it."""
-    viewer = classifier.lamp.viewer
-    return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
 def _columnwise(bound: NDArray[Any], low: float, per_value: float) -> Floats:
@@ -536,18 +515,14 @@ def _columnwise(bound: NDArray[Any], low: float, per_value: float) -> Floats:
     return columns
 
 
-def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
-    """Clipping planes of the scene (M, 4), checked by `planes_of`, in voxels."""
-    given = np.asarray([] if clip is None else clip, np.float64).reshape(-1, 4)
-    return np.asarray(given / np.linalg.norm(given[:, :3] @ lattice, axis=1)[:, None])
-
-
 def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier":
     from resample.engine.rays.media import SummedClassifier
 
     table = np.ascontiguousarray(classifier.table)
-    most = table[0] if len(table) == 1 else _most(table)
-    product = most.astype(np.float64)
+    product = table[0].astype(np.float64)
+    if len(table) > 1:  # the largest extinction over all gradients, without color
+        product = np.zeros(table.shape[1:])
+        product[:, 3] = table[..., 3].max(axis=0)
     product[:, :3] *= product[:, 3:]
     total, bend = np.zeros((2, *product.shape))
     np.cumsum(0.5 * (product[1:] + product[:-1]), axis=0, out=total[1:])
@@ -555,12 +530,12 @@ def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier"
     per_slope = (len(table) - 1) / classifier.steep
     return SummedClassifier(
         np.ascontiguousarray(np.hstack([total, product, bend])),
-        len(most) // count,
+        len(product) // count,
         np.concatenate([[0], np.cumsum(thickest(table, count) > 0)]),
         classifier.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** classifier.lamp.shininess,
         table,
         classifier.low,
-        (classifier.high - classifier.low) / (len(most) // count - 1),
+        (classifier.high - classifier.low) / (len(product) // count - 1),
         per_slope,
         classifier.lamp,
         classifier.near,
@@ -572,13 +547,6 @@ def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier"
 def thickest(table: Floats, count: int) -> Floats:
     """Largest extinction (K,) of each value over all gradients, and looks side by side."""
     return np.asarray(table[..., 3].max(axis=0).reshape(count, -1).max(axis=0))
-
-
-def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest extinction of each value over all gradients, as a colorless table."""
-    most = np.zeros(table.shape[1:], np.float32)
-    most[:, 3] = table[..., 3].max(axis=0)
-    return most
 
 
 def visible_cells(
