@@ -483,69 +483,56 @@ class Resampling(Choices):
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    method: Annotated[
-        Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None,
-        Field(
-            description="Method: paper, as published, points up to 1 px and splats above; hybrid, "
-            "exact splats on as many sub-pixels as they need; splats, one ray per pixel; points, "
-            "only these; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker 2001. "
-            "[default: hybrid; none where rays are cast]"
-        ),
-    ] = None
-    footprint: Annotated[
-        Literal["exact", "corrected", "affine", "equation", "projected"] | None,
-        Field(
-            description="Model of splats in perspective: exact, or of the paper: corrected, "
-            "equation (without its table), projected (around the projected center) and affine "
-            "(the projection linearized). [default: exact; corrected for paper]"
-        ),
-    ] = None
-    threshold: Annotated[
-        float | None,
-        Field(
-            ge=0,
-            description="Paint samples as points up to this spacing in sub-pixels, and others as "
-            "the paper's splats. [default: 1 px for paper; none for hybrid and splats]",
-        ),
-    ] = None
-    subpixels: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=32,
-            description="Sub-pixels per side of a pixel. [default: as many as each region needs]",
-        ),
-    ] = None
-    filter: Annotated[
-        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]")
-    ] = None
-    kernel: Annotated[
-        str,
-        Field(
-            description="Kernel around every sample: gaussian or bspline, or with a "
-            "width: bspline:radius=2."
-        ),
-    ] = "gaussian"
-    order: Annotated[
-        str | None,
-        Field(
-            description="Compositing order: every-sample; axis-sheets and image-sheets:thickness=1 "
-            "of hybrid-resample-comparisons. Fields and their projections are cast along "
-            "rays:step=1,sharpness=1,quality=best (or usual, or fast). Maxima and minima stay "
-            "within the range of the voxels around, except with rays:interpolation=spline."
-        ),
-    ] = None
+    method: Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None = Field(
+        None,
+        description="Method: paper, as published, points up to 1 px and splats above; hybrid, "
+        "exact splats on as many sub-pixels as they need; splats, one ray per pixel; points, "
+        "only these; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker 2001. "
+        "[default: hybrid; none where rays are cast]",
+    )
+    footprint: Literal["exact", "corrected", "affine", "equation", "projected"] | None = Field(
+        None,
+        description="Model of splats in perspective: exact, or of the paper: corrected, "
+        "equation (without its table), projected (around the projected center) and affine "
+        "(the projection linearized). [default: exact; corrected for paper]",
+    )
+    threshold: float | None = Field(
+        None,
+        ge=0,
+        description="Paint samples as points up to this spacing in sub-pixels, and others as "
+        "the paper's splats. [default: 1 px for paper; none for hybrid and splats]",
+    )
+    subpixels: int | None = Field(
+        None,
+        ge=1,
+        le=32,
+        description="Sub-pixels per side of a pixel. [default: as many as each region needs]",
+    )
+    filter: str | None = Field(
+        None, description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"
+    )
+    kernel: str = Field(
+        "gaussian",
+        description="Kernel around every sample: gaussian or bspline, or with a "
+        "width: bspline:radius=2.",
+    )
+    order: str | None = Field(
+        None,
+        description="Compositing order: every-sample; axis-sheets and image-sheets:thickness=1 "
+        "of hybrid-resample-comparisons. Fields and their projections are cast along "
+        "rays:step=1,sharpness=1,quality=best (or usual, or fast). Maxima and minima stay "
+        "within the range of the voxels around, except with rays:interpolation=spline.",
+    )
     projection: Shown = "composite"
     iso: Iso = None
     attenuation: Attenuation = 0.05
-    opacity: Annotated[
-        Literal["exact", "linear"],
-        Field(description="Exact transmittance of the field, or the product of classic splatting."),
-    ] = "exact"
-    color_by: Annotated[
-        Literal["sample", "primitive"],
-        Field(description="Source of colors: the samples, or the primitive, with splats in red."),
-    ] = "sample"
+    opacity: Literal["exact", "linear"] = Field(
+        "exact",
+        description="Exact transmittance of the field, or the product of classic splatting.",
+    )
+    color_by: Literal["sample", "primitive"] = Field(
+        "sample", description="Source of colors: the samples, or the primitive, with splats in red."
+    )
 
     @property
     def is_of_samples(self) -> bool:
@@ -588,19 +575,15 @@ class PictureFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: Annotated[str, Field(description=SQUARE)] = "400"
-    background: Annotated[
-        str | None,
-        Field(
-            description="Background: black, white, #rrggbb or none for transparent. [default: none "
-            "for .exr, otherwise black]"
-        ),
-    ] = None
-    bits: Annotated[
-        Literal[8, 16, 32],
-        BeforeValidator(number),
-        Field(description="Bits per channel: PNG 8 or 16, TIFF also 32."),
-    ] = 8
+    size: str = Field("400", description=SQUARE)
+    background: str | None = Field(
+        None,
+        description="Background: black, white, #rrggbb or none for transparent. [default: none "
+        "for .exr, otherwise black]",
+    )
+    bits: Annotated[Literal[8, 16, 32], BeforeValidator(number)] = Field(
+        8, description="Bits per channel: PNG 8 or 16, TIFF also 32."
+    )
     threads: Threads = None
 
     def behind(self, suffix: str) -> Color | None:
@@ -629,13 +612,11 @@ class FrameFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: Annotated[str, Field(description=SIZE)] = USUAL_SIZE
+    size: str = Field(USUAL_SIZE, description=SIZE)
     background: Background = None
-    bits: Annotated[
-        Literal[8, 16],
-        BeforeValidator(number),
-        Field(description="Bits per channel: 8 or 16 (PNG)."),
-    ] = 8
+    bits: Annotated[Literal[8, 16], BeforeValidator(number)] = Field(
+        8, description="Bits per channel: 8 or 16 (PNG)."
+    )
 
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
@@ -657,23 +638,18 @@ class Sharing(Choices):
     heading: ClassVar[str] = "Workers"
     about: ClassVar[OptionTopic] = OptionTopic.RESOURCE
 
-    workers: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=1024,
-            description="Local processes that share the work and the memory; needs the extra dist. "
-            "Pixels do not depend on it. [default: none; this process works alone]",
-        ),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        OptionTopic.TARGET,
-        Field(
-            description="Address of a dask scheduler whose workers do the work, such as "
-            "tcp://10.0.0.1:8786; they must see the same files under the same names."
-        ),
-    ] = None
+    workers: int | None = Field(
+        None,
+        ge=1,
+        le=1024,
+        description="Local processes that share the work and the memory; needs the extra dist. "
+        "Pixels do not depend on it. [default: none; this process works alone]",
+    )
+    scheduler: Annotated[str | None, OptionTopic.TARGET] = Field(
+        None,
+        description="Address of a dask scheduler whose workers do the work, such as "
+        "tcp://10.0.0.1:8786; they must see the same files under the same names.",
+    )
 
     @property
     def has_workers(self) -> bool:
@@ -694,13 +670,11 @@ class Serving(Choices):
     heading: ClassVar[str] = "Page"
     about: ClassVar[OptionTopic] = OptionTopic.TARGET
 
-    host: Annotated[
-        str, Field(description="Address to listen at; warns if other machines can reach it.")
-    ] = "127.0.0.1"
-    port: Annotated[
-        int, Field(ge=0, le=65535, description="Port to listen at; 0: any free port.")
-    ] = 0
-    browser: Annotated[bool, Field(description="Open the page in the browser.")] = True
+    host: str = Field(
+        "127.0.0.1", description="Address to listen at; warns if other machines can reach it."
+    )
+    port: int = Field(0, ge=0, le=65535, description="Port to listen at; 0: any free port.")
+    browser: bool = Field(True, description="Open the page in the browser.")
 
 
 class Written(Choices):
@@ -710,27 +684,20 @@ class Written(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     background: Background = None
-    bits: Annotated[
-        Literal[8, 16, 32] | None,
-        BeforeValidator(number),
-        Field(
-            description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the "
-            "source]"
-        ),
-    ] = None
+    bits: Annotated[Literal[8, 16, 32] | None, BeforeValidator(number)] = Field(
+        None,
+        description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the source]",
+    )
 
-    profile: Annotated[
-        Literal["keep", "srgb"],
-        Field(description="Colors: keep the source's ICC profile, or convert them to sRGB."),
-    ] = "keep"
+    profile: Literal["keep", "srgb"] = Field(
+        "keep", description="Colors: keep the source's ICC profile, or convert them to sRGB."
+    )
 
-    file_quality: Annotated[
-        str | None,
-        Field(
-            description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. [default: 95 "
-            "for .jpg, 90 for .webp, 85 for .avif]"
-        ),
-    ] = None
+    file_quality: str | None = Field(
+        None,
+        description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. [default: 95 "
+        "for .jpg, 90 for .webp, 85 for .avif]",
+    )
 
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
