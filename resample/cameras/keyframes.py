@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.cameras.files import left_out, read_shots
+from resample.cameras.files import read_shots
 from resample.cameras.models import Camera
 from resample.cameras.trajectories import viewpoint_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
@@ -107,7 +107,7 @@ def read_keyframes(path: Path) -> Keyframes:
 def keyframes_of(path: Path, fov: float) -> Keyframes:
     """Read keyframes from any file of cameras or poses; without times they are 1 s apart.
 
-    Invalid pictures are skipped; `left_out_of` reports them.
+    Invalid pictures are skipped; `resample.cameras.files.left_out` reports them.
 
     `fov`: field of view along the picture's shorter side in degrees, if the file has poses only.
     """
@@ -124,11 +124,6 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
     with naming(str(path)):
         _check_interpolable(cameras)
     return Keyframes(np.arange(float(len(shots))), cameras)
-
-
-def left_out_of(path: Path) -> str | None:
-    """Message about what `keyframes_of` skips; None if nothing, as for TOML files."""
-    return None if path.suffix.lower() == ".toml" else left_out(path)
 
 
 def _check_interpolable(cameras: Sequence[Any]) -> None:

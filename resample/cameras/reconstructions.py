@@ -243,14 +243,14 @@ def _name_of(line: str) -> str:
 def _text_cameras(path: Path) -> Cameras:
     """Cameras, one line each: number, model, width, height, parameters."""
     cameras: dict[int, Sized | str] = {}
-    for line in lines_of(path):
-        place = f"{path}: line {line.number}"
-        number, model = [*line.words, ""][:2]
+    for n, words in lines_of(path):
+        place = f"{path}: line {n}"
+        number, model = [*words, ""][:2]
         with naming(place):
             key = int(number)
         try:
             with naming(place):
-                width, height, *given = [*map(float, line.words[2:])] or [0.0, 0.0]
+                width, height, *given = [*map(float, words[2:])] or [0.0, 0.0]
                 cameras[key] = _camera(model, width, height, given)
         except ValueError as error:
             cameras[key] = str(error)
@@ -302,7 +302,14 @@ def _frame_entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry
     try:
         with naming(place):
             # Frame with its camera, if the file has one.
-            model, names = _lens(facts)
+            said, is_fisheye = facts.get("camera_model", ""), facts.get("is_fisheye")
+            model, names = LensModel.PINHOLE, "k1 k2 p1 p2 k3"
+            if said == "OPENCV_FISHEYE" or (not said and is_fisheye):
+                model, names = LensModel.FISHEYE, "k1 k2 k3 k4"
+            elif said not in PINHOLES or is_fisheye or facts.get("k4"):
+                raise ValueError(
+                    "its lens is not a model of OpenCV's; undistort the pictures first"
+                )
             if "h" in facts and "w" in facts:
                 shape: tuple[int, int] | None = (int(facts["h"]), int(facts["w"]))
             else:
@@ -310,22 +317,11 @@ def _frame_entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry
             matrix = _matrix(facts, shape)
             if matrix is None:
                 return PosedPicture(name, pose)
-            coefficients = [float(facts.get(key, 0.0)) for key in names]
-            return PosedPicture(
-                name, pose, Camera(matrix, pose, np.array(coefficients), model=model), shape
-            )
+            coefficients = [float(facts.get(key, 0.0)) for key in names.split()]
+            camera = Camera(matrix, pose, np.array(coefficients), model=model)
+            return PosedPicture(name, pose, camera, shape)
     except ValueError as error:
         return Refused(name, str(error), pose)
-
-
-def _lens(facts: Facts) -> tuple[LensModel, tuple[str, ...]]:
-    """Lens model and the names of its coefficients."""
-    model = facts.get("camera_model", "")
-    if model == "OPENCV_FISHEYE" or (not model and facts.get("is_fisheye")):
-        return LensModel.FISHEYE, ("k1", "k2", "k3", "k4")
-    if model not in PINHOLES or facts.get("is_fisheye") or facts.get("k4"):
-        raise ValueError("its lens is not a model of OpenCV's; undistort the pictures first")
-    return LensModel.PINHOLE, ("k1", "k2", "p1", "p2", "k3")
 
 
 def _matrix(facts: Facts, shape: tuple[int, int] | None) -> Doubles | None:

@@ -125,21 +125,13 @@ def with_settings(app: App) -> None:
     `--allow-outside`.
     """
     app.config = (partial(_take, app.name[0]),)
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
-        if command is not None and _has_options(command):
+        # The signature tells: to assemble all commands as the parser does takes 0.1 s.
+        parts = inspect.signature(command).parameters.values() if command is not None else ()
+        if command and any(part.kind in named and part.name != "output" for part in parts):
             app[name].default_command = keeping_settings(f"{app.name[0]} {name}", command)
-
-
-def _has_options(command: Command) -> bool:
-    """Whether a command has options besides its outputs.
-
-    Decided by its signature: assembling all commands as the parser does takes 0.1 s, and only one
-    of them runs.
-    """
-    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    parts = inspect.signature(command).parameters.values()
-    return any(part.kind in named and part.name != "output" for part in parts)
 
 
 def options_of(command: App) -> dict[str, Argument]:
@@ -355,17 +347,13 @@ def _chosen(
             values = {
                 field: getattr(value, field) for field in fields if field in value.model_fields_set
             }
-            usual = _usual(type(value), default)
+            # Defaults that the command's own default does not replace.
+            usual = {name: info.default for name, info in fields.items()}
+            usual = {key: own for key, own in usual.items() if getattr(default, key, own) == own}
             metadata = {field: tuple(info.metadata) for field, info in fields.items()}
         for field, chosen in values.items():
             if chosen is not None and chosen != usual.get(field):
                 yield name_of(field, metadata[field]), chosen
-
-
-def _usual(model: type[BaseModel], default: object) -> Settings:
-    """Defaults of a model's fields that a command's own default does not replace."""
-    usual = {name: field.default for name, field in model.model_fields.items()}
-    return {name: own for name, own in usual.items() if getattr(default, name, own) == own}
 
 
 def _toml(value: object) -> str:

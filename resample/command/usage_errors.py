@@ -40,7 +40,12 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
     if isinstance(error, IsADirectoryError):
-        return one_line(error) + _within(error)
+        # Name a file of a folder that was given instead of a file.
+        with suppress(OSError, TypeError):
+            there = sorted(path for path in Path(error.filename).iterdir() if path.is_file())
+            first = f", such as {visible(str(there[0]))}" if there else " (it holds none)"
+            return one_line(error) + first
+        return one_line(error)
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app:
         # Cyclopts would import all commands for its message; some may not be installed.
         given, known = error.unused_tokens[0], [n for n in error.app._commands if n[0] != "-"]
@@ -128,15 +133,6 @@ def _remedy(error: FileNotFoundError) -> str:
         if near := [str(folder / one) for one in alike]:
             return f"; did you mean {visible(' or '.join(near))}?"
     return "" if folder.is_dir() else f"; there is no folder {visible(str(folder))} either"
-
-
-def _within(error: IsADirectoryError) -> str:
-    """Return a file of a folder that was given instead of a file."""
-    try:
-        there = sorted(path for path in Path(error.filename).iterdir() if path.is_file())
-    except (OSError, TypeError):
-        return ""
-    return f", such as {visible(str(there[0]))}" if there else " (it holds none)"
 
 
 def _of_too_many(error: UnusedCliTokensError) -> str:
