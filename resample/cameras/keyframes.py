@@ -180,16 +180,11 @@ def _spots(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     return list(spots)
 
 
-def _calibrated(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
-    shape = keyframes.camera[0].shape
-    inner = Keyframes(keyframes.time, [camera.camera for camera in keyframes.camera])
-    return [Calibrated(camera, shape) for camera in _cameras(inner, wanted)]
-
-
-def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
+def _cameras(keyframes: Keyframes, wanted: Doubles) -> Sequence[Viewpoint]:
     from scipy.spatial.transform import Rotation, RotationSpline
 
-    cameras = keyframes.camera
+    first = keyframes.camera[0]
+    cameras = [one.camera if isinstance(one, Calibrated) else one for one in keyframes.camera]
     back = np.linalg.inv([camera.world_to_camera for camera in cameras])
     eye = keyframes.curve(back[:, :3, 3], wanted)
     course = RotationSpline(keyframes.time, Rotation.from_matrix(back[:, :3, :3]))
@@ -203,12 +198,12 @@ def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
     for n in range(wanted.size):
         (fx, fy), (cx, cy, near) = focal[n].tolist(), others[n].tolist()
         made.append(Camera.from_intrinsics(fx, fy, cx, cy, there[n], near))
-    return made
+    return [Calibrated(one, first.shape) for one in made] if isinstance(first, Calibrated) else made
 
 
 _BETWEEN: dict[type, Callable[[Keyframes, Doubles], Sequence[Viewpoint]]] = {
     Orbit: _orbits,
     Spot: _spots,
-    Calibrated: _calibrated,
+    Calibrated: _cameras,
     Camera: _cameras,
 }

@@ -123,13 +123,15 @@ class RayPainter:
         fineness, apart = max(n for n, _ in grids), min(apart for _, apart in grids)
         effort, looks = EFFORTS[self.quality], [field.classifier for field in fields]
         is_spread = any(_is_spread(field, view, self) for field in fields)
-        tile = _tile_of(size, fineness, is_spread, style.projection in EXTREMES)
+        # Rays at the edges of tiles are never interpolated, so large tiles need fewer.
+        tile = LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
+        if fineness > FEW_RAYS or (style.projection in EXTREMES and fineness > 1):
+            tile = LEAST_TILE if is_spread and fineness > FEW_RAYS else SMALL_TILE
         left, top, right, bottom = _tiles_of(media, view, size, self.tables.pixel_margin, tile)
         top = max(top, (rows[0] - OF_ROWS) // tile)
         bottom = max(top, min(bottom, -(-(rows[1] + OF_ROWS) // tile)))
         count = (right - left) * (bottom - top)
         painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
-        is_sum = style.projection == ADDITIVE
         box = (left * tile, top * tile, right * tile, bottom * tile)
         which, shown = np.arange(count), np.zeros((0, 0), np.uint8)
         if is_spread and not any(len(field.mesh.face) for field in fields):
@@ -144,7 +146,7 @@ class RayPainter:
             self.tables,
             painted.film,
             painted.value,
-            is_sum,
+            style.projection == ADDITIVE,
             Evenness(
                 effort.bend,
                 effort.share,
@@ -319,15 +321,6 @@ def _tiles_of(
         ends.append((*low, *high))
     left, top, right, bottom = np.array(ends, int).T
     return int(left.min()), int(top.min()), int(right.max()), int(bottom.max())
-
-
-def _tile_of(size: tuple[int, int], fineness: int, is_spread: bool, is_extreme: bool) -> int:
-    """Side of a tile, px: rays at its edges are never interpolated, so large tiles need fewer."""
-    if is_spread and fineness > FEW_RAYS:
-        return LEAST_TILE
-    if fineness > FEW_RAYS or (is_extreme and fineness > 1):
-        return SMALL_TILE
-    return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
 
 
 def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
