@@ -65,6 +65,7 @@ def start(module: str) -> NoReturn:
         # OpenBLAS gets one thread unless more are asked for: commands give it little work, and its
         # idle threads spin, which took a tenth of the total time of a small picture.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # a search of 10 ms
         _imported(module).main()
     except StoppedError as end:
         from resample.console import say
