@@ -118,8 +118,18 @@ def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibr
             matrix = columns_of(inner, "intrinsic_matrix", 3)
             return Calibration(Camera.from_opencv(matrix), shape=_shape(inner))
         # Calibration from names and values.
-        facts = _of_ros(facts)
-        said = _model(facts)
+        if "distortion_model" in facts:  # keys of a ROS message become those of ROS files
+            own = {key: value for key, value in facts.items() if key in ROS_NAMES}
+            for name, given in own.items():
+                full, shape = ROS_NAMES[name]
+                if given is not None and full not in facts:
+                    facts = {**facts, full: np.asarray(given, np.float64).reshape(shape)}
+        named = next((facts[key] for key in MODEL_NAMES if key in facts), None)
+        said = MODELS.get(str(named).lower())
+        if named is None:  # OpenCV's calibration program writes a number
+            said = LensModel.FISHEYE if facts.get("fisheye_model") in (1, 1.0, "1") else None
+        elif said is None:
+            raise ValueError(f"unknown lens model {named!r}; known: {', '.join(MODELS)}")
         if model is not None and said not in (None, model):
             raise ValueError(f"its lens is a {said}, not a {model}; leave that out")
         intrinsics = _named(facts, MATRIX_NAMES)
@@ -136,17 +146,6 @@ def _of_file(path: Path, model: LensModel | None, *, needs_lens: bool) -> Calibr
         )
 
 
-def _of_ros(facts: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Rename the keys of a ROS message to those of ROS files."""
-    if "distortion_model" not in facts:
-        return facts
-    renamed = dict(facts)
-    for name, (full, shape) in ROS_NAMES.items():
-        if facts.get(name) is not None and full not in facts:
-            renamed[full] = np.asarray(facts[name], np.float64).reshape(shape)
-    return renamed
-
-
 def _shape(facts: Mapping[str, Any]) -> tuple[int, int] | None:
     """Height and width in a file."""
     for names in SIZE_NAMES:
@@ -156,16 +155,6 @@ def _shape(facts: Mapping[str, Any]) -> tuple[int, int] | None:
                 raise ValueError(f"it is for pictures of {width} x {height} pixels")
             return (height, width) if height and width else None
     return None
-
-
-def _model(facts: Mapping[str, Any]) -> LensModel | None:
-    """Lens model in a file."""
-    said = next((facts[name] for name in MODEL_NAMES if name in facts), None)
-    if said is None:  # OpenCV's calibration program writes a number
-        return LensModel.FISHEYE if facts.get("fisheye_model") in (1, 1.0, "1") else None
-    if str(said).lower() not in MODELS:
-        raise ValueError(f"unknown lens model {said!r}; known: {', '.join(MODELS)}")
-    return MODELS[str(said).lower()]
 
 
 def _facts(path: Path) -> Mapping[str, Any]:

@@ -8,6 +8,7 @@ import errno
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -17,10 +18,8 @@ from resample.cameras.trajectories import (
     PosedPicture,
     Refused,
     facts_of,
-    is_open3d,
     is_trained,
     lines_of,
-    read_icl,
     read_log,
     read_matrices,
     read_open3d,
@@ -48,7 +47,7 @@ def _from(module: str, name: str) -> Read:
 KINDS: Mapping[str, Read] = {
     "matrix": read_matrices,
     "tum": read_tum,
-    "icl": read_icl,
+    "icl": partial(read_tum, before=0),
     "log": read_log,
     "nerf": _from("reconstructions", "read_nerf"),
     "open3d": read_open3d,
@@ -176,10 +175,11 @@ def _recognised(path: Path) -> str:
     known = SUFFIXES.get(path.suffix.lower())
     if known == "nerf":
         facts = facts_of(path)
-        return "trained" if is_trained(facts) else "open3d" if is_open3d(facts) else known
+        is_open3d = isinstance(facts, dict) and {"parameters", "extrinsic"} & set(facts)
+        return "trained" if is_trained(facts) else "open3d" if is_open3d else known
     if known is not None:
         return known
-    counts = [len(line.words) for line in lines_of(path)]
+    counts = [len(words) for _, words in lines_of(path)]
     if counts and (counts == [4] * 3 or (set(counts) == {4} and len(counts) % 4 == 0)):
         return "matrix"
     if counts and counts == [3, 4, 4, 4, 4] * (len(counts) // 5):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field
 
-from resample.cameras.files import left_out, read_shots
+from resample.cameras.files import read_shots
 from resample.cameras.models import Camera
 from resample.cameras.trajectories import viewpoint_of
 from resample.cameras.viewpoints import Calibrated, Orbit, Spot, Viewpoint
@@ -107,7 +107,7 @@ def read_keyframes(path: Path) -> Keyframes:
 def keyframes_of(path: Path, fov: float) -> Keyframes:
     """Read keyframes from any file of cameras or poses; without times they are 1 s apart.
 
-    Invalid pictures are skipped; `left_out_of` reports them.
+    Invalid pictures are skipped; `resample.cameras.files.left_out` reports them.
 
     `fov`: field of view along the picture's shorter side in degrees, if the file has poses only.
     """
@@ -124,11 +124,6 @@ def keyframes_of(path: Path, fov: float) -> Keyframes:
     with naming(str(path)):
         _check_interpolable(cameras)
     return Keyframes(np.arange(float(len(shots))), cameras)
-
-
-def left_out_of(path: Path) -> str | None:
-    """Message about what `keyframes_of` skips; None if nothing, as for TOML files."""
-    return None if path.suffix.lower() == ".toml" else left_out(path)
 
 
 def _check_interpolable(cameras: Sequence[Any]) -> None:
@@ -185,16 +180,11 @@ def _spots(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
     return list(spots)
 
 
-def _calibrated(keyframes: Keyframes, wanted: Doubles) -> list[Viewpoint]:
-    shape = keyframes.camera[0].shape
-    inner = Keyframes(keyframes.time, [camera.camera for camera in keyframes.camera])
-    return [Calibrated(camera, shape) for camera in _cameras(inner, wanted)]
-
-
-def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
+def _cameras(keyframes: Keyframes, wanted: Doubles) -> Sequence[Viewpoint]:
     from scipy.spatial.transform import Rotation, RotationSpline
 
-    cameras = keyframes.camera
+    first = keyframes.camera[0]
+    cameras = [one.camera if isinstance(one, Calibrated) else one for one in keyframes.camera]
     back = np.linalg.inv([camera.world_to_camera for camera in cameras])
     eye = keyframes.curve(back[:, :3, 3], wanted)
     course = RotationSpline(keyframes.time, Rotation.from_matrix(back[:, :3, :3]))
@@ -208,12 +198,12 @@ def _cameras(keyframes: Keyframes, wanted: Doubles) -> list[Camera]:
     for n in range(wanted.size):
         (fx, fy), (cx, cy, near) = focal[n].tolist(), others[n].tolist()
         made.append(Camera.from_intrinsics(fx, fy, cx, cy, there[n], near))
-    return made
+    return [Calibrated(one, first.shape) for one in made] if isinstance(first, Calibrated) else made
 
 
 _BETWEEN: dict[type, Callable[[Keyframes, Doubles], Sequence[Viewpoint]]] = {
     Orbit: _orbits,
     Spot: _spots,
-    Calibrated: _calibrated,
+    Calibrated: _cameras,
     Camera: _cameras,
 }

@@ -76,9 +76,18 @@ class Distortion(NamedTuple):
                 is_open = ~is_near & np.isfinite(miss[0] + miss[1])
                 if not is_open.any():
                     break
-                step = _step(self, u[left], v[left], bent, miss)
+                # A Newton step from the residual, never beyond the fold.
+                determinant = bent.determinant()
+                across = (miss[0] * bent.y_by_y - miss[1] * bent.x_by_y) / determinant
+                down = (miss[1] * bent.x_by_x - miss[0] * bent.y_by_x) / determinant
+                next_u, next_v = u[left] + across, v[left] + down
+                if np.isfinite(self.fold):
+                    radius = np.hypot(next_u, next_v)
+                    half = 0.5 * (np.hypot(u[left], v[left]) + fold)
+                    shrink = np.where(radius < fold, 1.0, half / radius)
+                    next_u, next_v = next_u * shrink, next_v * shrink
                 left = left[is_open]
-                u[left], v[left] = step[0][is_open], step[1][is_open]
+                u[left], v[left] = next_u[is_open], next_v[is_open]
         return np.where(is_found, u, np.nan), np.where(is_found, v, np.nan)
 
 
@@ -105,7 +114,12 @@ def distortion(coefficients: Doubles) -> Distortion:
     n, d, s = Polynomial(numerator), Polynomial(denominator), Polynomial([0, 1])
     growth = n * d + 2 * s * (n.deriv() * d - n * d.deriv())
     fold = _least(np.concatenate([growth.roots(), d.roots()]), np.inf)
-    tilt = _tilt(others[4], others[5])
+    # Homography of a sensor tilted by τx and τy, rad.
+    cos_x, cos_y, sin_x, sin_y = (turned(tau) for turned in (np.cos, np.sin) for tau in others[4:])
+    turn = np.array([[cos_y, 0, -sin_y], [0, 1, 0], [sin_y, 0, cos_y]])
+    turn = turn @ np.array([[1, 0, 0], [0, cos_x, sin_x], [0, -sin_x, cos_x]])
+    back = np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]])
+    tilt = np.asarray(back @ turn, np.float64)
     return Distortion(numerator, denominator, tangential, prism, tilt, fold)
 
 
@@ -120,19 +134,6 @@ def _radial(lens: Distortion, radius: Doubles) -> Doubles:
     """Distort a radius by the radial part of the lens."""
     s = radius * radius
     return radius * _horner(lens.numerator, s)[0] / _horner(lens.denominator, s)[0]
-
-
-def _tilt(across: float, along: float) -> Doubles:
-    """Homography of a sensor tilted by τx and τy, rad."""
-    about_x = np.array(
-        [[1, 0, 0], [0, np.cos(across), np.sin(across)], [0, -np.sin(across), np.cos(across)]]
-    )
-    about_y = np.array(
-        [[np.cos(along), 0, -np.sin(along)], [0, 1, 0], [np.sin(along), 0, np.cos(along)]]
-    )
-    turn = about_y @ about_x
-    back = np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]])
-    return np.asarray(back @ turn, np.float64)
 
 
 def _bend(lens: Distortion, x: Doubles, y: Doubles) -> _Bent:
@@ -162,18 +163,6 @@ def _horner(c: Doubles, s: Doubles) -> tuple[Doubles, Doubles]:
 def _is_single(lens: Distortion, x: Doubles, y: Doubles, bent: _Bent) -> NDArray[np.bool_]:
     """Whether points are on the axis's side of the fold."""
     return (x * x + y * y < lens.fold) & (bent.determinant() > 0)
-
-
-def _step(lens: Distortion, u: Doubles, v: Doubles, bent: _Bent, miss: Points) -> Points:
-    """Newton step from the residual, never beyond the fold."""
-    determinant = bent.determinant()
-    next_u = u + (miss[0] * bent.y_by_y - miss[1] * bent.x_by_y) / determinant
-    next_v = v + (miss[1] * bent.x_by_x - miss[0] * bent.y_by_x) / determinant
-    if not np.isfinite(lens.fold):
-        return next_u, next_v
-    limit, radius = np.sqrt(lens.fold), np.hypot(next_u, next_v)
-    shrink = np.where(radius < limit, 1.0, 0.5 * (np.hypot(u, v) + limit) / radius)
-    return next_u * shrink, next_v * shrink
 
 
 def project(matrix: Doubles, x: Doubles, y: Doubles) -> Points:

@@ -167,10 +167,24 @@ def read_colmap(path: Path) -> list[Entry]:
             entry_of(f"{images}: picture {n}", picture.name, _entry, picture, cameras, known)
             for n, picture in enumerate(pictures)
         ]
-    return [
-        entry_of(f"{images}: line {n}", _name_of(line), _text_entry, line, cameras, known)
-        for n, line in _text_pictures(text_of(images))
-    ]
+
+    def of_words(words: list[str]) -> Entry:
+        """Entry of: number, qw, qx, qy, qz, tx, ty, tz, number of the camera, name."""
+        if len(words) != 10:
+            raise ValueError(f"a picture has 10 words, not {len(words)}")
+        numbers = [float(word) for word in words[1:8]]
+        return _entry(Posed(words[9].strip(), numbers, int(words[8])), cameras, known)
+
+    entries, is_points = [], False
+    for n, line in enumerate(text_of(images).splitlines(), 1):
+        if is_points:  # each picture is followed by a line of points, maybe empty
+            is_points = False
+        elif line.strip() and not line.startswith("#"):
+            words = line.split(maxsplit=9)
+            name = words[9].strip() if len(words) == 10 else ""
+            entries.append(entry_of(f"{images}: line {n}", name, of_words, words))
+            is_points = True
+    return entries
 
 
 def _entry(picture: Posed, path: Path, cameras: Cameras) -> Entry:
@@ -214,43 +228,17 @@ def _camera(model: str, width: float, height: float, given: Sequence[float]) -> 
 # Text.
 
 
-def _text_pictures(text: str) -> Iterator[tuple[int, str]]:
-    """Lines of pictures, numbered from 1; each is followed by a line of points, maybe empty."""
-    is_points = False
-    for number, line in enumerate(text.splitlines(), 1):
-        if is_points:
-            is_points = False
-        elif line.strip() and not line.startswith("#"):
-            yield number, line
-            is_points = True
-
-
-def _text_entry(line: str, path: Path, cameras: Cameras) -> Entry:
-    """Entry of a line: number, qw, qx, qy, qz, tx, ty, tz, number of the camera, name."""
-    words = line.split(maxsplit=9)
-    if len(words) != 10:
-        raise ValueError(f"a picture has 10 words, not {len(words)}")
-    numbers = [float(word) for word in words[1:8]]
-    return _entry(Posed(_name_of(line), numbers, int(words[8])), path, cameras)
-
-
-def _name_of(line: str) -> str:
-    """Name in a line of a picture; empty if the line is truncated."""
-    words = line.split(maxsplit=9)
-    return words[9].strip() if len(words) == 10 else ""
-
-
 def _text_cameras(path: Path) -> Cameras:
     """Cameras, one line each: number, model, width, height, parameters."""
     cameras: dict[int, Sized | str] = {}
-    for line in lines_of(path):
-        place = f"{path}: line {line.number}"
-        number, model = [*line.words, ""][:2]
+    for n, words in lines_of(path):
+        place = f"{path}: line {n}"
+        number, model = [*words, ""][:2]
         with naming(place):
             key = int(number)
         try:
             with naming(place):
-                width, height, *given = [*map(float, line.words[2:])] or [0.0, 0.0]
+                width, height, *given = [*map(float, words[2:])] or [0.0, 0.0]
                 cameras[key] = _camera(model, width, height, given)
         except ValueError as error:
             cameras[key] = str(error)
@@ -299,33 +287,36 @@ def _frame_entry(place: str, folder: Path, common: Facts, frame: Facts) -> Entry
     """Entry of a frame and the values common to all; without its camera if that is invalid."""
     facts = {**common, **frame}
     name, pose = str(facts.get("file_path", "")), from_opengl(facts["transform_matrix"])
+    shape: tuple[int, int] | None
     try:
         with naming(place):
             # Frame with its camera, if the file has one.
-            model, names = _lens(facts)
+            said, is_fisheye = facts.get("camera_model", ""), facts.get("is_fisheye")
+            model, names = LensModel.PINHOLE, "k1 k2 p1 p2 k3"
+            if said == "OPENCV_FISHEYE" or (not said and is_fisheye):
+                model, names = LensModel.FISHEYE, "k1 k2 k3 k4"
+            elif said not in PINHOLES or is_fisheye or facts.get("k4"):
+                raise ValueError(
+                    "its lens is not a model of OpenCV's; undistort the pictures first"
+                )
             if "h" in facts and "w" in facts:
-                shape: tuple[int, int] | None = (int(facts["h"]), int(facts["w"]))
+                shape = (int(facts["h"]), int(facts["w"]))
             else:
-                shape = _size(folder / name) if name else None
+                shape = None  # of the picture, whose suffix NeRF may omit
+                for file in (folder / name, folder / f"{name}.png") if name else ():
+                    with suppress(OSError):
+                        source = opened(file) if file.is_file() and shape is None else None
+                        if source is not None:
+                            shape = source.spec().height, source.spec().width
+                            source.close()
             matrix = _matrix(facts, shape)
             if matrix is None:
                 return PosedPicture(name, pose)
-            coefficients = [float(facts.get(key, 0.0)) for key in names]
-            return PosedPicture(
-                name, pose, Camera(matrix, pose, np.array(coefficients), model=model), shape
-            )
+            coefficients = [float(facts.get(key, 0.0)) for key in names.split()]
+            camera = Camera(matrix, pose, np.array(coefficients), model=model)
+            return PosedPicture(name, pose, camera, shape)
     except ValueError as error:
         return Refused(name, str(error), pose)
-
-
-def _lens(facts: Facts) -> tuple[LensModel, tuple[str, ...]]:
-    """Lens model and the names of its coefficients."""
-    model = facts.get("camera_model", "")
-    if model == "OPENCV_FISHEYE" or (not model and facts.get("is_fisheye")):
-        return LensModel.FISHEYE, ("k1", "k2", "k3", "k4")
-    if model not in PINHOLES or facts.get("is_fisheye") or facts.get("k4"):
-        raise ValueError("its lens is not a model of OpenCV's; undistort the pictures first")
-    return LensModel.PINHOLE, ("k1", "k2", "p1", "p2", "k3")
 
 
 def _matrix(facts: Facts, shape: tuple[int, int] | None) -> Doubles | None:
@@ -346,16 +337,3 @@ def _focal(size: float, angle: float) -> float:
     if angle <= 0 or angle >= math.pi:
         raise ValueError(f"a camera cannot see an angle of {angle:g}")
     return 0.5 * size / math.tan(0.5 * angle)
-
-
-def _size(path: Path) -> tuple[int, int] | None:
-    """Height and width of a picture, whose suffix NeRF may omit; None if there is none."""
-    for file in (path, path.with_name(path.name + ".png")):
-        if not file.is_file():
-            continue
-        with suppress(OSError):
-            source = opened(file)
-            spec = source.spec()
-            source.close()
-            return spec.height, spec.width
-    return None

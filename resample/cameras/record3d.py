@@ -41,16 +41,16 @@ def read_record3d(path: Path) -> list[Entry]:
     """Read camera-to-world poses in OpenGL's axes (qx, qy, qz, qw, tx, ty, tz), and intrinsics."""
     facts = facts_of_recording(path)
     poses = facts.get("poses") or [[0, 0, 0, 1, 0, 0, 0]]
+
+    def entry(name: str, given: list[float]) -> PosedPicture:
+        numbers: Doubles = np.array(given, np.float64).reshape(7)
+        back = np.eye(4)
+        back[:3, :3], back[:3, 3] = from_quaternion(numbers[:4].tolist()), numbers[4:]
+        matrix = np.array(facts["K"], np.float64).reshape(3, 3).T  # by columns
+        pose = from_opengl(back)
+        return PosedPicture(name, pose, Camera(matrix, pose), (int(facts["h"]), int(facts["w"])))
+
     return [
-        entry_of(f"{path}: frame {n}", f"{n}.jpg", _entry, f"{n}.jpg", facts, given)
+        entry_of(f"{path}: frame {n}", f"{n}.jpg", entry, f"{n}.jpg", given)
         for n, given in enumerate(poses)
     ]
-
-
-def _entry(name: str, facts: Facts, given: list[float]) -> PosedPicture:
-    numbers: Doubles = np.array(given, np.float64).reshape(7)
-    back = np.eye(4)
-    back[:3, :3], back[:3, 3] = from_quaternion(numbers[:4].tolist()), numbers[4:]
-    matrix = np.array(facts["K"], np.float64).reshape(3, 3).T  # by columns
-    pose = from_opengl(back)
-    return PosedPicture(name, pose, Camera(matrix, pose), (int(facts["h"]), int(facts["w"])))

@@ -44,11 +44,7 @@ class Refused(NamedTuple):
 Entry = PosedPicture | Refused
 
 
-class TextLine(NamedTuple):
-    """Words of a line of text."""
-
-    number: int  # from 1
-    words: list[str]
+TextLine = tuple[int, list[str]]  # number, from 1, and words
 
 
 def entry_of(place: str, name: str, read: Callable[..., Entry], *given: Any) -> Entry:
@@ -81,32 +77,35 @@ def read_matrices(path: Path) -> list[Entry]:
     ]
 
 
-def read_tum(path: Path) -> list[Entry]:
-    """Read camera-to-world lines: time, tx, ty, tz, qx, qy, qz, qw (TUM RGB-D)."""
-    return [
-        entry_of(f"{path}: line {line.number}", line.words[0], _of_quaternion, line, 1)
-        for line in lines_of(path)
-    ]
+def read_tum(path: Path, before: int = 1) -> list[Entry]:
+    """Read camera-to-world lines: time, tx, ty, tz, qx, qy, qz, qw (TUM RGB-D).
 
+    `before`: words before tx; 0: lines of ICL-NUIM in slambook, which have no time.
+    """
 
-def read_icl(path: Path) -> list[Entry]:
-    """Read camera-to-world lines: tx, ty, tz, qx, qy, qz, qw (ICL-NUIM in slambook)."""
+    def posed(words: list[str]) -> PosedPicture:
+        if len(words) != before + 7:
+            raise ValueError(f"{len(words)} numbers instead of {before + 7}")
+        x, y, z, *quaternion = [float(word) for word in words[before:]]
+        pose = camera_to_world(np.column_stack([from_quaternion(quaternion), [x, y, z]]))
+        return PosedPicture(words[0] if before else "", pose)
+
     return [
-        entry_of(f"{path}: line {line.number}", "", _of_quaternion, line, 0)
-        for line in lines_of(path)
+        entry_of(f"{path}: line {number}", words[0] if before else "", posed, words)
+        for number, words in lines_of(path)
     ]
 
 
 def read_log(path: Path) -> list[Entry]:
     """Read camera-to-world poses: a line of three numbers and a 4 × 4 matrix each (Open3D)."""
     lines = lines_of(path)
-    if [len(line.words) for line in lines] != [3, 4, 4, 4, 4] * (len(lines) // 5):
+    if [len(words) for _, words in lines] != [3, 4, 4, 4, 4] * (len(lines) // 5):
         raise ValueError(
             f"{path} is not a trajectory: each pose has a line of 3 numbers and 4 of 4"
         )
 
     def posed(rows: Sequence[TextLine]) -> PosedPicture:
-        pose = camera_to_world([[float(word) for word in row.words] for row in rows])
+        pose = camera_to_world([[float(word) for word in words] for _, words in rows])
         return PosedPicture("", pose)
 
     return [
@@ -121,30 +120,19 @@ def lines_of(path: Path) -> list[TextLine]:
     for number, line in enumerate(text_of(path).splitlines(), 1):
         words = [word for word in SEPARATOR.split(line.partition("#")[0]) if word]
         if words:
-            lines.append(TextLine(number, words))
+            lines.append((number, words))
     return lines
 
 
 def table_of(path: Path, lines: Sequence[TextLine], count: int) -> Doubles:
     """Numbers of lines as an array (lines, count)."""
     rows = np.empty((len(lines), count))
-    for n, line in enumerate(lines):
-        if len(line.words) != count:
-            raise ValueError(
-                f"{path}: line {line.number} has {len(line.words)} numbers instead of {count}"
-            )
-        with naming(f"{path}: line {line.number}"):
-            rows[n] = [float(word) for word in line.words]
+    for n, (number, words) in enumerate(lines):
+        if len(words) != count:
+            raise ValueError(f"{path}: line {number} has {len(words)} numbers instead of {count}")
+        with naming(f"{path}: line {number}"):
+            rows[n] = [float(word) for word in words]
     return rows
-
-
-def _of_quaternion(line: TextLine, before: int) -> PosedPicture:
-    """Pose from camera-to-world tx, ty, tz, qx, qy, qz, qw, after `before` other words."""
-    if len(line.words) != before + 7:
-        raise ValueError(f"{len(line.words)} numbers instead of {before + 7}")
-    x, y, z, *quaternion = [float(word) for word in line.words][before:]
-    pose = camera_to_world(np.column_stack([from_quaternion(quaternion), [x, y, z]]))
-    return PosedPicture(line.words[0] if before else "", pose)
 
 
 def is_trained(facts: Any) -> bool:
@@ -161,29 +149,23 @@ def read_trained(path: Path) -> list[Entry]:
     facts = facts_of(path)
     if not is_trained(facts):
         raise ValueError(f"{path} is no list of cameras with rotation, position and fx")
+
+    def camera_of(name: str, facts: Facts) -> PosedPicture:
+        turn, place = np.array(facts["rotation"], float), np.array(facts["position"], float)
+        if turn.shape != (3, 3) or place.shape != (3,):
+            raise ValueError(f"a rotation of {turn.shape} and a position of {place.shape}")
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = turn.T, -turn.T @ place
+        width, height = int(facts["width"]), int(facts["height"])
+        fx, fy = float(facts["fx"]), float(facts.get("fy", facts["fx"]))
+        camera = Camera.from_intrinsics(fx, fy, width / 2, height / 2, pose)
+        return PosedPicture(name, camera.world_to_camera, camera, (height, width))
+
     names = [str(each.get("img_name", "")) if isinstance(each, dict) else "" for each in facts]
     return [
-        entry_of(f"{path}: camera {n}", name, _trained, name, each)
+        entry_of(f"{path}: camera {n}", name, camera_of, name, each)
         for n, (name, each) in enumerate(zip(names, facts, strict=True))
     ]
-
-
-def _trained(name: str, facts: Facts) -> PosedPicture:
-    """One camera of the list."""
-    turn, place = np.array(facts["rotation"], float), np.array(facts["position"], float)
-    if turn.shape != (3, 3) or place.shape != (3,):
-        raise ValueError(f"a rotation of {turn.shape} and a position of {place.shape}")
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn.T, -turn.T @ place
-    width, height = int(facts["width"]), int(facts["height"])
-    fx, fy = float(facts["fx"]), float(facts.get("fy", facts["fx"]))
-    camera = Camera.from_intrinsics(fx, fy, width / 2, height / 2, pose)
-    return PosedPicture(name, camera.world_to_camera, camera, (height, width))
-
-
-def is_open3d(facts: Any) -> bool:
-    """Whether JSON values are a trajectory or a single camera of Open3D."""
-    return isinstance(facts, dict) and ("parameters" in facts or "extrinsic" in facts)
 
 
 def read_open3d(path: Path) -> list[Entry]:
@@ -197,7 +179,16 @@ def read_open3d(path: Path) -> list[Entry]:
     given = facts.get("parameters", [facts])
     if not isinstance(given, list):
         raise ValueError(f"{path} has no list of parameters as Open3D's trajectories have")
-    return [entry_of(f"{path}: camera {n}", "", _shot, each) for n, each in enumerate(given)]
+
+    def shot(facts: Facts) -> PosedPicture:
+        pose, inner = rigid(columns_of(facts, "extrinsic", 4)), facts.get("intrinsic")
+        if not inner:
+            return PosedPicture("", pose)
+        camera = Camera.from_opencv(columns_of(inner, "intrinsic_matrix", 3)).moved(pose)
+        height, width = int(inner.get("height", 0)), int(inner.get("width", 0))
+        return PosedPicture("", pose, camera, (height, width) if min(height, width) > 0 else None)
+
+    return [entry_of(f"{path}: camera {n}", "", shot, each) for n, each in enumerate(given)]
 
 
 def facts_of(path: Path) -> Any:
@@ -205,17 +196,6 @@ def facts_of(path: Path) -> Any:
     text = text_of(path)
     with naming(str(path)):
         return json_of(text)
-
-
-def _shot(facts: Facts) -> PosedPicture:
-    """Parse one camera."""
-    pose = rigid(columns_of(facts, "extrinsic", 4))
-    inner = facts.get("intrinsic")
-    if not inner:
-        return PosedPicture("", pose)
-    camera = Camera.from_opencv(columns_of(inner, "intrinsic_matrix", 3)).moved(pose)
-    height, width = int(inner.get("height", 0)), int(inner.get("width", 0))
-    return PosedPicture("", pose, camera, (height, width) if min(height, width) > 0 else None)
 
 
 def columns_of(facts: Facts, name: str, side: int) -> Any:

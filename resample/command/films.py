@@ -45,11 +45,11 @@ def tour_of(path: Path, frames: int | None, fps: float, fov: float) -> Tour:
 
     `frames`: number of frames; None: as the keyframes' times (s) require. `fps`: frames per second.
     """
-    from resample.cameras.keyframes import keyframes_of, left_out_of
+    from resample.cameras.files import left_out
+    from resample.cameras.keyframes import keyframes_of
 
     keyframes = keyframes_of(path, fov)
-    complaint = left_out_of(path)
-    if complaint is not None:
+    if path.suffix.lower() != ".toml" and (complaint := left_out(path)) is not None:
         say(complaint)
     if frames is None:
         frames = 1 + round(min(keyframes.duration * fps, MOST_FRAMES))

@@ -258,16 +258,8 @@ Steady = Annotated[
 ]
 
 
-def intrinsic_numbers(name: str, text: str) -> list[float]:
-    """Read the numbers fx, fy, cx, cy and skew from a text."""
-    numbers = numbers_in(name, text)
-    if len(numbers) not in (4, 5):
-        raise ValueError(f"{name} {text!r}; give fx,fy,cx,cy or fx,fy,cx,cy,skew")
-    return [*numbers, 0.0][:5]
-
-
 def check_intrinsics(name: str, text: str) -> None:
-    """Refuse anything but numbers for `intrinsic_numbers` or a camera file."""
+    """Refuse anything but numbers for `with_intrinsics` or a camera file."""
     with_intrinsics(name, text, "corner")
 
 
@@ -278,7 +270,8 @@ def with_intrinsics(name: str, text: str, convention: "AnyConvention") -> "Calib
 
     if is_file(text):
         return read_intrinsics(text)
-    fx, fy, cx, cy, skew = intrinsic_numbers(name, text)
-    return Calibration(
-        Camera.from_intrinsics(fx, fy, cx, cy, skew=skew, convention=convention),
-    )
+    numbers = numbers_in(name, text)
+    if len(numbers) not in (4, 5):
+        raise ValueError(f"{name} {text!r}; give fx,fy,cx,cy or fx,fy,cx,cy,skew")
+    fx, fy, cx, cy, skew = [*numbers, 0.0][:5]
+    return Calibration(Camera.from_intrinsics(fx, fy, cx, cy, skew=skew, convention=convention))

@@ -41,7 +41,9 @@ class CommandLine(App):
         given = sys.argv[1:] if tokens is None else tokens
         words = given.split() if isinstance(given, str) else list(given)
         if words and not words[0].startswith("-") and words[0] not in self:
-            add_found(self, words[0])
+            entry = f"{self.name[0].removeprefix('resample-')}.{words[0]}"
+            if entry in registry.names("commands"):  # of any package
+                add_command(self, entry, "")
         if BRIEF not in takewhile(lambda word: word != "--", words):
             return super().parse_args(words, **rules)
         asked = asked_for(self, words)
@@ -92,7 +94,10 @@ def asked_for(root: App, words: Sequence[str]) -> Asked | None:
 def brief(asked: Asked) -> list[str]:
     """Return the lines of brief help."""
     if asked.command.default_command is None:
-        return [*_opening(asked, str(asked.command.help), "COMMAND"), *_commands(asked)]
+        named = ", ".join(name for name in asked.command if not name.startswith("-"))
+        lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
+        lines.append("COMMAND -h explains a command; --help says what each of them does.")
+        return [*_opening(asked, str(asked.command.help), "COMMAND"), *lines]
     text = inspect.getdoc(asked.command.default_command) or ""
     found = asked.command.assemble_argument_collection()
     arguments = {one.names[0]: one for one in found if one.names and one.names[0] != "*"}
@@ -127,13 +132,6 @@ def _opening(asked: Asked, text: str, usage: str) -> list[str]:
     return [*lines, "", *(["Examples:", *found, ""] if found else [])]
 
 
-def _commands(asked: Asked) -> list[str]:
-    """Return the names of commands."""
-    named = ", ".join(name for name in asked.command if not name.startswith("-"))
-    lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
-    return [*lines, "COMMAND -h explains a command; --help says what each of them does."]
-
-
 def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argument"]:
     """Yield options: those that are required, those that are needed first, then all others."""
     options = {name: one for name, one in arguments.items() if name.startswith("--")}
@@ -163,21 +161,16 @@ def _option(argument: "Argument", text: str) -> tuple[str, str, str]:
 def _table(options: list[tuple[str, str, str]]) -> list[str]:
     """Return a line per option."""
     width = max(len(names) for names, _, _ in [*options, (FULL, "", "")]) + 4
-    rows = [(f"  {names}".ljust(width), text, default) for names, text, default in options]
-    lines = [
-        f"{start}{_fitted(text, default, COLUMNS - width)}".rstrip()
-        for start, text, default in rows
-    ]
+    lines = []
+    for names, text, default in options:
+        # As much of a help text as there is room for, with a short default.
+        sentence, room = re.split(r"[.;](?:\s|$)", text)[0], COLUMNS - width
+        ending = "" if default in ("", "none") else f" [default: {default}]"
+        if len(sentence + ending) > room and len(ending) > LONGEST:
+            ending = ""
+        said = f"{shorten(sentence, room - len(ending), placeholder=' ...')}{ending}".strip()
+        lines.append(f"{f'  {names}'.ljust(width)}{said}".rstrip())
     return [*lines, f"  {FULL}".ljust(width) + MORE]
-
-
-def _fitted(text: str, default: str, room: int) -> str:
-    """Return as much of a help text as there is room for, with a short default."""
-    sentence = re.split(r"[.;](?:\s|$)", text)[0]
-    ending = "" if default in ("", "none") else f" [default: {default}]"
-    if len(sentence + ending) > room and len(ending) > LONGEST:
-        ending = ""
-    return f"{shorten(sentence, room - len(ending), placeholder=' ...')}{ending}".strip()
 
 
 class AddedCommand(CommandSpec):
@@ -207,10 +200,3 @@ def add_command(app: App, entry: str, purpose: str) -> None:
     """
     name = entry.rpartition(".")[2]
     app._commands[name] = AddedCommand(entry, name, help=purpose)
-
-
-def add_found(app: App, name: str) -> None:
-    """Add a command that any package has for an application, if there is one of this name."""
-    entry = f"{app.name[0].removeprefix('resample-')}.{name}"
-    if entry in registry.names("commands"):
-        add_command(app, entry, "")

@@ -47,9 +47,14 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         give_up(sys.stdout)
         status = 0
     except ImportError as error:
-        if (complaint := _broken_opencv(error)) is None:
+        frames = [Path(frame.filename).parent.name for frame in extract_tb(error.__traceback__)]
+        if "cv2" not in (error.name, *frames[-3:]):
             raise
-        say(f"error: {complaint}")
+        say(
+            f"error: cv2 (OpenCV) cannot be imported: {one_line(error)}; install one of its four "
+            "wheels and no other, such as: pip install --force-reinstall "
+            "opencv-contrib-python-headless"
+        )
         status = USER_ERROR
     except (CycloptsError, ValueError, LookupError, OSError, MemoryError) as error:
         from resample.command.usage_errors import explained, with_own_pip
@@ -58,17 +63,6 @@ def run(app: "cyclopts.App", arguments: Sequence[str] | None = None) -> NoReturn
         say(f"error: {with_own_pip(explained(error, words))}")
         status = USER_ERROR
     raise SystemExit(status)
-
-
-def _broken_opencv(error: ImportError) -> str | None:
-    """Explain what is wrong with the installed OpenCV and what to do; None for other errors."""
-    frames = [str(frame.filename) for frame in extract_tb(error.__traceback__)]
-    if error.name != "cv2" and "cv2" not in (Path(name).parent.name for name in frames[-3:]):
-        return None
-    return (
-        f"cv2 (OpenCV) cannot be imported: {one_line(error)}; install one of its four wheels and "
-        "no other, such as: pip install --force-reinstall opencv-contrib-python-headless"
-    )
 
 
 def _call(app: "cyclopts.App", arguments: Sequence[str] | None) -> int:

@@ -27,7 +27,15 @@ from typing import (
 from cyclopts import App, ArgumentCollection, Parameter
 from cyclopts.argument import Argument
 from cyclopts.config import Dict
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 
 from resample import memory as memories
 from resample.calling import REMEDIES, answer, choice_meant
@@ -52,7 +60,7 @@ from resample.console import SPLAT_COLOR, Color, linear_color
 from resample.files.metadata.tags import SUFFIXES as PICTURES
 from resample.files.metadata.tags import settings_in, stating
 from resample.files.writing import check_targets, replacing
-from resample.messages import naming
+from resample.messages import naming, one_line
 from resample.reading.limits import raised
 from resample.reading.texts import text_of, toml_of
 
@@ -117,21 +125,13 @@ def with_settings(app: App) -> None:
     `--allow-outside`.
     """
     app.config = (partial(_take, app.name[0]),)
+    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     for name in app:
         command = None if name.startswith("-") else app[name].default_command
-        if command is not None and _has_options(command):
+        # The signature tells: to assemble all commands as the parser does takes 0.1 s.
+        parts = inspect.signature(command).parameters.values() if command is not None else ()
+        if command and any(part.kind in named and part.name != "output" for part in parts):
             app[name].default_command = keeping_settings(f"{app.name[0]} {name}", command)
-
-
-def _has_options(command: Command) -> bool:
-    """Whether a command has options besides its outputs.
-
-    Decided by its signature: assembling all commands as the parser does takes 0.1 s, and only one
-    of them runs.
-    """
-    named = (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    parts = inspect.signature(command).parameters.values()
-    return any(part.kind in named and part.name != "output" for part in parts)
 
 
 def options_of(command: App) -> dict[str, Argument]:
@@ -229,11 +229,8 @@ def as_toml(name: str, settings: Settings) -> str:
 
 
 def _options(arguments: ArgumentCollection) -> dict[str, Argument]:
-    return {
-        argument.names[0].removeprefix("--"): argument
-        for argument in arguments
-        if argument.names and argument.names[0].startswith("--")
-    }
+    names = ((next(iter(argument.names), ""), argument) for argument in arguments)
+    return {name[2:]: argument for name, argument in names if name.startswith("--")}
 
 
 def _take(
@@ -243,22 +240,22 @@ def _take(
     given: ArgumentCollection,
 ) -> None:
     """Add options from the file given by `--settings` that the command line leaves open."""
-    options = _options(given)
-    named = {key: options[key].tokens for key in OWN[:2] if key in options and options[key].tokens}
-    if not named:
+    named = {one.field_info.name: one.tokens for one in given if one.tokens}
+    named = {key: named[key] for key in ("settings", "settings_trusted") if key in named}
+    if not named:  # told without the names of all options, which take 10 ms
         return
     if len(named) > 1:
         raise ValueError("give one of --settings and --settings-trusted, not both")
     ((key, tokens),) = named.items()
     path = Path(tokens[-1].value)
-    known = {key: option for key, option in options.items() if key not in OWN}
+    known = {key: option for key, option in _options(given).items() if key not in OWN}
     assert app.default_command is not None
     content: Settings = read_settings(
         path,
         " ".join([application, *commands]),
         known,
         marks_of(app.default_command),
-        is_trusted=key == "settings-trusted",
+        is_trusted=key == "settings_trusted",
     )
     for one in reversed(commands):
         content = {one: content}
@@ -347,17 +344,13 @@ def _chosen(
             values = {
                 field: getattr(value, field) for field in fields if field in value.model_fields_set
             }
-            usual = _usual(type(value), default)
+            # Defaults that the command's own default does not replace.
+            usual = {name: info.default for name, info in fields.items()}
+            usual = {key: own for key, own in usual.items() if getattr(default, key, own) == own}
             metadata = {field: tuple(info.metadata) for field, info in fields.items()}
         for field, chosen in values.items():
             if chosen is not None and chosen != usual.get(field):
                 yield name_of(field, metadata[field]), chosen
-
-
-def _usual(model: type[BaseModel], default: object) -> Settings:
-    """Defaults of a model's fields that a command's own default does not replace."""
-    usual = {name: field.default for name, field in model.model_fields.items()}
-    return {name: own for name, own in usual.items() if getattr(default, name, own) == own}
 
 
 def _toml(value: object) -> str:
@@ -475,69 +468,56 @@ class Resampling(Choices):
     heading: ClassVar[str] = "Method"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    method: Annotated[
-        Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None,
-        Field(
-            description="Method: paper, as published, points up to 1 px and splats above; hybrid, "
-            "exact splats on as many sub-pixels as they need; splats, one ray per pixel; points, "
-            "only these; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker 2001. "
-            "[default: hybrid; none where rays are cast]"
-        ),
-    ] = None
-    footprint: Annotated[
-        Literal["exact", "corrected", "affine", "equation", "projected"] | None,
-        Field(
-            description="Model of splats in perspective: exact, or of the paper: corrected, "
-            "equation (without its table), projected (around the projected center) and affine "
-            "(the projection linearized). [default: exact; corrected for paper]"
-        ),
-    ] = None
-    threshold: Annotated[
-        float | None,
-        Field(
-            ge=0,
-            description="Paint samples as points up to this spacing in sub-pixels, and others as "
-            "the paper's splats. [default: 1 px for paper; none for hybrid and splats]",
-        ),
-    ] = None
-    subpixels: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=32,
-            description="Sub-pixels per side of a pixel. [default: as many as each region needs]",
-        ),
-    ] = None
-    filter: Annotated[
-        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]")
-    ] = None
-    kernel: Annotated[
-        str,
-        Field(
-            description="Kernel around every sample: gaussian or bspline, or with a "
-            "width: bspline:radius=2."
-        ),
-    ] = "gaussian"
-    order: Annotated[
-        str | None,
-        Field(
-            description="Compositing order: every-sample; axis-sheets and image-sheets:thickness=1 "
-            "of hybrid-resample-comparisons. Fields and their projections are cast along "
-            "rays:step=1,sharpness=1,quality=best (or usual, or fast). Maxima and minima stay "
-            "within the range of the voxels around, except with rays:interpolation=spline."
-        ),
-    ] = None
+    method: Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None = Field(
+        None,
+        description="Method: paper, as published, points up to 1 px and splats above; hybrid, "
+        "exact splats on as many sub-pixels as they need; splats, one ray per pixel; points, "
+        "only these; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker 2001. "
+        "[default: hybrid; none where rays are cast]",
+    )
+    footprint: Literal["exact", "corrected", "affine", "equation", "projected"] | None = Field(
+        None,
+        description="Model of splats in perspective: exact, or of the paper: corrected, "
+        "equation (without its table), projected (around the projected center) and affine "
+        "(the projection linearized). [default: exact; corrected for paper]",
+    )
+    threshold: float | None = Field(
+        None,
+        ge=0,
+        description="Paint samples as points up to this spacing in sub-pixels, and others as "
+        "the paper's splats. [default: 1 px for paper; none for hybrid and splats]",
+    )
+    subpixels: int | None = Field(
+        None,
+        ge=1,
+        le=32,
+        description="Sub-pixels per side of a pixel. [default: as many as each region needs]",
+    )
+    filter: str | None = Field(
+        None, description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"
+    )
+    kernel: str = Field(
+        "gaussian",
+        description="Kernel around every sample: gaussian or bspline, or with a "
+        "width: bspline:radius=2.",
+    )
+    order: str | None = Field(
+        None,
+        description="Compositing order: every-sample; axis-sheets and image-sheets:thickness=1 "
+        "of hybrid-resample-comparisons. Fields and their projections are cast along "
+        "rays:step=1,sharpness=1,quality=best (or usual, or fast). Maxima and minima stay "
+        "within the range of the voxels around, except with rays:interpolation=spline.",
+    )
     projection: Shown = "composite"
     iso: Iso = None
     attenuation: Attenuation = 0.05
-    opacity: Annotated[
-        Literal["exact", "linear"],
-        Field(description="Exact transmittance of the field, or the product of classic splatting."),
-    ] = "exact"
-    color_by: Annotated[
-        Literal["sample", "primitive"],
-        Field(description="Source of colors: the samples, or the primitive, with splats in red."),
-    ] = "sample"
+    opacity: Literal["exact", "linear"] = Field(
+        "exact",
+        description="Exact transmittance of the field, or the product of classic splatting.",
+    )
+    color_by: Literal["sample", "primitive"] = Field(
+        "sample", description="Source of colors: the samples, or the primitive, with splats in red."
+    )
 
     @property
     def is_of_samples(self) -> bool:
@@ -580,19 +560,15 @@ class PictureFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: Annotated[str, Field(description=SQUARE)] = "400"
-    background: Annotated[
-        str | None,
-        Field(
-            description="Background: black, white, #rrggbb or none for transparent. [default: none "
-            "for .exr, otherwise black]"
-        ),
-    ] = None
-    bits: Annotated[
-        Literal[8, 16, 32],
-        BeforeValidator(number),
-        Field(description="Bits per channel: PNG 8 or 16, TIFF also 32."),
-    ] = 8
+    size: str = Field("400", description=SQUARE)
+    background: str | None = Field(
+        None,
+        description="Background: black, white, #rrggbb or none for transparent. [default: none "
+        "for .exr, otherwise black]",
+    )
+    bits: Annotated[Literal[8, 16, 32], BeforeValidator(number)] = Field(
+        8, description="Bits per channel: PNG 8 or 16, TIFF also 32."
+    )
     threads: Threads = None
 
     def behind(self, suffix: str) -> Color | None:
@@ -621,13 +597,11 @@ class FrameFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: Annotated[str, Field(description=SIZE)] = USUAL_SIZE
+    size: str = Field(USUAL_SIZE, description=SIZE)
     background: Background = None
-    bits: Annotated[
-        Literal[8, 16],
-        BeforeValidator(number),
-        Field(description="Bits per channel: 8 or 16 (PNG)."),
-    ] = 8
+    bits: Annotated[Literal[8, 16], BeforeValidator(number)] = Field(
+        8, description="Bits per channel: 8 or 16 (PNG)."
+    )
 
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
@@ -649,23 +623,18 @@ class Sharing(Choices):
     heading: ClassVar[str] = "Workers"
     about: ClassVar[OptionTopic] = OptionTopic.RESOURCE
 
-    workers: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=1024,
-            description="Local processes that share the work and the memory; needs the extra dist. "
-            "Pixels do not depend on it. [default: none; this process works alone]",
-        ),
-    ] = None
-    scheduler: Annotated[
-        str | None,
-        OptionTopic.TARGET,
-        Field(
-            description="Address of a dask scheduler whose workers do the work, such as "
-            "tcp://10.0.0.1:8786; they must see the same files under the same names."
-        ),
-    ] = None
+    workers: int | None = Field(
+        None,
+        ge=1,
+        le=1024,
+        description="Local processes that share the work and the memory; needs the extra dist. "
+        "Pixels do not depend on it. [default: none; this process works alone]",
+    )
+    scheduler: Annotated[str | None, OptionTopic.TARGET] = Field(
+        None,
+        description="Address of a dask scheduler whose workers do the work, such as "
+        "tcp://10.0.0.1:8786; they must see the same files under the same names.",
+    )
 
     @property
     def has_workers(self) -> bool:
@@ -686,13 +655,11 @@ class Serving(Choices):
     heading: ClassVar[str] = "Page"
     about: ClassVar[OptionTopic] = OptionTopic.TARGET
 
-    host: Annotated[
-        str, Field(description="Address to listen at; warns if other machines can reach it.")
-    ] = "127.0.0.1"
-    port: Annotated[
-        int, Field(ge=0, le=65535, description="Port to listen at; 0: any free port.")
-    ] = 0
-    browser: Annotated[bool, Field(description="Open the page in the browser.")] = True
+    host: str = Field(
+        "127.0.0.1", description="Address to listen at; warns if other machines can reach it."
+    )
+    port: int = Field(0, ge=0, le=65535, description="Port to listen at; 0: any free port.")
+    browser: bool = Field(True, description="Open the page in the browser.")
 
 
 class Written(Choices):
@@ -702,27 +669,20 @@ class Written(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     background: Background = None
-    bits: Annotated[
-        Literal[8, 16, 32] | None,
-        BeforeValidator(number),
-        Field(
-            description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the "
-            "source]"
-        ),
-    ] = None
+    bits: Annotated[Literal[8, 16, 32] | None, BeforeValidator(number)] = Field(
+        None,
+        description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the source]",
+    )
 
-    profile: Annotated[
-        Literal["keep", "srgb"],
-        Field(description="Colors: keep the source's ICC profile, or convert them to sRGB."),
-    ] = "keep"
+    profile: Literal["keep", "srgb"] = Field(
+        "keep", description="Colors: keep the source's ICC profile, or convert them to sRGB."
+    )
 
-    file_quality: Annotated[
-        str | None,
-        Field(
-            description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. [default: 95 "
-            "for .jpg, 90 for .webp, 85 for .avif]"
-        ),
-    ] = None
+    file_quality: str | None = Field(
+        None,
+        description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. [default: 95 "
+        "for .jpg, 90 for .webp, 85 for .avif]",
+    )
 
     def options(self) -> "WriteOptions":
         """Options of the picture writer.
@@ -767,7 +727,10 @@ def chosen(settings: Mapping[str, Any], models: Sequence[type[Choices]]) -> list
         home, field = fields[key]
         is_several = get_origin(models[home].model_fields[field].annotation) is tuple
         parts[home][field] = as_on_a_command_line(value, is_several)
-    return [model(**part) for model, part in zip(models, parts, strict=True)]
+    try:
+        return [model(**part) for model, part in zip(models, parts, strict=True)]
+    except ValidationError as error:
+        raise ValueError(one_line(error)) from None
 
 
 def as_on_a_command_line(value: Any, is_several: bool = False) -> Any:

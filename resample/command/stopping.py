@@ -62,7 +62,10 @@ def start(module: str) -> NoReturn:
         from resample.console import open_streams
 
         open_streams()
-        leave_algebra_alone()
+        # OpenBLAS gets one thread unless more are asked for: commands give it little work, and its
+        # idle threads spin, which took a tenth of the total time of a small picture.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # a search of 10 ms
         _imported(module).main()
     except StoppedError as end:
         from resample.console import say
@@ -146,15 +149,6 @@ def _signal_again_soon(number: int) -> None:
     timer = Timer(SOON, tell)
     timer.daemon = True
     timer.start()
-
-
-def leave_algebra_alone() -> None:
-    """Limit OpenBLAS to one thread when it is loaded, unless the environment asks for more.
-
-    Commands give it little work, and its idle threads spin: they took a tenth of the total time of
-    a small picture.
-    """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @contextmanager

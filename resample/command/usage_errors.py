@@ -35,12 +35,20 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     """
     is_mistaken = isinstance(error, ValueError | CycloptsError)
     is_mistaken = is_mistaken and not isinstance(error, UnknownCommandError)
-    if is_mistaken and (missing := _missing_input(words)):
-        error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), missing)
+    # The first input of the command, if it names a file that is not there.
+    for name in list(takewhile(lambda word: not word.startswith("-"), words))[1:2]:
+        is_path = not set(name) & set(":*?=,") and Path(name).suffix[1:].isalnum()
+        if is_mistaken and is_path and not Path(name).exists():
+            error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), name)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
     if isinstance(error, IsADirectoryError):
-        return one_line(error) + _within(error)
+        # Name a file of a folder that was given instead of a file.
+        with suppress(OSError, TypeError):
+            there = sorted(path for path in Path(error.filename).iterdir() if path.is_file())
+            first = f", such as {visible(str(there[0]))}" if there else " (it holds none)"
+            return one_line(error) + first
+        return one_line(error)
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app:
         # Cyclopts would import all commands for its message; some may not be installed.
         given, known = error.unused_tokens[0], [n for n in error.app._commands if n[0] != "-"]
@@ -85,13 +93,6 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     return one_line(error)
 
 
-def _missing_input(words: Sequence[str]) -> str:
-    """Return the first input of a command if it names a file that is not there; else nothing."""
-    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
-    is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
-    return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
-
-
 def with_own_pip(text: str) -> str:
     """Name the pip of the running Python in a text, where the one on the PATH is another's."""
     python, found = Path(sys.executable), which("pip")
@@ -128,15 +129,6 @@ def _remedy(error: FileNotFoundError) -> str:
         if near := [str(folder / one) for one in alike]:
             return f"; did you mean {visible(' or '.join(near))}?"
     return "" if folder.is_dir() else f"; there is no folder {visible(str(folder))} either"
-
-
-def _within(error: IsADirectoryError) -> str:
-    """Return a file of a folder that was given instead of a file."""
-    try:
-        there = sorted(path for path in Path(error.filename).iterdir() if path.is_file())
-    except (OSError, TypeError):
-        return ""
-    return f", such as {visible(str(there[0]))}" if there else " (it holds none)"
 
 
 def _of_too_many(error: UnusedCliTokensError) -> str:

@@ -83,23 +83,23 @@ def _compile(
             result = ready(args, kwargs)
             if result is not NotImplemented:
                 return result  # type: ignore[no-any-return]
-        if not dispatchers:
-            compiler()
-        return dispatchers[0](*args, **kwargs)  # type: ignore[no-any-return]
+        return (dispatchers or made())[0](*args, **kwargs)  # type: ignore[no-any-return]
 
-    def register() -> None:
-        dispatchers.append(_compiler[0].define(call, function, is_packed, options))
+    def made() -> list[Any]:
+        with _registering:
+            if not dispatchers:
+                dispatchers.append(compiler().define(call, function, is_packed, options))
+        return dispatchers
 
-    call.dispatchers = dispatchers  # type: ignore[attr-defined]
+    call.made = made  # type: ignore[attr-defined]
     call.options = {**options, "is_packed": is_packed}  # type: ignore[attr-defined]
-    when_compiling(register)
+    when_compiling(lambda: _compiler[0].define_part(call, function, options))
     return call
 
 
 def dispatcher(called: Callable[..., Any]) -> Any:
     """What numba made of a kernel: its `Dispatcher`, with signatures and statistics."""
-    compiler()
-    return called.dispatchers[0]  # type: ignore[attr-defined]
+    return called.made()[0]  # type: ignore[attr-defined]
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -189,8 +189,8 @@ def _on_all_threads(
                 thread.result()
         seconds[0] = time.perf_counter() - begin
 
-    if hasattr(compiled, "dispatchers"):
-        call.dispatchers = compiled.dispatchers  # type: ignore[attr-defined]
+    if hasattr(compiled, "made"):
+        call.made = compiled.made  # type: ignore[attr-defined]
     return call
 
 

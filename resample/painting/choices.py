@@ -107,6 +107,7 @@ def number_of(projection: Projection) -> int:
     return list(Projection).index(one)
 
 
+OF_SAMPLES = ("primitive", "footprint", "reconstruction", "threshold", "opacity")  # not of rays
 OF_PAPER = tuple(model for model in Footprint if model is not Footprint.EXACT)
 
 
@@ -233,8 +234,13 @@ class PaintChoices:
             )
         if not 0 <= self.attenuation < math.inf:
             raise ValueError(f"the attenuation is {self.attenuation}; it must be 0 or more")
-        if is_by_rays:
-            _check_rays(self)
+        for each in fields(PaintChoices) if is_by_rays else ():
+            chosen = getattr(self, each.name)
+            if each.name in OF_SAMPLES and chosen != each.default:
+                raise ValueError(
+                    f"rays paint no samples, so they have no {each.name} {chosen}; take the order "
+                    "every-sample, or leave it out"
+                )
         if (self.iso is None) == (self.projection is Projection.FIRST_HIT):
             raise ValueError(
                 "first-hit needs an iso value, and no other projection has one "
@@ -293,18 +299,6 @@ def _primitive_named(name: str, what: str = "method") -> Primitive | str:
     if name not in more:
         raise ValueError(f"{what} {shortly(name)}; known: {', '.join([*own, *more])}")
     return name
-
-
-def _check_rays(choice: PaintChoices) -> None:
-    """Refuse choices about how samples are painted, which rays do not paint."""
-    default = {field.name: field.default for field in fields(PaintChoices)}
-    for name in ("primitive", "footprint", "reconstruction", "threshold", "opacity"):
-        chosen = getattr(choice, name)
-        if chosen != default[name]:
-            raise ValueError(
-                f"rays paint no samples, so they have no {name} {chosen}; take the order "
-                "every-sample, or leave it out"
-            )
 
 
 def check_sort_of(

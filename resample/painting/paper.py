@@ -24,14 +24,7 @@ from resample.profiles.orders import sheets_of
 from resample.profiles.reconstruction import Reconstruction, variance
 from resample.profiles.subpixels import painted_on_subpixels, subpixels_of
 from resample.progress import Progress, told
-from resample.types import (
-    Film,
-    Floats,
-    Records,
-    Samples,
-    Statistics,
-    View,
-)
+from resample.types import Film, Floats, Records, Samples, Stage, Statistics, View
 
 FINEST = 8  # sub-pixels per side of a pixel, at most, unless more are asked for
 POINT_SPACING = 0.6  # sub-pixels between points, at most; measured (docs/quality.md)
@@ -98,7 +91,12 @@ class PaperPainter:
     ) -> tuple[PaintTarget, Statistics]:
         """Picture of samples, and how many were points and how many splats."""
         clock, size = Clock(), (scene.screen.height, scene.screen.width)
-        fine, found = self._grid(scene, samples), []
+        fine, found = self.subpixels, []
+        if not fine:  # points must not be farther apart than a share of a sub-pixel
+            least = max(float(spacing_of(scene.view, samples).min(initial=np.inf)), 1e-6)
+            finest = FINEST if self.threshold > 0 else 1
+            fewest = math.ceil(1.0 / least) if self.threshold < np.inf else 1
+            fine = max(1, min(finest, max(int(POINT_SPACING / least), fewest)))
         is_whole = fine == 1 and self.pixel_filter is None
 
         def part(view: View, size: tuple[int, int]) -> Film:
@@ -119,16 +117,9 @@ class PaperPainter:
             film = painted_on_subpixels(part, scene.view, size, parts, progress)
         counts = Counts(*(max(numbers) for numbers in zip(*found, strict=True)))
         tally = np.array([[counts.points, counts.splats, counts.hidden, fine]])
-        statistics = Statistics(
-            samples.extinction.size,
-            counts.points,
-            counts.splats,
-            counts.hidden,
-            fine,
-            clock.seconds,
-            from_table=counts.from_table,
-            by_equation=counts.by_equation,
-        )
+        numbers = samples.extinction.size, counts.points, counts.splats, counts.hidden, fine
+        others = {"from_table": counts.from_table, "by_equation": counts.by_equation}
+        statistics = Statistics(*numbers, clock.seconds, **others)
         return PaintTarget(film, np.zeros((0, 0), np.float32), tally), statistics
 
     def placed(
@@ -145,7 +136,9 @@ class PaperPainter:
             layer.take(order),
             style.layer,
         )
-        place_voxels(records, density, voxels, scene.stage_of(view, size), self.widths)
+        screen = scene.screen._replace(height=size[0], width=size[1])
+        stage = Stage(view, scene.ellipsoid, screen)
+        place_voxels(records, density, voxels, stage, self.widths)
         color = samples.color.take(order, axis=0)
         is_splat = records["kind"] == SPLAT
         color[is_splat] = scene.tinted(color[is_splat])
@@ -162,16 +155,6 @@ class PaperPainter:
         waiting = np.zeros(size, WAITING)
         blend = OverBlend(placed.color, placed.density, is_linear, film, waiting)
         return film, paint(placed.records, self.tables, blend, size, None)
-
-    def _grid(self, scene: PreparedScene, samples: Samples) -> int:
-        """Sub-pixels per side of a pixel: points must not be farther apart than a share of one."""
-        if self.subpixels:
-            return self.subpixels
-        apart = spacing_of(scene.view, samples)
-        least = max(float(apart.min(initial=np.inf)), 1e-6)
-        finest = FINEST if self.threshold > 0 else 1
-        fewest = math.ceil(1.0 / least) if self.threshold < np.inf else 1
-        return max(1, min(finest, max(int(POINT_SPACING / least), fewest)))
 
 
 def radius_of(pixel_filter: PixelFilter) -> float:

@@ -31,7 +31,6 @@ from resample.types import (
     Bounds,
     Classifier,
     Doubles,
-    Film,
     Flags,
     Floats,
     LatticeField,
@@ -66,8 +65,6 @@ EDGE, OF_EDGES = 0.3, 2  # second difference in linear light of an edge, and ray
 OF_STEEP_EDGES = 3  # rays per side there where looks become opaque at once
 OF_ROWS = 2  # px beyond some rows on which their edges and means depend
 MESH_RAYS = 4  # the same at edges of meshes
-BEND = np.array([1, -2, 1])  # weights of a second difference
-MIDDLE = np.array([1, 22, 1]) / 24  # weights of a pixel's mean: its center and its neighbours
 BRICK_PLANES = 16  # planes of bricks that are projected together
 MOST_BRICKS = 255  # longest skip to the next visible brick
 HIGHLIGHTS = 2049  # entries of a table of highlights
@@ -126,13 +123,15 @@ class RayPainter:
         fineness, apart = max(n for n, _ in grids), min(apart for _, apart in grids)
         effort, looks = EFFORTS[self.quality], [field.classifier for field in fields]
         is_spread = any(_is_spread(field, view, self) for field in fields)
-        tile = _tile_of(size, fineness, is_spread, style.projection in EXTREMES)
+        # Rays at the edges of tiles are never interpolated, so large tiles need fewer.
+        tile = LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
+        if fineness > FEW_RAYS or (style.projection in EXTREMES and fineness > 1):
+            tile = LEAST_TILE if is_spread and fineness > FEW_RAYS else SMALL_TILE
         left, top, right, bottom = _tiles_of(media, view, size, self.tables.pixel_margin, tile)
         top = max(top, (rows[0] - OF_ROWS) // tile)
         bottom = max(top, min(bottom, -(-(rows[1] + OF_ROWS) // tile)))
         count = (right - left) * (bottom - top)
         painted = nothing_painted(*size, max(1, count), has_values=style.projection in MEASURED)
-        is_sum = style.projection == ADDITIVE
         box = (left * tile, top * tile, right * tile, bottom * tile)
         which, shown = np.arange(count), np.zeros((0, 0), np.uint8)
         if is_spread and not any(len(field.mesh.face) for field in fields):
@@ -147,7 +146,7 @@ class RayPainter:
             self.tables,
             painted.film,
             painted.value,
-            is_sum,
+            style.projection == ADDITIVE,
             Evenness(
                 effort.bend,
                 effort.share,
@@ -184,17 +183,21 @@ class RayPainter:
     ) -> int:
         """Replace middles of pixels by means, at edges by those of several rays; count these."""
         width = output.film.depth.shape[1]
-        # Edge pixels (N,), row by row: those at which light bends much along rows or columns.
-        from scipy.ndimage import correlate1d
+        from resample.engine.rays.painting import weigh_neighbours
 
-        found = np.zeros(output.film.depth.shape, bool)
-        for axis in (0, 1):
-            bend = correlate1d(output.film.rgba, BEND, axis, mode="nearest")
-            found |= (np.abs(bend) > EDGE).any(axis=-1)
+        # Edge pixels (N,), row by row: those at which light bends much along rows or columns.
+        rgba, found = output.film.rgba, np.zeros(output.film.depth.shape, bool)
+        for lines in (rgba.reshape(1, len(rgba), -1), rgba):
+            bend = np.empty_like(lines)
+            weigh_neighbours(lines, -2.0, 1.0, bend)
+            found |= (np.abs(bend.reshape(rgba.shape)) > EDGE).any(axis=-1)
         edges = np.flatnonzero(found)
         of_rows = (edges >= rows[0] * width) & (edges < rows[1] * width)
         edges = edges[of_rows] if self.quality != "fast" else edges[:0]
-        _mean_from_middles(output.film)
+        # Means over pixels are, to third order, their centers and 1/24 of the second differences.
+        for picture in (rgba, output.film.coverage):
+            for lines in (picture.reshape(1, len(picture), -1), picture.reshape(*found.shape, -1)):
+                weigh_neighbours(lines, 22 / 24, 1 / 24, lines)
         again = output._replace(
             apart=1, shown=output.shown[:0], size=1, columns=width, which=edges, left=0, top=0
         )
@@ -238,19 +241,6 @@ def _caster(
     return lambda count, n, output: paint_several(count, n, every, media[0], output), kept
 
 
-def _tiles_of(
-    media: "Sequence[Medium]", view: View, size: tuple[int, int], margin: int, tile: int
-) -> tuple[int, int, int, int]:
-    """Range of tiles of a picture (height, width) that may be non-empty.
-
-    Result: first column and row, and those after the last.
-    """
-    each = np.array([_tiles_of_one(medium, view, size, margin, tile) for medium in media])
-    left, top = each[:, :2].min(axis=0).tolist()
-    right, bottom = each[:, 2:].max(axis=0).tolist()
-    return left, top, right, bottom
-
-
 def _squares_shown(
     media: "Sequence[Medium]", view: View, box: tuple[int, int, int, int], per: float, margin: int
 ) -> Flags:
@@ -258,8 +248,6 @@ def _squares_shown(
 
     `box`: left, top, right and bottom of what is returned, px.
     """
-    from scipy.ndimage import maximum_filter
-
     from resample.engine.rays.coefficients import BRICK
 
     shape = np.rint([(box[3] - box[1]) * per, (box[2] - box[0]) * per]).astype(int)
@@ -292,8 +280,10 @@ def _squares_shown(
                 (down >= 0) & (down < marked.shape[0]) & (right >= 0) & (right < marked.shape[1])
             )
             marked[down[is_in], right[is_in]] = 1
-        marked = maximum_filter(marked, tuple(2 * wide[::-1] + 1), mode="constant")
-        shown |= marked[wide[1] : wide[1] + shape[0], wide[0] : wide[0] + shape[1]]
+        total = np.pad(marked.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        across, down = 2 * wide + 1
+        within = total[down:] - total[:-down]
+        shown |= within[:, across:] > within[:, :-across]
     return shown
 
 
@@ -309,57 +299,28 @@ def _corners_seen(medium: "Medium") -> Doubles:
     return np.asarray(medium.origin + place @ medium.lattice.T)
 
 
-def _tiles_of_one(
-    medium: "Medium", view: View, size: tuple[int, int], margin: int, tile: int
+def _tiles_of(
+    media: "Sequence[Medium]", view: View, size: tuple[int, int], margin: int, tile: int
 ) -> tuple[int, int, int, int]:
-    """As `_tiles_of`, of one field."""
-    height, width = size
-    whole = (0, 0, -(-width // tile), -(-height // tile))
-    if len(medium.mesh.face):
-        return whole
-    if medium.bricks.empty.all():
-        return (0, 0, 0, 0)
-    x, y, z = (_corners_seen(medium) @ view.rotation.T + view.translation).T
-    away = z if view.perspective else np.ones_like(z)
-    if away.min() <= max(view.near, NEAREST):
-        return whole
-    across = view.focal[0] * x / away + view.principal[0]
-    down = view.focal[1] * y / away + view.principal[1]
-    reach = margin + 1
-    low = np.floor((np.array([across.min(), down.min()]) - reach) / tile)
-    high = np.ceil((np.array([across.max(), down.max()]) + reach) / tile)
-    left, top = np.clip(low, 0, whole[2:]).astype(int)
-    right, bottom = np.clip(high, 0, whole[2:]).astype(int)
-    return int(left), int(top), max(int(left), int(right)), max(int(top), int(bottom))
+    """Range of tiles of a picture (height, width) that may be non-empty.
 
-
-def _tile_of(size: tuple[int, int], fineness: int, is_spread: bool, is_extreme: bool) -> int:
-    """Side of a tile, px: rays at its edges are never interpolated, so large tiles need fewer."""
-    if is_spread and fineness > FEW_RAYS:
-        return LEAST_TILE
-    if fineness > FEW_RAYS or (is_extreme and fineness > 1):
-        return SMALL_TILE
-    return LARGE_TILE if math.prod(size) >= MANY * LARGE_TILE**2 else TILE
-
-
-def _mean_from_middles(film: Film) -> None:
-    """Replace values at pixel centers by means over pixels.
-
-    To third order, the mean is the center plus 1/24 of the second differences along both axes.
+    Result: first column and row, and those after the last.
     """
-    from scipy.ndimage import correlate1d
-
-    for picture in (film.rgba, film.coverage):
-        for axis in (0, 1):
-            correlate1d(picture, MIDDLE, axis, output=picture, mode="nearest")
-
-
-def _least_spacing(field: LatticeField, view: View) -> float:
-    """Pixels between neighbouring samples, at the minimum."""
-    least = float(np.linalg.norm(field.lattice, axis=0).min())
-    depth = _corners(field) @ view.rotation[2] + view.translation[2]
-    far = max(float(depth.max()), view.near, NEAREST) if view.perspective else 1.0
-    return least * float(view.focal.min()) / far
+    whole, ends = np.array([-(-size[1] // tile), -(-size[0] // tile)]), []
+    for medium in media:
+        if medium.bricks.empty.all() and not len(medium.mesh.face):
+            ends.append((0, 0, 0, 0))
+            continue
+        x, y, z = (_corners_seen(medium) @ view.rotation.T + view.translation).T
+        away = z if view.perspective else np.ones_like(z)
+        if len(medium.mesh.face) or away.min() <= max(view.near, NEAREST):
+            return 0, 0, int(whole[0]), int(whole[1])
+        place = view.focal[:, None] * np.stack([x, y]) / away + view.principal[:, None]
+        low = np.floor((place.min(axis=1) - margin - 1) / tile).clip(0, whole)
+        high = np.ceil((place.max(axis=1) + margin + 1) / tile).clip(low, whole)
+        ends.append((*low, *high))
+    left, top, right, bottom = np.array(ends, int).T
+    return int(left.min()), int(top.min()), int(right.max()), int(bottom.max())
 
 
 def spacing_of(lattice: Doubles, middle: Doubles, view: View) -> float:
@@ -388,7 +349,11 @@ def _rays_of(field: LatticeField, view: View, how: RayPainter) -> tuple[int, int
         effort = effort._replace(per_sample=OF_EXTREMES)
     if _is_spread(field, view, how):
         effort = effort._replace(per_sample=OF_SPREAD, most=MOST_SPREAD)
-    spacing = _least_spacing(field, view) if is_best else _mean_spacing(field, view)
+    spacing = _mean_spacing(field, view)
+    if is_best:  # the least distance between samples, where they are farthest
+        depth = _corners(field) @ view.rotation[2] + view.translation[2]
+        far = max(float(depth.max()), view.near, NEAREST) if view.perspective else 1.0
+        spacing = np.linalg.norm(field.lattice, axis=0).min() * float(view.focal.min()) / far
     fewest = 1 if spacing >= LARGE and not is_best else FEWEST_RAYS
     if len(field.mesh.face):
         fewest = MESH_RAYS
@@ -493,7 +458,8 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
     per_value = columns / (classifier.high - classifier.low)
     to_nodes = np.linalg.inv(lattice)
     origin = field.origin - lattice @ np.full(3, PAD - 1.0)
-    eye = -view.rotation.T @ view.translation
+    eye, viewer = -view.rotation.T @ view.translation, classifier.lamp.viewer
+    cuts = np.asarray([] if how.clip is None else how.clip, np.float64).reshape(-1, 4)
     space = SampleSpace(
         to_nodes @ (eye - origin),
         np.ascontiguousarray(to_nodes @ view.rotation.T),
@@ -523,20 +489,15 @@ def _medium(field: LatticeField, view: View, how: RayPainter) -> "Medium":
         origin,
         np.ascontiguousarray(to_nodes.T / per_value),
         float(1.0 / np.cbrt(abs(np.linalg.det(lattice)))),
-        _cuts(how.clip, lattice),
+        np.asarray(cuts / np.linalg.norm(cuts[:, :3] @ lattice, axis=1)[:, None]),
         field.known,
         field.tint,
         EFFORTS[how.quality].bent * columns,
-        _is_from_eye(classifier, eye, view),
+        # Whether the lamp's viewer is the eye, so that a ray has one direction for it.
+        bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9))),
         field.reached,
         field.mesh,
     )
-
-
-def _is_from_eye(classifier: Classifier, eye: Doubles, view: View) -> bool:
-    """Whether the lamp's viewer is the eye, so that a ray has one direction for it."""
-    viewer = classifier.lamp.viewer
-    return bool(viewer[3] == 0 or (view.perspective and np.allclose(viewer[:3], eye, 1e-9, 1e-9)))
 
 
 def _columnwise(bound: NDArray[Any], low: float, per_value: float) -> Floats:
@@ -547,18 +508,14 @@ def _columnwise(bound: NDArray[Any], low: float, per_value: float) -> Floats:
     return columns
 
 
-def _cuts(clip: ArrayLike | None, lattice: Doubles) -> Doubles:
-    """Clipping planes of the scene (M, 4), checked by `planes_of`, in voxels."""
-    given = np.asarray([] if clip is None else clip, np.float64).reshape(-1, 4)
-    return np.asarray(given / np.linalg.norm(given[:, :3] @ lattice, axis=1)[:, None])
-
-
 def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier":
     from resample.engine.rays.media import SummedClassifier
 
     table = np.ascontiguousarray(classifier.table)
-    most = table[0] if len(table) == 1 else _most(table)
-    product = most.astype(np.float64)
+    product = table[0].astype(np.float64)
+    if len(table) > 1:  # the largest extinction over all gradients, without color
+        product = np.zeros(table.shape[1:])
+        product[:, 3] = table[..., 3].max(axis=0)
     product[:, :3] *= product[:, 3:]
     total, bend = np.zeros((2, *product.shape))
     np.cumsum(0.5 * (product[1:] + product[:-1]), axis=0, out=total[1:])
@@ -566,12 +523,12 @@ def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier"
     per_slope = (len(table) - 1) / classifier.steep
     return SummedClassifier(
         np.ascontiguousarray(np.hstack([total, product, bend])),
-        len(most) // count,
+        len(product) // count,
         np.concatenate([[0], np.cumsum(thickest(table, count) > 0)]),
         classifier.lamp.specular * np.linspace(0.0, 1.0, HIGHLIGHTS) ** classifier.lamp.shininess,
         table,
         classifier.low,
-        (classifier.high - classifier.low) / (len(most) // count - 1),
+        (classifier.high - classifier.low) / (len(product) // count - 1),
         per_slope,
         classifier.lamp,
         classifier.near,
@@ -583,13 +540,6 @@ def _summed_classifier(classifier: Classifier, count: int) -> "SummedClassifier"
 def thickest(table: Floats, count: int) -> Floats:
     """Largest extinction (K,) of each value over all gradients, and looks side by side."""
     return np.asarray(table[..., 3].max(axis=0).reshape(count, -1).max(axis=0))
-
-
-def _most(table: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Largest extinction of each value over all gradients, as a colorless table."""
-    most = np.zeros(table.shape[1:], np.float32)
-    most[:, 3] = table[..., 3].max(axis=0)
-    return most
 
 
 def visible_cells(
@@ -647,14 +597,11 @@ def _bricks(bounds: Bounds, field: LatticeField, style: Style) -> "BrickBounds":
 
 def bricks_to_next(seen: NDArray[np.bool_]) -> Flags:
     """Bricks (z, y, x) from each to the next one that is seen, along any axis; at most 255."""
-    from scipy.ndimage import distance_transform_cdt
+    from resample.engine.rays.coefficients import find_next_bricks
 
-    if not seen.any():
-        return np.full(seen.shape, MOST_BRICKS, np.uint8)
-    if seen.all():
-        return np.zeros(seen.shape, np.uint8)
-    away = distance_transform_cdt(~seen, "chessboard")
-    return np.asarray(np.minimum(away, MOST_BRICKS, out=away), np.uint8)
+    away = np.where(seen, 0, MOST_BRICKS).astype(np.uint8)
+    find_next_bricks(away)
+    return away
 
 
 def _visible(bounds: Bounds, count: NDArray[np.int64]) -> NDArray[np.bool_]:

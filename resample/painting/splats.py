@@ -67,7 +67,13 @@ class SplatPainter:
         if self.is_linear:
             layer = scene.style.layer
             samples = samples._replace(extinction=-np.expm1(-layer * samples.extinction) / layer)
-        fine = self.subpixels or _grid_of(view, samples)
+        fine = self.subpixels
+        if not fine:  # as many as keep most neighbours a sub-pixel apart
+            apart = spacing_of(view, samples)
+            apart = apart[apart < np.inf]
+            share = CLOSEST_IN_LATTICES if samples.scale is None else CLOSEST
+            least = float(np.quantile(apart, share)) if apart.size else 1.0
+            fine = min(FINEST, max(1, math.ceil(1.0 / max(least, 1e-6) - 0.01)))
         if self.pixel_filter is None:
             film, found = self._painted(samples, planes, view, size, fine, progress)
         else:
@@ -98,7 +104,7 @@ class SplatPainter:
     ) -> tuple[Film, NDArray[np.int64]]:
         """Picture of a size, with so many sub-pixels, and numbers of `_paint_rows`."""
         order = ShapedOrder(self.key if view.perspective else "depth")
-        source = SampleSource(samples, self.reconstruction, Widening(self.inflated, self.blurred))
+        source = SampleSource(samples, self.reconstruction, self.inflated, self.blurred)
         taken = light_taken(self.reconstruction, self.is_linear) if self.is_spread else None
         cutting = planes if len(planes) else None
         style = ShapedStyle(order, fine, is_linear=self.is_linear, taken=taken, planes=cutting)
@@ -208,8 +214,8 @@ def _may_be_seen(
     # An ellipse is longer where rays are oblique.
     edge = max(grid.columns, grid.rows) * grid.side + abs(view.principal).max()
     slope = edge / abs(view.focal).min() if view.perspective else 0.0
-    wide = max(size * abs(view.focal).max() / near, source.widening.least * radius, 2.0 / grid.fine)
-    wide += math.sqrt(source.widening.variance / variance(source.reconstruction)) * radius
+    wide = max(size * abs(view.focal).max() / near, source.least * radius, 2.0 / grid.fine)
+    wide += math.sqrt(source.blurred / variance(source.reconstruction)) * radius
     reach = np.float32(wide * (1 + slope**2) + 1.0 / grid.fine)
 
     def stored(px: Floats) -> Floats:
@@ -241,19 +247,13 @@ def _may_be_seen(
     return np.asarray((seen > 0) | is_beside | ~ahead, np.bool_)
 
 
-class Widening(NamedTuple):
-    """How splats are widened, each in px where its center is."""
-
-    least: float  # spacing of neighbours that splats are made for, at least
-    variance: float  # px², added to that of splats
-
-
 class SampleSource(NamedTuple):
     """Samples of a lattice as ellipsoids, widened for a view, in parts."""
 
     samples: Samples
     reconstruction: Reconstruction
-    widening: Widening
+    least: float  # px; spacing of neighbours that splats are made for, at least
+    blurred: float  # px², added to the variance of splats
 
     def sizes(self) -> Sequence[int]:
         """Samples of each part."""
@@ -274,25 +274,21 @@ class SampleSource(NamedTuple):
         scale = np.ones((len(extinction), 1), np.float32) if size is None else size[:, None]
         half = (steps * radius).astype(np.float32) * scale
         through = footprint_table(kernel).values[0] / np.float32(radius**3)  # the center, per unit
-        wide = self._widened(half, Samples(position, color, extinction, whole.lattice, size), view)
-        share = through if wide is half else through * (half / wide).prod(axis=1)
-        turn, none = _quaternion(axes)[None], np.zeros(len(extinction), np.float32)
-        return Ellipsoids(position, wide, turn, none, color, kernel, extinction * share)
-
-    def _widened(self, half: Floats, samples: Samples, view: View) -> Floats:
-        """Half axes (N, 3) as wide as they are asked to be."""
-        least, more = self.widening
-        if least > 0:
-            half = half * np.maximum(1, np.float32(least) / spacing_of(view, samples))[:, None]
-        if more > 0:
+        wide = half
+        if self.least > 0:
+            apart = spacing_of(view, Samples(position, color, extinction, whole.lattice, size))
+            wide = wide * np.maximum(1, np.float32(self.least) / apart)[:, None]
+        if self.blurred > 0:
             # Scene units per px at each center.
             px = np.full((1, 1), 1.0 / math.sqrt(abs(view.focal[0] * view.focal[1])), np.float32)
             if view.perspective:
-                depth = along(samples.position, view.rotation[2], float(view.translation[2]))
+                depth = along(position, view.rotation[2], float(view.translation[2]))
                 px = px * np.maximum(depth, 0)[:, None]
-            per = self.reconstruction.radius**2 / variance(self.reconstruction)
-            half = np.sqrt(half**2 + np.float32(more * per) * px**2)
-        return half
+            per = radius**2 / variance(kernel)
+            wide = np.sqrt(wide**2 + np.float32(self.blurred * per) * px**2)
+        share = through if wide is half else through * (half / wide).prod(axis=1)
+        turn, none = _quaternion(axes)[None], np.zeros(len(extinction), np.float32)
+        return Ellipsoids(position, wide, turn, none, color, kernel, extinction * share)
 
 
 @once
@@ -322,14 +318,3 @@ def _quaternion(axes: Doubles) -> Floats:
     )
     x, y, z, w = np.linalg.eigh(matrix)[1][:, -1]
     return np.array([w, x, y, z], np.float32)
-
-
-def _grid_of(view: View, samples: Samples) -> int:
-    """Sub-pixels per side of a pixel that keep most neighbours a sub-pixel apart."""
-    apart = spacing_of(view, samples)
-    apart = apart[apart < np.inf]
-    if not apart.size:
-        return 1
-    share = CLOSEST_IN_LATTICES if samples.scale is None else CLOSEST
-    least = max(float(np.quantile(apart, share)), 1e-6)
-    return min(FINEST, max(1, math.ceil(1.0 / least - 0.01)))

@@ -74,6 +74,7 @@ def levels_of_samples(values: NDArray[Any], is_least: bool) -> BlockLevels:
 
     `values`: (Z, Y, X). `is_least`: of negated values.
     """
+    take: Any = np.minimum if is_least else np.maximum
     low, high = _range(values)
     ends = (-high, -low) if is_least else (low, high)
     size = tuple(count // 2 + 1 for count in values.shape)
@@ -81,7 +82,10 @@ def levels_of_samples(values: NDArray[Any], is_least: bool) -> BlockLevels:
     for first in range(0, size[0], PLANES):
         part, last = values, min(first + PLANES, size[0])
         for axis, blocks in enumerate([(first, last), (0, size[1]), (0, size[2])]):
-            part = _of_three(np.minimum if is_least else np.maximum, part, axis, blocks)
+            # Block n has samples 2 n - 1 to 2 n + 1: sample n lies between cells n and n + 1.
+            at = np.arange(2 * blocks[0] - 1, 2 * blocks[1]).clip(0, values.shape[axis] - 1)
+            line = np.moveaxis(part.take(at, axis), axis, 0)
+            part = np.moveaxis(take(take(line[:-2:2], line[1:-1:2]), line[2::2]), 0, axis)
         leaf[first:last] = _levels(-part.astype(float) if is_least else part, ends)
     return _in_blocks(leaf, 1, ends)
 
@@ -105,16 +109,6 @@ def _in_blocks(leaf: Flags, shift: int, ends: tuple[float, float]) -> BlockLevel
     for axis, count in enumerate(leaf.shape):
         block = np.maximum.reduceat(block, np.arange(0, count, side), axis)
     return BlockLevels(leaf, np.ascontiguousarray(block), shift, ends[0], _per_value(ends))
-
-
-def _of_three(take: Any, values: NDArray[Any], axis: int, blocks: tuple[int, int]) -> NDArray[Any]:
-    """Extremes of samples 2 n - 1 to 2 n + 1 along an axis, of blocks n from one to before another.
-
-    Sample n lies between cells n and n + 1, so a block needs the one before it.
-    """
-    places = np.arange(2 * blocks[0] - 1, 2 * blocks[1]).clip(0, values.shape[axis] - 1)
-    part = np.moveaxis(values.take(places, axis), axis, 0)
-    return np.moveaxis(take(take(part[:-2:2], part[1:-1:2]), part[2::2]), 0, axis)
 
 
 def bytes_of_field(

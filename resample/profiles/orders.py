@@ -127,16 +127,13 @@ class Rays:
 
 def of_depth(view: View, thickness: float) -> Layers:
     """Layers of even depth; `thickness` in scene units."""
-    return Layers(_vector(view.rotation[2]), float(view.translation[2]), thickness)
+    x, y, z = view.rotation[2].tolist()
+    return Layers((x, y, z), float(view.translation[2]), thickness)
 
 
 def thickness_of(lattice: Doubles, voxels: float) -> float:
     """Scene units of a thickness in voxels."""
     return float(abs(np.linalg.det(lattice)) ** (1 / 3) * voxels)
-
-
-def _vector(array: Doubles) -> tuple[float, float, float]:
-    return (float(array[0]), float(array[1]), float(array[2]))
 
 
 def check_thickness(thickness: float) -> None:

@@ -61,27 +61,24 @@ def subpixels_of(pixel_filter: PixelFilter, count: int | None = None) -> Subpixe
     """Sub-pixels for a filter: `count` per side, or the fewest that represent it exactly.
 
     Without margin and with one sub-pixel, the result is the mean over the pixel: nothing is
-    filtered. At most `MOST` per side are used unless more are requested. Errors as in
-    `check_reach` and `_weights`.
+    filtered. At most `MOST` per side are used unless more are requested.
     """
     check_reach(pixel_filter)
     margin = max(0, math.ceil(pixel_filter.radius - 0.5 - 1e-9))
     for n in range(1, MOST + 1) if count is None else [count]:
-        fine = _weights(pixel_filter, margin, n)
+        # Weights ((2 margin + 1) n, FINE) of positions within a pixel's n sub-pixels, of sum 1.
+        places = (np.arange((2 * margin + 1) * n * FINE) + 0.5) / (n * FINE) - margin - 0.5
+        distance, radius = np.abs(places), pixel_filter.radius
+        given = np.where(distance <= radius, pixel_filter(np.minimum(distance, radius)), 0.0)
+        if not given.sum() > 0.0:
+            raise ValueError(
+                f"{pixel_filter} has the sum {given.sum()}, which cannot be scaled to 1"
+            )
+        fine = np.asarray((given / given.sum()).reshape(-1, FINE), np.float64)
         mean = fine.mean(axis=1, keepdims=True)
         if n in (MOST, count) or np.abs(fine - mean).sum() <= CLOSE:
             break
     return Subpixels(n, margin, fine.sum(axis=1).astype(np.float32))
-
-
-def _weights(pixel_filter: PixelFilter, margin: int, n: int) -> Doubles:
-    """Weights ((2 margin + 1) n, FINE) of positions within a pixel's n sub-pixels, of sum 1."""
-    places = (np.arange((2 * margin + 1) * n * FINE) + 0.5) / (n * FINE) - margin - 0.5
-    distance, radius = np.abs(places), pixel_filter.radius
-    given = np.where(distance <= radius, pixel_filter(np.minimum(distance, radius)), 0.0)
-    if not given.sum() > 0.0:
-        raise ValueError(f"{pixel_filter} has the sum {given.sum()}, which cannot be scaled to 1")
-    return np.asarray((given / given.sum()).reshape(-1, FINE), np.float64)
 
 
 def painted_on_subpixels(
@@ -117,16 +114,12 @@ def painted_on_subpixels(
         resolve_rows(stack.reshape(len(stack), -1), mean, parts.count, own)
         with np.errstate(divide="ignore", invalid="ignore"):
             depth[rows, :, 0] = np.where(own[..., 1] > 0, own[..., 0] / own[..., 1], np.inf)
-        first[rows] = _least(fine.first_depth[inner], parts.count)
+        near = fine.first_depth[inner]
+        blocks = near.reshape(-1, parts.count, near.shape[1] // parts.count, parts.count)
+        first[rows] = blocks.min(axis=(1, 3))
         if progress is not None:
             progress(strip.last / size[0])
     # Lobes of filters are negative beside what is bright.
     rgba[..., 3] = np.clip(rgba[..., 3], 0, 1)
     np.maximum(rgba[..., :3], 0, out=rgba[..., :3])
     return Film(rgba, depth[..., 0], first, np.clip(coverage[..., 0], 0, 1))
-
-
-def _least(fine: Floats, n: int) -> Floats:
-    """Smallest of each pixel's n × n sub-pixels."""
-    height, width = fine.shape
-    return np.asarray(fine.reshape(height // n, n, width // n, n).min(axis=(1, 3)))

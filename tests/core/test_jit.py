@@ -405,7 +405,7 @@ def test_each_kind_of_kernel_is_compiled_with_options_of_its_own(
 ):
     told = []
     monkeypatch.setattr(jit.compiler(), "define", lambda *given: told.append(given[2:]))
-    decorator(print)
+    jit.dispatcher(decorator(print))
     assert told == [(is_packed, options)]
 
 

@@ -5,6 +5,7 @@ Imported by `resample.engine.jit` when a kernel has to be compiled, or was compi
 
 import hashlib
 import importlib.util
+import io
 import logging
 import os
 import pickle
@@ -20,15 +21,16 @@ from typing import Any
 
 import llvmlite
 import numba
-from llvmlite import ir
+from llvmlite import binding, ir
 from llvmlite.binding import ffi
-from numba.core import cgutils, sigutils
+from numba.core import cgutils, environment, sigutils
 from numba.core import types as numba_types
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
+from numba.core.runtime import _nrt_python
 from numba.core.serialize import dumps
 from numba.extending import intrinsic, overload
 from numba.np.numpy_support import as_dtype
@@ -61,6 +63,7 @@ def _leave_locks_untimed() -> None:
 _leave_locks_untimed()
 
 
+@cache
 def _leave_algebra_unloaded() -> None:
     """Let numba take SciPy's BLAS for granted, which it imports whole to see whether it is there.
 
@@ -79,9 +82,6 @@ def _leave_algebra_unloaded() -> None:
 def _find_scipy() -> None:
     if importlib.util.find_spec("scipy") is None:
         raise ImportError("scipy")
-
-
-_leave_algebra_unloaded()
 
 
 # Settings of numba's that change machine code; a trial of one must not stay in the cache.
@@ -167,6 +167,9 @@ def folder() -> Path:
     return mapped.folder() / "kernels"
 
 
+_reading = Lock()
+
+
 class KernelCache(NullCache):  # type: ignore[misc]
     """What numba asks for machine code of one kernel before it compiles, and gives what it made.
 
@@ -177,8 +180,9 @@ class KernelCache(NullCache):  # type: ignore[misc]
     def __init__(self, called: Any) -> None:
         self._called = called
         self._name = f"{called.__module__}.{called.__qualname__}"
-        self._defined_with = _settings()
+        self._defined_with = called.settings
         self._began = 0.0  # the thread's time when the last was not found
+        self._known: dict[Any, tuple[str, list[str]]] = {}  # fingerprints, by types of arguments
 
     @property
     def cache_path(self) -> str:
@@ -203,17 +207,19 @@ class KernelCache(NullCache):  # type: ignore[misc]
         return folder() / f"{self._name.rpartition('.')[2]}-{name}{SUFFIX}"
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        target_context.refresh()
         path = self.path(signature)
         entry = None if path is None else read(path)
         if path is None or entry is None:
+            _get_ready()
             _say_that_it_takes_long()
             LOG.debug("compiling %s", self._name)
             self._began = time.thread_time()
             return None
         LOG.debug("%s: taken from %s", self._name, path)
         _note_use(path)
-        payload = pickle.loads(entry.payload)  # noqa: S301  the user's own: `read` checks
+        for name, address in _nrt_python.c_helpers.items():  # what finished code calls
+            binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+        payload = _Unpickler(io.BytesIO(entry.payload)).load()  # the user's own: `read` checks
         return CompileResult._rebuild(target_context, *payload)
 
     def save_overload(self, signature: Any, made: Any) -> None:
@@ -227,7 +233,29 @@ class KernelCache(NullCache):  # type: ignore[misc]
         _note_use(path)
 
     def _made_from(self, arguments: Any) -> tuple[str, list[str]]:
-        return digests.made_from(self._called, {of for each in arguments for of in _classes(each)})
+        with _reading:  # threads that call a kernel at once read its code once
+            if arguments not in self._known:
+                classes = {of for each in arguments for of in _classes(each)}
+                self._known[arguments] = digests.made_from(self._called, classes)
+            return self._known[arguments]
+
+
+class _Unpickler(pickle.Unpickler):
+    """Reads machine code without the modules that its functions are from, numba's among them."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        return _environment if name == "_rebuild_env" else super().find_class(module, name)
+
+
+def _environment(module: str, constants: list[object], name: str) -> environment.Environment:
+    """Environment of a function that is finished, and needs of it no more than constants."""
+    known = environment.lookup_environment(name)
+    if known is None:
+        known = environment.Environment({"__name__": module})
+        known.consts[:] = constants
+        known.env_name = name
+        environment.Environment._memo[name] = known
+    return known
 
 
 def _note_use(path: Path) -> None:
@@ -255,6 +283,16 @@ def in_turn(path: Path) -> Iterator[None]:
         finally:
             with suppress(OSError):  # who comes later finds the kernel, so it needs no lock
                 lock_path.unlink()
+
+
+def _get_ready() -> None:
+    """Load what numba needs to compile, and tell it of the functions that kernels call.
+
+    Machine code that is kept needs neither, which would take 0.2 s.
+    """
+    _leave_algebra_unloaded()
+    while _overloads:
+        _overloads.pop(0)()
 
 
 @cache
@@ -338,16 +376,16 @@ OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 
+_overloads: list[Callable[[], None]] = []  # that tell numba of what kernels call
+
+
 def define(
     called: Callable[..., Any],
     function: FunctionType,
     is_packed: bool,
     options: dict[str, Any],
 ) -> Any:
-    """Tell numba of a kernel.
-
-    What kernels call is compiled with them, without the code that unpacks Python's arguments and
-    without machine code of its own: both would take a fifth of the time.
+    """Return a kernel as numba's.
 
     `called`: what kernels and Python call, by the kernel's name. `function`: its body. `is_packed`:
     whether equal operations on neighbouring numbers become one. `options`: further ones of numba's.
@@ -356,9 +394,19 @@ def define(
     _keep(compiled, called)
     if is_packed:
         _pack(compiled)
-    inner = {**OPTIONS, **options, **PART}
-    overload(called, jit_options=inner, strict=False)(lambda *_: function)
     return compiled
+
+
+def define_part(called: Any, function: FunctionType, options: dict[str, Any]) -> None:
+    """Tell numba of a kernel that other kernels call.
+
+    It is compiled with them, without the code that unpacks Python's arguments and without machine
+    code of its own: both would take a fifth of the time.
+    """
+    called.settings = _settings()
+    inner = {**OPTIONS, **options, **PART}
+    tell = overload(called, jit_options=inner, strict=False)
+    _overloads.append(lambda: tell(lambda *_: function))
 
 
 def define_role(
@@ -374,7 +422,9 @@ def define_role(
         of = type(None) if first == types.none else getattr(first, "instance_class", object)
         return bodies.get(of, bodies.get(object))
 
-    overload(play, jit_options={**OPTIONS, **options, **PART}, strict=False, inline=inline)(chosen)
+    inner = {**OPTIONS, **options, **PART}
+    tell = overload(play, jit_options=inner, strict=False, inline=inline)
+    _overloads.append(lambda: tell(chosen))
 
 
 def _compile_nothing() -> None:

@@ -6,7 +6,6 @@ from typing import Any
 from llvmlite import ir
 from numba.core import types as numba_types
 from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array, populate_array
 
 from resample.engine.compiled.compiling import OPTIONS, PART
 
@@ -17,6 +16,8 @@ WITHIN = {**OPTIONS, **PART, "_nrt": False, "forceinline": True}  # as of `jit.i
 
 def _words(context: Any, builder: Any, kind: Any, row: Any) -> Iterator[Any]:
     """Pointers to the words of a row, one after the other."""
+    from numba.np.arrayobj import make_array  # 20 ms, for code that is kept in vain
+
     data = make_array(kind)(context, builder, row).data
     at = 0
     while True:
@@ -26,6 +27,8 @@ def _words(context: Any, builder: Any, kind: Any, row: Any) -> Iterator[Any]:
 
 def _read(context: Any, builder: Any, kind: Any, words: Iterator[Any]) -> Any:
     """Value of a type, from the next words."""
+    from numba.np.arrayobj import make_array, populate_array
+
     if isinstance(kind, types.BaseTuple):
         parts = [_read(context, builder, part, words) for part in kind.types]
         return context.make_tuple(builder, kind, parts)

@@ -507,3 +507,31 @@ def find_visible_cells(
             for i in range(first, end):
                 if seen[k, j, i]:
                     cells[k, j, i] = _bits_of(bricks, i - first, values)
+
+
+BEFORE = ((-1, -1), (-1, 0), (-1, 1), (0, -1))  # steps (z, y) to the rows that come before a row
+
+
+@kernel
+def find_next_bricks(away: NDArray[np.uint8]) -> None:
+    """Replace 255 by the distance to the nearest 0 along any axis, at most 255.
+
+    `away`: (z, y, x) 0 or 255. Distances pass on to neighbours, in the order of bricks and back.
+    """
+    deep, down, across = away.shape
+    near = np.empty(across + 2, np.uint8)  # least of the rows before, with one brick on each side
+    for sign in (1, -1):
+        for row in range(deep * down):
+            k, j = divmod(row if sign > 0 else deep * down - 1 - row, down)
+            near[:] = 255
+            for step in BEFORE:
+                z, y = k + sign * step[0], j + sign * step[1]
+                if 0 <= z < deep and 0 <= y < down:
+                    for i in range(across):
+                        near[i + 1] = min(near[i + 1], away[z, y, i])
+            last = np.int64(254)
+            for n in range(across):
+                i = n if sign > 0 else across - 1 - n
+                around = min(np.int64(near[i]), np.int64(near[i + 1]), np.int64(near[i + 2]))
+                last = min(np.int64(away[k, j, i]), min(around, last) + 1)
+                away[k, j, i] = last

@@ -396,3 +396,20 @@ def paint_rays(
     """
     for task in tasks(counter, count):
         paint_tile(output.which[task], fineness, way, medium, output)
+
+
+@kernel
+def weigh_neighbours(lines: Floats, middle: float, side: float, weighed: Floats) -> None:
+    """Sum each value and both its neighbours in a line, which at ends is the value itself.
+
+    `lines`: (lines, places, numbers). `middle`, `side`: weights. `weighed`: result; may be `lines`.
+    """
+    before = np.empty(lines.shape[2])
+    for line in range(lines.shape[0]):
+        before[:] = lines[line, 0]
+        for place in range(lines.shape[1]):
+            after = min(place + 1, lines.shape[1] - 1)
+            for n in range(lines.shape[2]):
+                here = float(lines[line, place, n])
+                weighed[line, place, n] = here * middle + (before[n] + lines[line, after, n]) * side
+                before[n] = here

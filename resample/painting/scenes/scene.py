@@ -24,7 +24,6 @@ from resample.types import (
     Records,
     Samples,
     Screen,
-    Stage,
     Statistics,
     Style,
     Tiles,
@@ -80,22 +79,17 @@ def check_samples(samples: Samples) -> Samples:
             raise ValueError(f"a sample's {name} is not finite; leave such samples out")
     if count and extinction.min() < 0:
         raise ValueError(f"an extinction is {extinction.min()}; it must be 0 or more")
-    return Samples(position, color, extinction, lattice, _checked_scale(samples.scale, extinction))
-
-
-def _checked_scale(scale: ArrayLike | None, extinction: Floats) -> Floats | None:
-    """Scales of samples with these extinctions, if given."""
-    if scale is None:
-        return None
+    if samples.scale is None:
+        return Samples(position, color, extinction, lattice)
     with np.errstate(over="ignore"):
-        sizes = contiguous(scale, np.float32)
-        if sizes.shape != extinction.shape:
-            raise ValueError(f"scales {sizes.shape} do not fit {extinction.size} samples")
-        if not (_is_finite(sizes) and (sizes > 0).all()):
+        scale = contiguous(samples.scale, np.float32)
+        if scale.shape != extinction.shape:
+            raise ValueError(f"scales {scale.shape} do not fit {extinction.size} samples")
+        if not (_is_finite(scale) and (scale > 0).all()):
             raise ValueError("a scale is a finite number above 0")
-        if not _is_finite(sizes * extinction):
+        if not _is_finite(scale * extinction):
             raise ValueError("a sample's scale times its extinction is not finite")
-    return sizes
+    return Samples(position, color, extinction, lattice, scale)
 
 
 def _is_finite(array: Floats | Doubles) -> bool:
@@ -104,29 +98,19 @@ def _is_finite(array: Floats | Doubles) -> bool:
         return bool(np.isfinite(array.sum()) or np.isfinite(array).all())
 
 
-def kernel_classifier(look: Classifier) -> Classifier:
-    """Classifier with the array and number types that kernels are compiled for."""
-    lamp = look.lamp
-    toward, viewer = contiguous(lamp.toward, np.float64), contiguous(lamp.viewer, np.float64)
-    return Classifier(
-        contiguous(look.table, np.float32),
-        float(look.low),
-        float(look.high),
-        float(look.steep),
-        Lamp(toward, viewer, *map(float, lamp[2:])),
-        float(look.near),
-        float(look.far),
-        float(look.dimmed),
-    )
-
-
 def kernel_field(field: LatticeField) -> LatticeField:
-    """Field with the lattice and classifier types that kernels are compiled for."""
-    return field._replace(
-        lattice=contiguous(field.lattice, np.float64),
-        origin=contiguous(field.origin, np.float64),
-        classifier=kernel_classifier(field.classifier),
+    """Field with the array and number types that kernels are compiled for."""
+    look, lamp = field.classifier, field.classifier.lamp
+    toward, viewer = contiguous(lamp.toward, np.float64), contiguous(lamp.viewer, np.float64)
+    numbers = map(float, (look.near, look.far, look.dimmed))
+    classifier = Classifier(
+        contiguous(look.table, np.float32),
+        *map(float, (look.low, look.high, look.steep)),
+        Lamp(toward, viewer, *map(float, lamp[2:])),
+        *numbers,
     )
+    lattice, origin = (contiguous(each, np.float64) for each in (field.lattice, field.origin))
+    return field._replace(lattice=lattice, origin=origin, classifier=classifier)
 
 
 def ellipsoid_of(lattice: Doubles, view: View, radius: float) -> Ellipsoid:
@@ -244,11 +228,6 @@ class PreparedScene:
     summing: Summing
     layers: Layers
 
-    def stage_of(self, view: View, size: tuple[int, int]) -> Stage:
-        """Data of kernels that place samples on a screen (height, width) of this view."""
-        screen = self.screen._replace(height=size[0], width=size[1])
-        return Stage(view, self.ellipsoid, screen)
-
     def left_by_planes(
         self, samples: Samples, *, by_center: bool = False
     ) -> tuple[Samples, Doubles]:
@@ -307,23 +286,16 @@ def spacing_of(view: View, samples: Samples) -> Floats:
         near = np.asarray(1 / np.where(is_ahead, z, 1), np.float32)
         with np.errstate(over="ignore"):
             x, y = across * near, down * near
-    # What is beside the eye may be beyond numbers.
+    # The longest axis of J V Jᵀ at a depth of 1; what is beside the eye may be beyond numbers.
     with np.errstate(over="ignore", invalid="ignore"):
-        apart = _longest(v, (x, y), (fx, fy)) * near
+        xx = fx * fx * (v[0, 0] - 2 * x * v[0, 2] + x * x * v[2, 2])
+        xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])
+        yy = fy * fy * (v[1, 1] - 2 * y * v[1, 2] + y * y * v[2, 2])
+        longest = np.sqrt(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy))
+        apart = np.asarray(longest, np.float32) * near
     if samples.scale is not None:
         apart = apart * samples.scale
     return np.where(is_ahead & np.isfinite(apart), apart, np.float32(np.inf)).astype(np.float32)
-
-
-def _longest(
-    v: Floats, slope: tuple[Floats, Floats], focal: tuple[np.float32, np.float32]
-) -> Floats:
-    """Longest axes (N,) of J V Jᵀ at a depth of 1, px."""
-    (x, y), (fx, fy) = slope, focal
-    xx = fx * fx * (v[0, 0] - 2 * x * v[0, 2] + x * x * v[2, 2])
-    xy = fx * fy * (v[0, 1] - x * v[1, 2] - y * v[0, 2] + x * y * v[2, 2])
-    yy = fy * fy * (v[1, 1] - 2 * y * v[1, 2] + y * y * v[2, 2])
-    return np.asarray(np.sqrt(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)), np.float32)
 
 
 class SamplePainter(Protocol):

@@ -14,7 +14,6 @@ from resample.painting.scenes.scene import Clock
 from resample.painting.shaped.ellipsoids import (
     Ellipsoids,
     EllipsoidSource,
-    HeldRecords,
     InMemory,
     ShapedOrder,
     ShapedPicture,
@@ -102,8 +101,19 @@ def paint_around(
     chosen = chosen._replace(order=ShapedOrder.DISTANCE)
     source = InMemory(check_ellipsoids(shapes)) if isinstance(shapes, Ellipsoids) else shapes
     clock, rays = Clock(), camera.rays
-    per_unit = _focal(rays, size)
-    held, parts = _on_faces(source, camera, per_unit, chosen)
+    # Faces of a cube around the eye, with as many px per unit as the picture's middle.
+    middle = np.array([[size[1] / 2 - 0.5, size[0] / 2], [size[1] / 2 + 0.5, size[0] / 2]])
+    one, two = (ray / np.linalg.norm(ray) for ray in rays(middle))
+    angle = float(np.linalg.norm(one - two))
+    per_unit = 1.0 / angle if np.isfinite(angle) and angle > 0 else float(max(size))
+    pose, side = np.asarray(camera.world_to_camera, np.float64), 2 * int(np.ceil(per_unit))
+    on_face = np.full(2, per_unit), np.full(2, side / 2)
+    parts = []
+    for turn in FACES:
+        rotation = np.ascontiguousarray(turn @ pose[:3, :3])
+        view = View(rotation, turn @ pose[:3, 3], *on_face, 0.0, perspective=True)
+        parts.append(ShapedScene(source, view, (side, side), chosen, nearest=chosen.near))
+    held = [part.records() for part in parts]
     scene = parts[0].measured(face.records for face in held)
     fine = scene.finest()
     clock.lap("project")
@@ -135,31 +145,6 @@ def paint_around(
     count = sum(source.sizes())
     counts = Statistics(count, 0, min(len(joined), count), 0, fine, clock.seconds)
     return ShapedPicture(*canvas, counts)
-
-
-def _focal(rays: RaysAt, size: tuple[int, int]) -> float:
-    """Pixels per unit of angle in the middle of a picture: the scale of faces."""
-    middle = np.array([[size[1] / 2 - 0.5, size[0] / 2], [size[1] / 2 + 0.5, size[0] / 2]])
-    one, two = (ray / np.linalg.norm(ray) for ray in rays(middle))
-    angle = float(np.linalg.norm(one - two))
-    return 1.0 / angle if np.isfinite(angle) and angle > 0 else float(max(size))
-
-
-def _on_faces(
-    source: EllipsoidSource, camera: RayDirections, per_unit: float, style: ShapedStyle
-) -> tuple[list[HeldRecords], list[ShapedScene]]:
-    """Records of each face of a cube around the eye, and the scenes that they are of."""
-    pose = np.asarray(camera.world_to_camera, np.float64)
-    side = 2 * int(np.ceil(per_unit))
-    focal, middle = np.full(2, per_unit), np.full(2, side / 2)
-    records, scenes = [], []
-    for turn in FACES:
-        rotation = np.ascontiguousarray(turn @ pose[:3, :3])
-        view = View(rotation, turn @ pose[:3, 3], focal, middle, 0.0, perspective=True)
-        scene = ShapedScene(source, view, (side, side), style, nearest=style.near)
-        records.append(scene.records())
-        scenes.append(scene)
-    return records, scenes
 
 
 def _strip(
@@ -202,7 +187,14 @@ def _strip(
 
 def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLists":
     """List what each tile may show of each face: of blocks of tiles first, then of tiles."""
-    boxes = _boxes(strip)
+    # Bounds (T, faces, 4) of the sub-pixels of each tile on each face; least above most: none.
+    boxes = np.empty((len(strip.at), len(FACES), 4))
+    for number in range(len(FACES)):
+        is_here = strip.face == number
+        for axis in range(2):
+            place = strip.at[:, axis]
+            boxes[:, number, axis] = np.where(is_here, place, np.inf).min(axis=1)
+            boxes[:, number, 2 + axis] = np.where(is_here, place, -np.inf).max(axis=1)
     tile = np.arange(len(boxes))
     row, column = tile // strip.columns // BLOCK, tile % strip.columns // BLOCK
     block = row * (-(-strip.columns // BLOCK)) + column
@@ -214,18 +206,6 @@ def _lists(records: Floats, whole: "TileLists", strip: "PlacedTiles") -> "TileLi
     coarse = _meeting(records, whole, np.tile(faces, len(around)), around.reshape(-1, 4))
     of = (block[:, None] * len(FACES) + faces).reshape(-1)
     return _meeting(records, coarse, of, boxes.reshape(-1, 4))
-
-
-def _boxes(strip: "PlacedTiles") -> Doubles:
-    """Bounds (T, faces, 4) of the sub-pixels of each tile on each face; least above most: none."""
-    boxes = np.empty((len(strip.at), len(FACES), 4))
-    for number in range(len(FACES)):
-        is_here = strip.face == number
-        for axis in range(2):
-            place = strip.at[:, axis]
-            boxes[:, number, axis] = np.where(is_here, place, np.inf).min(axis=1)
-            boxes[:, number, 2 + axis] = np.where(is_here, place, -np.inf).max(axis=1)
-    return boxes
 
 
 def _meeting(records: Floats, lists: "TileLists", of: Indices, boxes: Doubles) -> "TileLists":

@@ -278,9 +278,19 @@ class ShapedScene(NamedTuple):
         """Return the scene that knows how thin its ellipsoids are, by the records of all parts."""
         if self.style.subpixels is not None:
             return self
+        from resample.engine.shaped.records import N_XX, N_XY, N_YY
+
         thickness = np.zeros(BINS, np.int64)
         for records in projected:
-            thickness += _thicknesses(records)
+            # How many of those that are seen are as thin, along their shorter axis on the screen.
+            for first in range(0, len(records), BAND):
+                some = records[first : first + BAND]
+                xx, half, yy = some[:, N_XX], 0.5 * some[:, N_XY], some[:, N_YY]
+                longest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), half)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    octave = -0.5 * np.log2(longest)
+                bins = np.clip(np.nan_to_num(8 * octave) + BINS // 2, 0, BINS - 1)
+                thickness += np.bincount(bins.astype(np.int64), minlength=BINS)
         return self._replace(thickness=thickness)
 
     def finest(self) -> int:
@@ -302,29 +312,27 @@ class ShapedScene(NamedTuple):
 
     def projected(self) -> Iterator[Floats]:
         """Whole records that the picture shows, some at a time."""
+        from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
+
         for part in range(len(self.source.sizes())):
             shapes = self.source.load(part, self.view)
             for first in range(0, len(shapes.opacity), BAND):
-                yield self._project(shapes, slice(first, first + BAND))
-
-    def _project(self, shapes: Ellipsoids, rows: slice) -> Floats:
-        from resample.engine.shaped.records import WHOLE, ShapedArrays, project_shapes
-
-        turn = shapes.rotation if len(shapes.rotation) == 1 else shapes.rotation[rows]
-        given = (shapes.position, shapes.scale, shapes.opacity, shapes.color)
-        position, scale, weight, color = (
-            np.ascontiguousarray(array[rows], np.float32) for array in given
-        )
-        rotation = np.ascontiguousarray(turn, np.float32)
-        if shapes.extinction is not None:
-            weight = np.ascontiguousarray(shapes.extinction[rows], np.float32)
-        elif shapes.kernel is not None:  # extinctions, of unit spheres
-            mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
-            weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
-        records = np.empty((len(weight), WHOLE), np.float32)
-        arrays = ShapedArrays(position, scale, rotation, weight, color)
-        project_shapes(arrays, self.view, self._options(shapes.kernel), records)
-        return in_window(records, (0, 0, self.size[1], self.size[0]))
+                rows = slice(first, first + BAND)
+                turn = shapes.rotation if len(shapes.rotation) == 1 else shapes.rotation[rows]
+                given = (shapes.position, shapes.scale, turn, shapes.opacity, shapes.color)
+                position, scale, rotation, weight, color = (
+                    np.ascontiguousarray(array if array is turn else array[rows], np.float32)
+                    for array in given
+                )
+                if shapes.extinction is not None:
+                    weight = np.ascontiguousarray(shapes.extinction[rows], np.float32)
+                elif shapes.kernel is not None:  # extinctions, of unit spheres
+                    mean = np.prod(scale.astype(np.float64), axis=1) ** (1.0 / 3.0)
+                    weight = (-np.log1p(-weight.astype(np.float64)) / mean).astype(np.float32)
+                records = np.empty((len(weight), WHOLE), np.float32)
+                arrays = ShapedArrays(position, scale, rotation, weight, color)
+                project_shapes(arrays, self.view, self._options(shapes.kernel), records)
+                yield in_window(records, (0, 0, self.size[1], self.size[0]))
 
     def records(self, window: Window | None = None, most: int | None = None) -> "HeldRecords":
         """Records of all that the picture, or a window of it, shows; `most`: if it is known."""
@@ -398,35 +406,26 @@ class ShapedScene(NamedTuple):
         place = np.float32(self.view.principal[0]), np.float32(self.view.principal[1])
         if self.style.planes is not None:
             table = partial_table(kernel)
-            planes = self._on_screen(self.style.planes)
-            return CutOpacity(table / table[0, -1], planes, per, place, self.style.is_linear)
-        return DepthOpacity(relative_integral(kernel), per, place, self.style.is_linear)
-
-    def _on_screen(self, planes: Doubles) -> Floats:
-        """Planes (M, 6) as rays through pixels meet them, see `CutOpacity`."""
-        per, middle = 1.0 / self.view.focal, self.view.principal
-        constant, across = np.zeros((len(planes), 2)), np.zeros((len(planes), 4))
-        constant[:, 0], constant[:, 1] = planes[:, 2], planes[:, 3]
-        # Slopes belong to the rate where rays leave the eye, else to the offset.
-        first = 0 if self.view.perspective else 1
-        constant[:, first] -= planes[:, :2] @ (middle * per)
-        across[:, 2 * first : 2 * first + 2] = planes[:, :2] * per
-        columns = constant[:, 0], across[:, 0], across[:, 1], constant[:, 1], *across[:, 2:].T
-        return np.ascontiguousarray(np.column_stack(columns), np.float32)
-
-
-def relative_integral(kernel: Reconstruction) -> Profile | Pieces | Tabulated:
-    """Line integrals of a kernel, relative to that through its center."""
-    table = footprint_table(kernel).values
-    whole = np.float32(table[0])
-    profile = footprint_profile(kernel)
-    if profile is not None:
-        return Profile(*(np.float32(term / whole) for term in profile))
-    pieces = footprint_pieces(kernel)
-    if pieces is not None:
-        near, far = (tuple(np.float32(term / whole) for term in piece) for piece in pieces)
-        return Pieces(near, far)  # type: ignore[arg-type]  # ten terms each
-    return Tabulated(table / whole)
+            # Planes (M, 6) as rays through pixels meet them, see `CutOpacity`.
+            planes = self.style.planes
+            constant, across = planes[:, 2:4].astype(np.float64), np.zeros((len(planes), 4))
+            # Slopes belong to the rate where rays leave the eye, else to the offset.
+            first = 0 if self.view.perspective else 1
+            constant[:, first] -= planes[:, :2] @ (self.view.principal * (1.0 / self.view.focal))
+            across[:, 2 * first : 2 * first + 2] = planes[:, :2] * (1.0 / self.view.focal)
+            columns = constant[:, 0], across[:, 0], across[:, 1], constant[:, 1], *across[:, 2:].T
+            met = np.ascontiguousarray(np.column_stack(columns), np.float32)
+            return CutOpacity(table / table[0, -1], met, per, place, self.style.is_linear)
+        # Line integrals of the kernel, relative to that through its center.
+        table = footprint_table(kernel).values
+        whole, profile = np.float32(table[0]), footprint_profile(kernel)
+        integral: Profile | Pieces | Tabulated = Tabulated(table / whole)
+        if profile is not None:
+            integral = Profile(*(np.float32(term / whole) for term in profile))
+        elif (pieces := footprint_pieces(kernel)) is not None:
+            near, far = (tuple(np.float32(term / whole) for term in piece) for piece in pieces)
+            integral = Pieces(near, far)  # type: ignore[arg-type]  # ten terms each
+        return DepthOpacity(integral, per, place, self.style.is_linear)
 
 
 class HeldRecords:
@@ -505,19 +504,3 @@ def in_window(records: Floats, window: Window) -> Floats:
     meets = (left <= right) & (right > x0) & (left < x1)
     meets &= (records[:, BOTTOM] > y0) & (records[:, TOP] < y1)
     return records if meets.all() else records[meets]
-
-
-def _thicknesses(records: Floats) -> NDArray[np.int64]:
-    """How many of those that are seen are as thin, along their shorter axis on the screen."""
-    from resample.engine.shaped.records import N_XX, N_XY, N_YY
-
-    count = np.zeros(BINS, np.int64)
-    for first in range(0, len(records), BAND):
-        some = records[first : first + BAND]
-        xx, half, yy = some[:, N_XX], 0.5 * some[:, N_XY], some[:, N_YY]
-        mean, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), half)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            octave = -0.5 * np.log2(mean + apart)
-        bins = np.clip(np.nan_to_num(8 * octave) + BINS // 2, 0, BINS - 1).astype(np.int64)
-        count += np.bincount(bins, minlength=BINS)
-    return count

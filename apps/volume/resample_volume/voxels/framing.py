@@ -276,11 +276,11 @@ def _body(volume: Volume) -> Counting | None:
     These are thin: nothing of them is left when a surface of `THIN` is worn off. None: the values
     are no CT scan, or all of it is thin.
     """
-    from scipy.ndimage import label, maximum_filter, minimum_filter
-
     known = survey(volume)
     if known.units.added is None:
         return None
+    from scipy.ndimage import label, maximum_filter, minimum_filter
+
     some, step = values_of(volume.values).sample(), step_of(volume.values.size)
     coarser = max(1, min(some.shape) // BODY_CELLS)
     some, step = some[(slice(None, None, coarser),) * 3], step * coarser
@@ -300,14 +300,15 @@ def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting |
 
     None: small parts are too many to be left out.
     """
-    from scipy.ndimage import label
+    from resample_volume.kernels.voxels import number_parts
 
     side = -(-max(shape) // CELLS)
     cells = tuple(-(-size // side) for size in shape)
     number = np.zeros(prod(cells), np.int64)
     for place in places:
         number += np.bincount(_cells_at(place, shape, side), minlength=number.size)
-    part, _ = label(number.reshape(cells) > 0, np.ones((3, 3, 3)))
+    part = -(number.reshape(cells) > 0).astype(np.int64)
+    number_parts(part)
     sizes = np.bincount(part.ravel(), number)
     is_small = sizes < LEAST_PART * sizes[1:].max(initial=0)
     is_small[0] = False
