@@ -69,26 +69,17 @@ class Stroke(NamedTuple):
     width: float  # px
 
 
-class _Marks(NamedTuple):
-    """Contributions of lines to pixels."""
-
-    pixel: NDArray[np.int64]  # (N,) row × width + column
-    depth: Doubles
-    light: Doubles  # (N, 4) premultiplied
-
-
 def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     """Draw lines into the scene of a picture; its values are unchanged."""
-    size = frame.depth.shape
-    found = [marks for line in lines for marks in _marks(line, view, (size[0], size[1]))]
+    found = [marks for line in lines for marks in _marks(line, view, *frame.depth.shape)]
     if not found:
         return frame
-    marks = _Marks(*map(np.concatenate, zip(*found, strict=True)))
-    order = np.lexsort((-marks.depth, marks.pixel))
-    marks = _Marks(marks.pixel[order], marks.depth[order], marks.light[order])
+    marked, deep, lights = map(np.concatenate, zip(*found, strict=True))
+    order = np.lexsort((-deep, marked))
+    deep, lights = deep[order], lights[order]
     # Composite marks, sorted by pixel and, within one, from back to front
-    pixel, start = np.unique(marks.pixel, return_index=True)
-    count = np.diff(np.append(start, marks.pixel.size))
+    pixel, start = np.unique(marked[order], return_index=True)
+    count = np.diff(np.append(start, marked.size))
     rgba = frame.rgba.reshape(-1, 4)[pixel].astype(np.float64)
     depth, first = (
         part.reshape(-1)[pixel].astype(np.float64) for part in (frame.depth, frame.first_depth)
@@ -97,31 +88,35 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
     for turn in range(int(count.max())):
         some = np.flatnonzero(count > turn)
-        mark = start[some] + turn
-        here = _share(marks.depth[mark], first[some], depth[some])
-        here = np.minimum(here, behind[some])
+        at, light = deep[start[some] + turn], lights[start[some] + turn]
+        # Of the medium, a smooth step from its first to twice its mean depth is in front
+        known = np.isfinite(first[some]) & np.isfinite(depth[some])
+        begin, middle = np.where(known, first[some], 0.0), np.where(known, depth[some], 0.0)
+        extent = np.maximum(2 * (middle - begin), 1e-6 * np.abs(middle) + 1e-30)
+        t = np.clip((at - begin) / extent, 0, 1)
+        here = np.minimum(np.where(known, t * t * (3 - 2 * t), 1.0), behind[some])
         sent[some] = _over(_medium(rgba[some], depth[some], behind[some] - here), sent[some])
-        light = marks.light[mark]
-        line = np.column_stack([light, light[:, 3] * marks.depth[mark]])
-        sent[some] = _over(line, sent[some])
+        sent[some] = _over(np.column_stack([light, light[:, 3] * at]), sent[some])
         behind[some] = here
         is_seen = light[:, 3] * (1 - rgba[some, 3]) ** here > VISIBLE
-        first[some] = np.minimum(first[some], np.where(is_seen, marks.depth[mark], np.inf))
+        first[some] = np.minimum(first[some], np.where(is_seen, at, np.inf))
     sent = _over(_medium(rgba, depth, behind), sent)
     layers = [frame.rgba, frame.depth, frame.first_depth, frame.coverage]
     copies = [np.array(layer, np.float32) for layer in layers]
     copies[0].reshape(-1, 4)[pixel] = sent[:, :4]
     copies[1].reshape(-1)[pixel] = sent[:, 4] / np.maximum(sent[:, 3], 1e-30)
     copies[2].reshape(-1)[pixel] = first
-    covered = np.maximum.reduceat(marks.light[:, 3], start)
+    covered = np.maximum.reduceat(lights[:, 3], start)
     copies[3].reshape(-1)[pixel] = np.maximum(copies[3].reshape(-1)[pixel], covered)
     return frame._replace(
         rgba=copies[0], depth=copies[1], first_depth=copies[2], coverage=copies[3]
     )
 
 
-def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
-    """Return a line's contributions, one per pixel."""
+def _marks(
+    line: Stroke, view: View, height: int, width: int
+) -> Iterator[tuple[NDArray[np.int64], Doubles, Doubles]]:
+    """Yield the pixels near a line (N,), its depths there, and its premultiplied light (N, 4)."""
     ends = line.ends @ view.rotation.T + view.translation
     if view.perspective:
         least = max(view.near, LEAST_DEPTH * float(np.linalg.norm(ends[1] - ends[0])))
@@ -130,7 +125,7 @@ def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
         return
     per = ends[:, 2:] if view.perspective else np.ones((2, 1))
     spot = ends[:, :2] / per * view.focal + view.principal
-    row, column = _near(spot, line.width, size)
+    row, column = _near(spot, line.width, (height, width))
     place = np.stack([column + 0.5, row + 0.5], axis=-1)
     way = spot[1] - spot[0]
     along = np.clip((place - spot[0]) @ way / max(float(way @ way), 1e-12), 0, 1)
@@ -141,10 +136,9 @@ def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
     else:
         depth = (1 - along) * ends[0, 2] + along * ends[1, 2]
     kept = (share > 0) & (depth >= view.near)
-    if not kept.any():
-        return
-    light = share[kept, None] * np.array([*line.color, 1.0])
-    yield _Marks((row * size[1] + column)[kept], depth[kept], light)
+    if kept.any():
+        light = share[kept, None] * np.array([*line.color, 1.0])
+        yield (row * width + column)[kept], depth[kept], light
 
 
 def _cut(ends: Doubles, near: float) -> Doubles:
@@ -178,15 +172,6 @@ def _near(
     kept = (beside >= 0) & (beside < count[1 - major])
     row, column = (both, beside) if major else (beside, both)
     return row[kept], column[kept]
-
-
-def _share(depth: Doubles, first: Doubles, mean: Doubles) -> Doubles:
-    """Return the share of a pixel's medium in front of a depth."""
-    known = np.isfinite(first) & np.isfinite(mean)
-    begin, middle = np.where(known, first, 0.0), np.where(known, mean, 0.0)
-    extent = np.maximum(2 * (middle - begin), 1e-6 * np.abs(middle) + 1e-30)
-    t = np.clip((depth - begin) / extent, 0, 1)
-    return np.where(known, t * t * (3 - 2 * t), 1.0)
 
 
 def _medium(rgba: Doubles, depth: Doubles, share: Doubles) -> Doubles:
@@ -236,7 +221,12 @@ def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measur
     """
     if len(places) not in (2, 3):
         raise ValueError(f"{len(places)} places; give two for a distance, three for an angle")
-    found = [_place(one) for one in places]
+    found = []
+    for given in places:
+        place = np.asarray(given.position if isinstance(given, Picked) else given, np.float64)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise ValueError(f"the place {given!r} is not one of 3 finite numbers, scene units")
+        found.append(place)
     ways = [after - before for before, after in pairwise(found)]
     lengths = [float(np.linalg.norm(way)) for way in ways]
     unit = "" if volume is None else unit_of_space(volume)
@@ -247,13 +237,6 @@ def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measur
     back, on = -ways[0] / lengths[0], ways[1] / lengths[1]
     angle = 2 * np.arctan2(np.linalg.norm(back - on), np.linalg.norm(back + on))
     return Measured(sum(lengths), float(np.degrees(angle)), unit)
-
-
-def _place(given: Picked | ArrayLike) -> Doubles:
-    place = np.asarray(given.position if isinstance(given, Picked) else given, np.float64)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise ValueError(f"the place {given!r} is not one of 3 finite numbers, scene units")
-    return place
 
 
 COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
@@ -351,25 +334,39 @@ def annotate(
 def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotations) -> Frame:
     """Return the picture with annotations; camera and volume share a scene."""
     view, corner = camera.view(), corners(volume)
-    size = type_size(*frame.depth.shape)
-    lines = []
+    height, width = frame.depth.shape
+    size = type_size(height, width)
+    lines, arms = [], []
     if given.box:  # its edges: corners whose numbers differ in one bit
         pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
         lines = [Stroke(corner[pair], GRAY, size / 12) for pair in pairs]
-    arms = []
     if given.axes:  # the scene's axes, as long as the box
         start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
         ends = [np.stack([start, start + extent * axis]) for axis in np.eye(3)]
         arms = [Stroke(*arm, size / 6) for arm in zip(ends, COLORS, strict=True)]
     drawn = with_lines(frame, view, [*lines, *arms])
     rgba = np.array(drawn.rgba)
-    for arm, letter in zip(arms, "XYZ", strict=False):
-        _name_arm(rgba, frame, view, arm, letter, given)
+    for arm, letter in zip(arms, "XYZ", strict=False):  # beyond its end, unless that is occluded
+        end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
+        place = view.rotation @ end + view.translation
+        if view.perspective and place[2] <= view.near:
+            continue
+        spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
+        if not (np.abs(spot) < 1e6).all():
+            continue
+        column, row = np.floor(spot).astype(int)
+        is_inside = 0 <= row < height and 0 <= column < width
+        is_behind = is_inside and frame.depth[row, column] < place[2]
+        if is_behind and frame.rgba[row, column, 3] > HIDDEN:
+            continue
+        mask = letters(letter, size)
+        left, top = spot - np.array(mask.shape[::-1]) / 2
+        put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
     if given.cube:  # in the lower left corner
-        shorter = min(rgba.shape[:2])
+        shorter = min(height, width)
         side, left = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
         cube = cube_picture(view.rotation, side, PATIENT if volume.space == "lps" else AXES)
-        top = rgba.shape[0] - side - left
+        top = height - side - left
         part = rgba[max(0, top) : max(0, top) + side, left : left + side]
         shown = cube[max(0, -top) :][: part.shape[0], : part.shape[1]]
         part *= 1 - shown[..., 3:]
@@ -384,27 +381,6 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
             per_unit /= depth
         _put_bar(rgba, per_unit, volume, given)
     return drawn._replace(rgba=rgba)
-
-
-def _name_arm(
-    rgba: Floats, frame: Frame, view: View, arm: Stroke, name: str, given: Annotations
-) -> None:
-    """Draw an axis' name beyond its end, unless that is occluded."""
-    end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
-    place = view.rotation @ end + view.translation
-    if view.perspective and place[2] <= view.near:
-        return
-    spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
-    if not (np.abs(spot) < 1e6).all():
-        return
-    column, row = np.floor(spot).astype(int)
-    height, width = frame.depth.shape
-    is_inside = 0 <= row < height and 0 <= column < width
-    if is_inside and frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < place[2]:
-        return
-    mask = letters(name, type_size(*rgba.shape[:2]))
-    left, top = spot - np.array(mask.shape[::-1]) / 2
-    put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
 
 
 def round_length(most: float) -> float:
@@ -489,34 +465,27 @@ def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) ->
     for face, letter in enumerate(names):
         normal = (1 - 2 * (face % 2)) * np.eye(3)[face // 2]
         toward = -float(rotation[2] @ normal)
-        if toward > 1e-3:
-            # Draw a face, upright as seen from outside
-            up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
-            across = np.cross(up, normal)
-            to_screen = np.stack([rotation @ across, rotation @ up], axis=1)[:2]
-            middle = (rotation @ normal)[:2]
-            local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
-            inside = (np.abs(local) <= 1).all(axis=-1)
-            bright = 0.15 + 0.55 * -float(rotation[2] @ normal)
-            is_rim = np.abs(local).max(axis=-1) > 1 - RIM
-            gray = np.where(is_rim, 0.02, bright * (1 - _ink(letter, local)) + 0.01)
-            fine[inside, :3] = gray[inside, None]
-            fine[inside, 3] = 1.0
-    coarse = fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3))
-    return np.asarray(coarse, np.float32)
-
-
-def _ink(name: str, local: Doubles) -> Doubles:
-    """Return the coverage by ink at points on a face."""
-    mask = letters(name, TYPE)
-    height, width = mask.shape
-    scale = max(width / 1.5, height / 1.1)  # px of letters per half side
-    column = np.floor(local[..., 0] * scale + width / 2).astype(np.int64)
-    row = np.floor(-local[..., 1] * scale + height / 2).astype(np.int64)
-    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    return np.asarray(
-        np.where(inside, mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
-    )
+        if toward <= 1e-3:
+            continue
+        # Draw a face, upright as seen from outside
+        up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
+        to_screen = np.stack([rotation @ np.cross(up, normal), rotation @ up], axis=1)[:2]
+        middle = (rotation @ normal)[:2]
+        local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
+        # Look up the letter's ink, by px of it per half side
+        mask = letters(letter, TYPE)
+        height, width = mask.shape
+        scale = max(width / 1.5, height / 1.1)
+        column = np.floor(local[..., 0] * scale + width / 2).astype(np.int64)
+        row = np.floor(-local[..., 1] * scale + height / 2).astype(np.int64)
+        is_ink = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        ink = np.where(is_ink, mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0)
+        inside = (np.abs(local) <= 1).all(axis=-1)
+        is_rim = np.abs(local).max(axis=-1) > 1 - RIM
+        gray = np.where(is_rim, 0.02, (0.15 + 0.55 * toward) * (1 - ink) + 0.01)
+        fine[inside, :3] = gray[inside, None]
+        fine[inside, 3] = 1.0
+    return np.asarray(fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3)), np.float32)
 
 
 SUBROWS = 8  # sub-rows per px over which colors are averaged, so that no step is missed
