@@ -15,21 +15,7 @@ from resample.colors import Background, to_srgb
 from resample.console import Color
 from resample.engine.lookup import VISIBLE
 from resample.lengths import length_text
-from resample.measuring.color_bars import (
-    BLACK,
-    BarLayout,
-    Form,
-    blank,
-    check_height,
-    draw_scale,
-    frame,
-    ink_on,
-    name,
-    painted,
-    show,
-    thin,
-    with_color_bar,
-)
+from resample.measuring import color_bars as bars
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats, Frame, View
@@ -429,10 +415,7 @@ def type_size(height: int, width: int) -> int:
 
 
 def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool = False) -> None:
-    """Draw light letters or bars with a dark outline on a premultiplied picture, or vice versa.
-
-    They are clipped at its edges.
-    """
+    """Draw light letters or bars with a dark outline, or vice versa; clipped at the edges."""
     from scipy.ndimage import grey_dilation
 
     wide = np.pad(mask, 2 * AROUND)
@@ -455,10 +438,7 @@ def cover(
 
 
 def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
-    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
-
-    `rotation`: (3, 3) from scene to camera. `side`: s, px.
-    """
+    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear."""
     place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
     screen = np.stack(np.meshgrid(place, place), axis=-1)
     fine = np.zeros((side * FINE, side * FINE, 4))
@@ -491,7 +471,10 @@ def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) ->
 SUBROWS = 8  # sub-rows per px over which colors are averaged, so that no step is missed
 FAIR = 2  # the same where colors also vary across
 PURE = 0.3  # share of a bar that shows opaque colors
-FORMS: tuple[Form, Form] = ("curve", "plane")  # of functions of values, and of gradients too
+FORMS: tuple[bars.Form, bars.Form] = (
+    "curve",
+    "plane",
+)  # of functions of values, and of gradients too
 GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
 
@@ -503,24 +486,20 @@ def color_bar(
     *,
     title: str = "",
     steep: float = 1.0,
-    background: Background = BLACK,
+    background: Background = bars.BLACK,
     scale: str = "",
 ) -> Floats:
-    """Draw a transfer function with a scale of data values.
+    """Draw a transfer function with a scale of data values (H, B, 4), linear, opaque.
 
-    Colors lie over a checkerboard that shows through transparent ones. On the left they are opaque,
-    since faint ones could not be told apart; on the right opacity is drawn as a curve. Functions of
-    value and gradient are drawn over both axes instead.
-
-    `height`: of the picture, px, at least 64. `steep`: slope of a full surface, see
-    `resample_volume.voxels.visible.steepness`. 1 shows the gradients of a normalized function as
-    fractions. Result: (H, B, 4) linear, opaque. The width B follows from the height and the text.
+    Colors lie over a checkerboard: opaque on the left, where faint ones can be told apart, and with
+    opacity as a curve on the right. Functions of value and gradient are drawn over both axes.
+    `steep` is the slope of a full surface (`voxels.visible.steepness`); 1 shows fractions.
     """
-    check_height(height)
+    bars.check_height(height)
     by, form = scale_named(scale), FORMS[transfer.needs_gradient]
-    page = BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
-    ink = ink_on(background)
-    axes = blank(page, background)
+    page = bars.BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
+    ink = bars.ink_on(background)
+    axes = bars.blank(page, background)
     if transfer.needs_gradient:
         # Draw colors by value and gradient
         end = (transfer.steepest(steep) or steep) * (1.0 if transfer.normalized else 1.25)
@@ -530,7 +509,7 @@ def color_bar(
         color, opacity = transfer.classify(values, slopes, data_range, steep)
         shape = (value.size // FAIR, FAIR, across)
         _show_over_squares(axes, page, color.reshape(*shape, 3), opacity.reshape(shape), ink)
-        name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
+        bars.name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
     else:
         # Draw colors by value, and the curve of opacities
         value = page.values(SUBROWS)
@@ -544,17 +523,17 @@ def color_bar(
         left, right = page.curve
         row = page.row(value)
         for place in page.ticks:
-            axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=thin(page), alpha=0.25)
+            axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=bars.thin(page), alpha=0.25)
         axes.fill_betweenx(row, left, left + opacity * (right - left), color=ink, alpha=0.3, lw=0)
-        axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * thin(page))
-        frame(axes, page, page.curve, ink)
-        name(axes, page, page.curve, ("0", "opacity", "1"), ink)
-    draw_scale(axes, page, ink)
-    return painted(axes, page, ink)
+        axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * bars.thin(page))
+        bars.frame(axes, page, page.curve, ink)
+        bars.name(axes, page, page.curve, ("0", "opacity", "1"), ink)
+    bars.draw_scale(axes, page, ink)
+    return bars.painted(axes, page, ink)
 
 
 def _show_over_squares(
-    axes: "Axes", page: BarLayout, color: Floats, opacity: Floats, ink: str
+    axes: "Axes", page: bars.BarLayout, color: Floats, opacity: Floats, ink: str
 ) -> None:
     """Composite colors (rows, parts, columns, 3) over the checkerboard."""
     rows, _, columns = opacity.shape
@@ -563,17 +542,14 @@ def _show_over_squares(
     squares = np.where((row + column) % 2, *SQUARES)[:, np.newaxis, :, np.newaxis]
     share = opacity[..., np.newaxis]
     linear = (share * color + (1 - share) * squares).mean(axis=1)
-    show(axes, page, linear, ink)
+    bars.show(axes, page, linear, ink)
 
 
 def bar_of(
     medium: VolumeLayer, resampler: Resampler, height: int, background: Color | None, tone: Tone,
     frame: Frame | None = None,
 ) -> Floats:  # fmt: skip
-    """Draw the bar of colors, opacities and values, or of the sums of a frame, of a volume.
-
-    Result: (height, B, 4) linear, opaque.
-    """
+    """Draw the color bar of a volume, or of the sums in a frame (height, B, 4), linear, opaque."""
     volume, appearance = medium
     transfer: Transfer = GRAYS
     scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
@@ -613,4 +589,4 @@ def with_bar(
 ) -> Frame:
     """Add the bar of a volume to the right of its picture."""
     bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)
-    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+    return frame._replace(rgba=bars.with_color_bar(frame.rgba, bar, background))

@@ -115,10 +115,7 @@ def negative(light: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
-    """Return the options with units and window resolved for a volume.
-
-    `known`: statistics of its values; None: computed here.
-    """
+    """Return the options with units and window resolved for a volume of known statistics."""
     if volume.colors is not None:
         raise ValueError(
             f"{volume.name} has colors, and X-rays are of Hounsfield units; "
@@ -290,11 +287,6 @@ class Appearance:
         """Names of the objects that rays meet besides the volume."""
         return [name for name in self.extras if name in SCENE_OBJECTS]
 
-    @property
-    def needed_gradient(self) -> str | None:
-        """How gradients are computed; None if shading does not need them."""
-        return None if self.light is None else self.gradient
-
 
 def _objects_of(name: str, given: Any) -> tuple[Any, ...]:
     """Return the meshes, planes or surfaces of a look."""
@@ -452,11 +444,8 @@ def decided(
 ) -> tuple[list[VolumeLayer], Resampler]:
     """Resolve `auto` to pre or post in all looks, and return the renderer for them.
 
-    A ray cast field is more accurate at any size on screen. Voxels are painted where gradients of
-    voxels are asked for (`sobel`), and for more labels than fields tell apart; but several volumes,
-    meshes and planes always need rays.
-
-    `resampler`: renderer; one of samples paints voxels in any case.
+    Fields are more accurate at any size on screen. A single volume is painted by voxels if its look
+    needs their gradients (`sobel`) or has more labels than fields tell apart.
     """
     looks = [look.classification for _, look in media]
     if Classification.AUTO not in looks:

@@ -124,9 +124,11 @@ def render(
         frame = picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
             if beside.deep is not None:
-                from resample_volume.rendering import boxed, write_slabs
+                from resample.files.saving import write_deep
+                from resample_volume.rendering import boxed, depths, slabs
 
-                write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
+                planes = depths(camera, boxed(shown, subject), beside.deep)
+                write_deep(output, slabs(paint, camera, planes))
             else:
                 drawn = annotated_picture(
                     subject, camera, frame, shown, resampler, beside, background

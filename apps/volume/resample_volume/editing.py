@@ -18,10 +18,7 @@ Doubles = NDArray[np.float64]
 
 
 def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, str, float]]:
-    """Approximate a transfer function by control points; see `spelled`.
-
-    Result: value, color as `#rrggbb`, and opacity; values ascend.
-    """
+    """Approximate a transfer function by ascending points: value, `#rrggbb` and opacity."""
     placed = spread(transfer, data_range)
     if isinstance(placed, TransferFunction) and placed.value.size <= MOST:
         curve = np.column_stack([placed.color, placed.opacity])

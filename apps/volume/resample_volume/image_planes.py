@@ -104,10 +104,7 @@ class ImagePlane:
 
 
 def _place(where: str) -> tuple[int, float, bool] | None:
-    """Parse the place of a plane perpendicular to an axis; None if it is not one.
-
-    The axis (0: x), a number, and whether it is in percent of the extent, otherwise in voxels.
-    """
+    """Parse x=50% to the axis (0: x), a number, and whether it is in percent; or None."""
     axis, _, text = where.partition("=")
     is_share = text.endswith("%")
     try:
@@ -287,10 +284,7 @@ def _patch(patch: Doubles, steps: tuple[int, int]) -> tuple[Doubles, NDArray[np.
 
 
 def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneMesh:
-    """Extract an isosurface as a mesh with the field's gradients as normals.
-
-    Vertices lie on the field's isosurface; triangles are about as large as voxels.
-    """
+    """Extract an isosurface of the field as a mesh with its gradients as normals."""
     by = scale_named(volume.scale)
     value = surface.value if by is None else by.place(surface.value, "surface")
     check_iso(value, volume, finite_range(volume.values))
@@ -317,8 +311,7 @@ def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneM
 def _corners(values: NDArray[Any], value: float) -> tuple[Doubles, NDArray[np.int64]]:
     """Return vertices (V, 3), voxels along x, y, z, and triangles (T, 3) of Flying Edges.
 
-    Schroeder, Maynard and Geveci, Flying Edges: A High-Performance Scalable Isocontouring
-    Algorithm, 2015. The outermost voxels extend by half a voxel, as in a field.
+    Schroeder, Maynard, Geveci 2015. The outermost voxels extend by half a voxel, as in a field.
     """
     from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -403,10 +396,7 @@ class Section(NamedTuple):
         return f"{toward},{near!r}", f"{back},{-far!r}"
 
     def planes(self, forward: Doubles) -> Doubles:
-        """Return both planes (2, 4) around the scene's origin, as `framing.planes` does.
-
-        `forward`: (3,) direction of the view, used if there is no normal.
-        """
+        """Return both planes (2, 4) around the scene's origin; without normal, along the view."""
         normal = np.asarray(forward if self.normal is None else self.normal, np.float64)
         normal = normal / np.abs(normal).max()
         normal /= np.linalg.norm(normal)

@@ -45,10 +45,7 @@ def of_simple_itk(image: Any, part: Any, name: str) -> Volume:
 
 
 def of_nibabel(image: Any, part: Any, name: str) -> Volume:
-    """Convert an image of nibabel's, of values or colors, to LPS.
-
-    Values are scaled if its header says so, and otherwise as stored.
-    """
+    """Convert an image of nibabel's, of values or colors, to LPS, scaled as its header says."""
     check_whole(part, "an image of nibabel's")
     if not (hasattr(image, "dataobj") and hasattr(image, "affine")):
         raise TypeError(f"a volume of nibabel's {type(image).__name__}; give an image of voxels")
@@ -116,11 +113,7 @@ def _planes(given: Any, dim: str, count: int) -> Doubles:
 
 
 def of_grid(given: Any, part: Any, name: str) -> Volume:
-    """Convert a field of values at the centers of cells.
-
-    `given`: it has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z)
-    by name.
-    """
+    """Convert a field of yt's, of values at the centers of cells."""
     if not part:
         raise ValueError(
             f"{name}: name a field of the grid: part='density', or the pair (grid, 'density')"
@@ -138,11 +131,7 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
 
 
 def of_dataset(given: Any, part: Any, name: str) -> Volume:
-    """Convert a data set; errors as in readers of such files.
-
-    `given`: `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or
-    unstructured grid, or blocks of any of these.
-    """
+    """Convert a data set of VTK's; grids other than images and rectilinear are resampled."""
     if not (given.IsA("vtkDataSet") or given.IsA("vtkCompositeDataSet")):
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")
     wanted = ArrayQuery(str(part), "", "")
@@ -342,10 +331,7 @@ def _placed(
 
 
 def _taker_of(given: Any) -> Callable[[Any, Part, str], Volume] | None:
-    """Return the converter of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
-
-    None for objects of no known library.
-    """
+    """Return the converter of an object; None if it is of no known library."""
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too

@@ -49,13 +49,11 @@ def voxels_at(
     pixels: Doubles,
     level: float = HALF,
 ) -> tuple[Indices, Doubles]:
-    """Return the voxels behind points of a picture.
+    """Return flat indices (N,) of the voxels behind points, and their transmittance (N,).
 
-    `pixels`: (N, 2) right and down, px; centers of pixels are at halves. `level`: accumulated
-    opacity, 0 to 1. Result: flat indices (N,) of the voxels with which the opacity accumulated from
-    the eye exceeds the level; for a field, of the voxel around the point where its ray reaches the
-    level, the surface, a plane of values more opaque than that, or its extreme; -1 where there is
-    none. And the transmittance (N,) of all.
+    `pixels`: (N, 2) right and down, px; centers are at halves. It is the voxel at which the
+    accumulated opacity exceeds the level; in a field, the one around the point where the ray
+    reaches the level, the surface, a more opaque plane, or its extreme; -1 if there is none.
     """
     from resample.engine.rays.coefficients import bundled
     from resample_volume.kernels.voxels import PickedField, pick_in_field, pick_voxels

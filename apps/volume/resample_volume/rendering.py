@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
-from resample.files.saving import DepthSlab, between, write_deep
+from resample.files.saving import DepthSlab, between
 from resample.messages import warn
 from resample.painting.choices import MEASURING, Projection
 from resample.progress import Progress
@@ -44,20 +43,7 @@ from resample_volume.classification.value_statistics import survey
 from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
 from resample_volume.data.values import as_array, as_arrays, is_streamed
 from resample_volume.types import Placed, Volume
-from resample_volume.voxels.framing import (
-    FramedVoxels,
-    Shifted,
-    around_both,
-    bounding_sphere,
-    centered,
-    corners,
-    faced,
-    filling,
-    keep,
-    planes,
-    shown_by,
-    sphere_around,
-)
+from resample_volume.voxels import framing
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import (
     Light,
@@ -84,11 +70,7 @@ AROUND = 0.04  # of the visible part, left free around it without a camera
 def placement(
     media: Sequence[VolumeLayer],
 ) -> tuple[list[VolumeLayer], "CommonLattice", Doubles, Doubles]:
-    """Place several volumes in a scene; the first look sets crop and clip.
-
-    Result: the moved volumes, the lattice of all, the former place (3,) of the scene's origin, and
-    clip planes (M, 4).
-    """
+    """Place several volumes in a scene: they, their lattice, its former place, clip planes."""
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
@@ -98,7 +80,7 @@ def placement(
     whole = whole._replace(origin=whole.origin - middle)
     moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
     first, look = moved[0]
-    cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
+    cuts = [framing.planes(first, look.crop), framing.planes(whole.volume(), None, look.cuts)]
     return moved, whole, middle, np.concatenate(cuts)
 
 
@@ -109,13 +91,13 @@ def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:
 
 def shown_together(
     media: Iterable[VolumeLayer], clip: Doubles, resampler: Resampler
-) -> FramedVoxels:
+) -> framing.FramedVoxels:
     """Return the voxels of volumes in one scene that are visible when composited."""
     shown = []
     for volume, look in media:
-        framing = named_or_own(look.framing or look.transfer, volume)
+        shape = named_or_own(look.framing or look.transfer, volume)
         radius = resampler.reconstruction.radius
-        shown.append(shown_by(volume, framing, clip, radius, resampler.iso))
+        shown.append(framing.shown_by(volume, shape, clip, radius, resampler.iso))
     coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))
     return coarsest._replace(parts=lambda: chain.from_iterable(one.parts() for one in shown))
 
@@ -127,7 +109,7 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     return classify(
         volume,
         transfer,
-        gradient=appearance.gradient if needed else appearance.needed_gradient,
+        gradient=appearance.gradient if needed or appearance.light is not None else None,
         gradient_opacity=appearance.gradient_opacity,
         labels=appearance.labels,
     )
@@ -150,37 +132,6 @@ def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler
     if appearance.gradient_opacity is not None:
         transfer = Faded(transfer, appearance.gradient_opacity)
     return transfer
-
-
-def _measured(
-    volume: Volume, appearance: Appearance, projection: Projection
-) -> tuple[Volume, Appearance, Tone]:
-    """Return volume and look of the field that rays measure, and the tone of frames."""
-    if projection is not Projection.XRAY:
-        return volume, appearance, Tone(is_negative=appearance.invert)
-    xray = settled(appearance.xray or XRay(MU_WATER * mm_of(volume)), volume)
-    water = attenuation(volume.values, xray.added)
-    tone = Tone(xray.mu_water, xray.window, appearance.invert)
-    look = replace(appearance, transfer=LEVELS)
-    return volume._replace(values=water, units=""), look, tone
-
-
-def _shadowed(
-    voxels: Voxels | Gathered,
-    volume: Volume,
-    resampler: Resampler,
-    clip: Doubles,
-    light: Light,
-) -> Voxels | Gathered:
-    """Return the visible voxels with the light that reaches them, shadowed by all others."""
-    if resampler.projection in MEASURING:
-        raise ValueError(
-            "shadows and occlusion dim light, so they need the projection composite or first-hit, "
-            f"not {resampler.projection}"
-        )
-    if isinstance(voxels, Gathered):
-        return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
-    return voxels._replace(reached=voxel_transmittance(voxels, light))
 
 
 def _pictures(
@@ -211,7 +162,7 @@ def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Sampl
     """Return samples with the light that voxels send to a camera."""
     view = camera.view()
     if view.perspective:
-        return shade(voxels, light, eye=_eye(view))
+        return shade(voxels, light, eye=-view.rotation.T @ view.translation)
     return shade(voxels, light, view=view.rotation[2])
 
 
@@ -227,7 +178,7 @@ class Subject:
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
     tone: Tone = AS_IT_IS  # of its frames
     # Voxels that are visible, found anew at each call; None: cameras orbit the whole volume.
-    seen: "Callable[[], Placed | FramedVoxels] | None" = None
+    seen: "Callable[[], Placed | framing.FramedVoxels] | None" = None
 
     @classmethod
     def of(
@@ -238,45 +189,55 @@ class Subject:
         *,
         around: Volume | None = None,
     ) -> "Subject":
-        """Classify a volume, as far as a renderer needs it.
-
-        `resampler`: renderer; None: `resampler_for` the look. `around`: volume that cameras orbit
-        as a whole; None: they orbit what is visible.
-        """
+        """Classify a volume; cameras orbit another one as a whole, or what is visible."""
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
         ((volume, appearance),), resampler = decided([(volume, appearance)], resampler)
-        scene, middle = centered(volume)
-        clip = planes(scene, appearance.crop, appearance.cuts)
-        scene = as_array(scene)
+        scene, middle = framing.centered(volume)
+        clip = framing.planes(scene, appearance.crop, appearance.cuts)
+        scene, projection = as_array(scene), resampler.projection
+        light, tone = appearance.light, AS_IT_IS
         voxels: Visible
-        tone = AS_IT_IS
-        if appearance.classification is Classification.POST or (
-            resampler.projection is not Projection.COMPOSITE
-        ):
-            measured, look, tone = _measured(scene, appearance, resampler.projection)
+        if light is not None and light.is_blocked and projection in MEASURING:
+            raise ValueError(
+                "shadows and occlusion dim light, so they need the projection composite or "
+                f"first-hit, not {projection}"
+            )
+        is_composite = projection is Projection.COMPOSITE
+        if appearance.classification is Classification.POST or not is_composite:
+            measured, look, tone = scene, appearance, Tone(is_negative=appearance.invert)
+            if projection is Projection.XRAY:  # the field is of attenuations
+                xray = settled(appearance.xray or XRay(MU_WATER * mm_of(scene)), scene)
+                water = attenuation(scene.values, xray.added)
+                measured, look = (
+                    scene._replace(values=water, units=""),
+                    replace(look, transfer=LEVELS),
+                )
+                tone = Tone(xray.mu_water, xray.window, appearance.invert)
             transfer = _field_transfer(measured, look, resampler)
             voxels = gathered(measured, transfer, resampler, look.gradient, look.labels)
+            if light is not None and light.is_blocked:
+                (voxels,) = with_shadows([voxels], [scene], scene, resampler, clip, light)
         else:
-            voxels = visible_voxels(scene, appearance)
-        radius = resampler.reconstruction.radius
-        if not isinstance(voxels, Gathered):
-            voxels = faced(keep(voxels, clip, radius), clip)
-        if appearance.light is not None and appearance.light.is_blocked:
-            voxels = _shadowed(voxels, scene, resampler, clip, appearance.light)
+            voxels = framing.keep(
+                visible_voxels(scene, appearance), clip, resampler.reconstruction.radius
+            )
+            voxels = framing.faced(voxels, clip)
+            if light is not None and light.is_blocked:
+                voxels = voxels._replace(reached=voxel_transmittance(voxels, light))
         pictures = _pictures(volume, scene.values, appearance, voxels)
         mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:
-            ball = bounding_sphere(around._replace(origin=around.origin - middle))
+            ball = framing.bounding_sphere(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
-        def shown() -> Placed | FramedVoxels:
+        def shown() -> Placed | framing.FramedVoxels:
             """Return the visible voxels, for cameras to fit."""
             if not isinstance(voxels, Gathered):
                 return voxels
             return shown_together([(scene, appearance)], clip, resampler)
 
-        ball = around_both(sphere_around(shown(), scene), mesh.corner)
+        ball = framing.around_both(framing.sphere_around(shown(), scene), mesh.corner)
         return cls(voxels, appearance, ball, middle, clip, mesh, tone, shown)
 
     @classmethod
@@ -285,10 +246,8 @@ class Subject:
     ) -> "Subject":
         """Classify several volumes of one scene; extinctions add up where they overlap.
 
-        Each is placed by its origin, spacing and direction. Light, crop (of its voxels), clip and
-        depth cue are those of the first; each has its own transfer function and labels. Those that
-        stay in their files share the memory limit.
-        Cameras orbit what is visible, or all of the volumes.
+        Light, crop, clip and depth cue are those of the first; each has its own transfer function
+        and labels. Volumes in files share the memory limit.
         """
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
@@ -309,10 +268,10 @@ class Subject:
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
         if fit == "volume":
-            return cls(fields, looks[0], bounding_sphere(scene), middle, clip, mesh)
+            return cls(fields, looks[0], framing.bounding_sphere(scene), middle, clip, mesh)
         layers = list(zip(volumes, looks, strict=True))
         shown = partial(shown_together, layers, clip, resampler)
-        ball = around_both(sphere_around(shown(), scene), mesh.corner)
+        ball = framing.around_both(framing.sphere_around(shown(), scene), mesh.corner)
         return cls(fields, looks[0], ball, middle, clip, mesh, seen=shown)
 
     def placed(self, volume: Volume) -> Volume:
@@ -322,7 +281,7 @@ class Subject:
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
         """Return the camera for a picture of this size in px, with the scene around the origin."""
         camera = camera_from(viewpoint, self.sphere, height, width)
-        return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
+        return camera if isinstance(viewpoint, Orbit) else framing.Shifted(camera, self.middle)
 
     @property
     def is_of_field(self) -> bool:
@@ -343,19 +302,6 @@ class Subject:
         if section is None or section.normal is not None:
             return np.zeros((0, 4))
         return section.planes(camera.view().rotation[2])
-
-    def misses(self, volume: Volume, forward: Doubles) -> bool:
-        """Return whether a slab across a direction (3,) misses a volume."""
-        section = self.appearance.section
-        if section is None:
-            return False
-        planes = section.planes(forward)
-        away = corners(self.placed(volume)) @ planes[:, :3].T + planes[:, 3]
-        return bool((away <= 0).all(axis=0).any())
-
-    def developed(self, frame: Frame) -> Frame:
-        """Tone map a frame: X-rays get their gray levels, negatives are inverted."""
-        return self.tone.developed(frame)
 
     @property
     def is_empty(self) -> bool:
@@ -399,11 +345,12 @@ class Subject:
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):
-            across = faced(self.voxels, self._across(camera))
+            across = framing.faced(self.voxels, self._across(camera))
             samples = lit_samples(across, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
         view = camera.view()
-        viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
+        eye = -view.rotation.T @ view.translation
+        viewer = viewer_of(eye) if view.perspective else viewer_of(view=view.rotation[2])
         dimmed = (near, far, cue.share if cue else 0.0)
         fields = fields_of(self.voxels)
         first, *others = (lit_lattice(field, light, viewer, dimmed) for field in fields)
@@ -432,7 +379,7 @@ def pictured(
         *(seen, camera), height=size[0], width=size[1], threads=threads, progress=progress,
         clip=cuts,
     )  # fmt: skip
-    return subject.developed(frame), subject, camera
+    return subject.tone.developed(frame), subject, camera
 
 
 def filled(
@@ -446,7 +393,9 @@ def filled(
         )
     if subject.seen is None:
         return viewpoint
-    found = filling(viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around)
+    found = framing.filling(
+        viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around
+    )
     is_smaller = around > 0 and found.zoom < viewpoint.zoom  # of a ball all is seen at zoom 1
     return viewpoint if is_smaller else found
 
@@ -471,30 +420,17 @@ def warn_of_nothing(subject: Subject, media: Sequence[VolumeLayer], projection: 
         warn(f"all values of {volume.name} are {least:g}: nothing can be told apart")
 
 
-def _eye(view: View) -> Doubles:
-    """Return the position (3,) of a perspective camera, scene units."""
-    return -view.rotation.T @ view.translation
-
-
 def painted_with_bar(
-    resampler: Resampler,
-    seen: Shaded,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    threads: int | None = None,
-    clip: Doubles | None = None,
-) -> Frame:
+    resampler: Resampler, seen: Shaded, camera: AnyCamera, size: tuple[int, int],
+    threads: int | None = None, clip: Doubles | None = None,
+) -> Frame:  # fmt: skip
     """Paint a picture (height, width), with a progress bar on a terminal if it takes long."""
+    height, width = size
     with progress_bar("painting") as progress:
         return resampler(
-            seen,
-            camera,
-            height=size[0],
-            width=size[1],
-            threads=threads,
-            progress=progress,
+            *(seen, camera), height=height, width=width, threads=threads, progress=progress,
             clip=clip,
-        )
+        )  # fmt: skip
 
 
 Painter = Callable[[AnyCamera], Frame]
@@ -529,7 +465,7 @@ def check_slabs(count: int, resampler: Resampler) -> None:
 
 def boxed(shown: Iterable[VolumeLayer], subject: Subject) -> Doubles:
     """Return the corners (N, 3) of a box around everything visible, in the subject's scene."""
-    ends = [corners(subject.placed(volume)) for volume, _ in shown]
+    ends = [framing.corners(subject.placed(volume)) for volume, _ in shown]
     return np.concatenate([*ends, subject.mesh.corner])
 
 
@@ -540,11 +476,6 @@ def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
     slack = BESIDE * float(np.abs(depth).max())
     first, last = max(float(depth.min()) - slack, view.near), float(depth.max()) + slack
     return np.linspace(first, max(last, first + slack), count + 1)
-
-
-def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
-    """Write a deep picture of `count` slabs; see `slabs` and `depths`."""
-    write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 
 
 def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthSlab]:

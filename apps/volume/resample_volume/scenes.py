@@ -135,7 +135,7 @@ class Scene(AnyScene):
                 progress=progress,
                 clip=subject.cuts(eye),
             )
-            frame = subject.developed(frame)
+            frame = subject.tone.developed(frame)
         if is_preview:
             frame = enlarged_frame(frame, per, (height, width))
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))

@@ -50,10 +50,7 @@ class CommonLattice(NamedTuple):
 
 
 def common_lattice(volumes: Sequence[Volume]) -> CommonLattice:
-    """Return the lattice of the finest volume, extended to cover all.
-
-    The finest has the smallest voxels. The result does not depend on the order of the volumes.
-    """
+    """Return the lattice of the finest volume, extended to cover all, in any order."""
     finest = min(volumes, key=_fineness)
     steps = lattice_of(finest)
     boxes = [_box(volume, steps, finest.origin) for volume in volumes]

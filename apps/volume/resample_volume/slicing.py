@@ -40,10 +40,9 @@ class LineProfile:
 
 
 def slice_planes(volume: Volume) -> tuple[SlicePlane, ...]:
-    """Return the orientations of axial, coronal and sagittal slices.
+    """Return the orientations of axial, coronal and sagittal slices, by the nearest axes.
 
-    Each is perpendicular to the voxels' axis nearest to z, y or x of the scene. In axial slices x
-    goes to the right and y downward, in the others z goes upward.
+    In axial slices x goes to the right and y downward, in the others z goes upward.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -63,22 +62,7 @@ def slice_levels(
     size: tuple[int, int],
     window: tuple[float, float] | None = None,
 ) -> NDArray[np.uint8]:
-    """Return levels (h, w, 3 or 4) of a slice, as large as fits into a picture.
-
-    Parameters
-    ----------
-    at
-        Index of the slice.
-    size
-        Width and height, px, of which a slice of other proportions fills one.
-    window
-        Values that are black and white; None: the least and greatest of the slice.
-
-    Raises
-    ------
-    ValueError
-        There is no such slice.
-    """
+    """Return levels (h, w, 3 or 4) of slice `at`, fit into a size (width, height) in px."""
     import cv2
 
     count = volume.values.shape[2 - plane.across]

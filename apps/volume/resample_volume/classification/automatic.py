@@ -83,12 +83,11 @@ def tomographic(volume: Volume, known: Survey) -> TransferFunction:
 
 
 def automatic(volume: Volume, known: Survey) -> TransferFunction:
-    """Return a transfer function for unknown data.
+    """Return a transfer function for unknown data, without padding and outliers.
 
-    Values below Otsu's threshold (1979), which splits the histogram into the two most homogeneous
-    classes, are transparent; above it opacity rises quickly to a half per voxel. If the volume's
-    border lies above it, this is reversed. Padding and outliers are left out. Of floating-point
-    values around zero both signs are visible.
+    Values below Otsu's threshold (1979) are transparent; above it opacity rises quickly to a half
+    per voxel. It is reversed if the volume's border is above the threshold. Floating-point values
+    around zero are shown on both sides of it.
     """
     import cv2
 
@@ -191,10 +190,7 @@ def _body(volume: Volume, known: Survey, threshold: float) -> Peak | None:
 
 
 def _faint(some: NDArray[Any], known: Survey, threshold: float) -> tuple[float, float] | None:
-    """Find structure below a threshold that is no edge of what is above it.
-
-    Returns the value halfway to it from its surroundings, and its typical value.
-    """
+    """Find structure below a threshold that is not an edge: its halfway and typical values."""
     values = some if some.dtype.itemsize <= 2 else np.asarray(some, np.float64)
     dense = values > threshold
     rest = values[(values >= known.low) & ~dense][::7].astype(np.float64)
@@ -266,11 +262,7 @@ def _codes(values: NDArray[Any], known: Survey) -> NDArray[np.uint8]:
 def levels(
     volume: Volume, known: Survey, projection: Projection, window: tuple[float, float] | None
 ) -> Transfer:
-    """Return gray levels for a projection of values.
-
-    Means along rays span less than the data, since rays mostly pass the surroundings; their range
-    is that of the means along the volume's axes.
-    """
+    """Return gray levels for a projection of values; of means, over the range of means."""
     if window is not None:
         return spread(LEVELS, window)
     if projection is Projection.AVERAGE:
@@ -281,7 +273,7 @@ def levels(
 def range_of_means(volume: Volume, known: Survey) -> tuple[float, float]:
     """Return the range of the means along all lines parallel to a volume's axes.
 
-    The brightest lines do not count: they run along a wall, unlike most rays.
+    The brightest lines are left out: they run along a wall, unlike most rays.
     """
     deep, down, across = volume.values.shape
     sides = ((down, across), (deep, across), (deep, down))

@@ -216,10 +216,9 @@ class Names:
 
 
 def transfer_for(name: str, volume: Volume, window: Window | None = None) -> Transfer:
-    """Return a transfer function by name or from a file, or `auto`, which adapts to the volume.
+    """Return a transfer function by name or from a file; `auto` adapts to the volume.
 
-    Fractions are of the robust range, without padding and outliers. Tissues need values in
-    Hounsfield units, as stated or guessed; for these, `auto` is `ct`.
+    Fractions are of the robust range. Tissues need Hounsfield units, stated or guessed.
     """
     is_plain = name == "auto" and window is None
     if is_plain and volume.colors is not None and volume.colors.shape[-1] == 4:

@@ -44,15 +44,10 @@ class Region:
 class RegionTransfer:
     """Color and opacity by regions over values and gradient lengths.
 
-    Where several overlap, light passes through all of them: their transparencies multiply. Color
-    is their mean in linear light, weighted by their opacities. Their order does not matter.
-
-    Gradients are in data units per scene unit, so that a file applies to scans of any voxel size.
-    If `normalized`, it applies to any data: values are positions between the least and the
-    greatest, gradients fractions of the 99th percentile of their lengths over all voxels that
-    regions could show by their value, as in `gradient_opacity`.
-
-    Raises ValueError: there is no region, or a number is outside its range.
+    Where several overlap, light passes through all of them, in any order: transparencies multiply,
+    and colors are averaged in linear light by opacity. Gradients are in data units per scene unit.
+    If `normalized`, values are positions in the data's range, and gradients fractions of the 99th
+    percentile of their lengths over all voxels that regions may show by value.
     """
 
     regions: tuple[Region, ...]
@@ -156,12 +151,9 @@ class RegionTransfer:
 
 @dataclass(frozen=True)
 class Faded:
-    """A transfer function that fades homogeneous regions, so that surfaces remain.
+    """A transfer function whose opacity rises between two gradient lengths.
 
-    Opacity is multiplied by a ramp that rises from 0 to 1 between two lengths of the gradient, as
-    fractions of their 99th percentile.
-
-    Raises ValueError: the ramp descends, or a number is below 0.
+    They are fractions of the lengths' 99th percentile, so that only surfaces remain.
     """
 
     transfer: Transfer

@@ -56,10 +56,7 @@ class LogScale:
         return np.where(away <= NEAR, given / NEAR, far) * self.linear
 
     def place(self, value: float, what: str) -> float:
-        """Convert one value, which must have a logarithm.
-
-        Raises ValueError: it has no logarithm.
-        """
+        """Convert one value; ValueError if it has no logarithm."""
         place = float(self.scaled(np.array(value)))
         if not math.isfinite(place):
             raise ValueError(
@@ -116,9 +113,7 @@ def scaled(volume: Volume, scale: str) -> Volume:
     """Convert a volume to logarithms, which are interpolated, classified and shaded.
 
     Padding and values without logarithm become NaN; `note` says so. Looks given as text refer to
-    the original values; fractions are of the scaled range.
-
-    `scale`: `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
+    the original values, fractions to the scaled range.
     """
     by = scale_named(scale)
     if by is None:

@@ -211,11 +211,10 @@ def tabulated(
     shape: tuple[int, int] = (64, 4096),
     changed: Callable[[Floats, Floats], tuple[Floats, Floats]] | None = None,
 ) -> TransferTable:
-    """Tabulate looks by value and slope.
+    """Tabulate looks by value (K columns) and slope (G rows), changed by `changed`.
 
-    `steep`: slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to
-    the slope above which looks do not change. `unit`: thickness that opacities refer to, scene
-    units. `shape`: rows and columns (G, K). `changed`: changes colors and opacities, as a rule.
+    Rows go from 0 to the slope above which looks do not change; `steep` is that of a full surface.
+    `unit` is the thickness that opacities refer to, scene units.
     """
     low, high = data_range
     end = transfer.steepest(steep)
@@ -276,10 +275,7 @@ def _bits(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:
-    """Return the optical depth per scene unit.
-
-    `opacity`: (N,) 0..1 of a layer of the thickness `unit`; clipped to `MOST_OPAQUE`.
-    """
+    """Return the optical depth per scene unit of opacities (N,) of a layer of `unit`."""
     share = np.minimum(np.asarray(opacity, np.float64), MOST_OPAQUE)
     with np.errstate(over="ignore"):
         depth = np.asarray(-np.log1p(-share) / unit, np.float32)
@@ -311,10 +307,8 @@ TINY = 1e-30  # opacity too small to affect color
 class Materials:
     """Several transfer functions at once.
 
-    Light passes through all materials of a value: their transparencies multiply. Color is their
-    mean in linear light, weighted by their opacities. Their order does not matter.
-
-    Raises ValueError: there is none, or opacities refer to different lengths.
+    Light passes through all materials of a value, in any order: their transparencies multiply, and
+    colors are averaged in linear light by opacity.
     """
 
     parts: tuple[Transfer, ...]
@@ -412,10 +406,7 @@ class Windowed:
 
 
 def spread(transfer: Transfer, span: DataRange) -> Transfer:
-    """Rescale a transfer function of fractions to a range in data units.
-
-    `span`: values of the fractions 0 and 1, ascending.
-    """
+    """Rescale a transfer function of fractions to a range in data units."""
     if not transfer.normalized:
         return transfer
     if isinstance(transfer, Materials):

@@ -181,12 +181,12 @@ class Survey(NamedTuple):
 
 @memoized(lambda volume: volume.values)
 def survey(volume: Volume) -> Survey:
-    """Compute the statistics of a volume's values.
+    """Compute the statistics of a volume's values; the range is 0 to 1 if none is finite.
 
-    Padding is a frequent value far outside the range of all others: scanners and programs write it
-    where nothing was measured. It is below 0 or on the volume's border: 0 below all others is the
-    surroundings of a segmented object, and high values inside may be metal. Bytes have no padding.
-    Outliers are a few voxels far from all others. Without any finite value, the range is 0 to 1.
+    Padding is a frequent value far outside the range of all others, below 0 or on the volume's
+    border, where nothing was measured. (0 below all others surrounds a segmented object; high
+    values inside may be metal.) Bytes have no padding. Outliers are a few voxels far from all
+    others.
     """
     levels, infinite = _levels(volume.values)
     if not levels.value.size:
@@ -237,9 +237,10 @@ def findings(known: Survey) -> list[str]:
 
 
 def label_count(volume: Volume) -> int:
-    """Return how many labels values seem to be: few whole numbers, in regions; 0: they are none.
+    """Return the number of labels that values seem to be; 0 if they are measured values.
 
-    Of neighbours off the most frequent value, in scans of 8 bits at most 6 in 10 are equal.
+    Labels are few whole numbers in regions. In scans of 8 bits, at most 6 in 10 neighbours off the
+    most frequent value are equal.
     """
     levels = survey(volume).levels
     if not 2 < levels.value.size <= MOST_LABELS or volume.colors is not None or volume.scale:
@@ -259,10 +260,7 @@ def label_count(volume: Volume) -> int:
 
 
 def without_padding(volume: Volume, known: Survey) -> Volume:
-    """Replace padding and infinite values by missing ones.
-
-    Integers have no NaN: there padding becomes the least of the other values.
-    """
+    """Replace padding and infinite values by NaN, or the least other value of integers."""
     if not known.padding and not known.infinite:
         return volume
     is_whole = volume.values.dtype.kind in "iu"
@@ -272,11 +270,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
 
 
 def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int]:
-    """Return the first and last value that is not an outlier.
-
-    `value`: (K,) values, ascending. `count`: (K,) voxels of each. Result: indices; all values if
-    the others are equal.
-    """
+    """Return the indices of the first and last of ascending values (K,) that are not outliers."""
     total = np.cumsum(count)
     middle = value[np.searchsorted(total, total[-1] / 2)]
     last = _last(value, total[-1] - total, most, gap, middle)

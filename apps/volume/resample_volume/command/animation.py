@@ -38,23 +38,10 @@ from resample.types import Floats
 from resample_volume.annotations import Annotations, annotated, bar_of
 from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
+from resample_volume.command import inputs
 from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
-from resample_volume.command.inputs import (
-    allowed_memory,
-    appearance_over_time,
-    beside,
-    can_stream,
-    labelled,
-    media,
-    others,
-    read_as_whole,
-    require_values,
-    times_of,
-    with_memory,
-    with_objects,
-)
 from resample_volume.command.inputs import over_time as read_over_time
-from resample_volume.command.rendering import say_missed, scene_of
+from resample_volume.command.rendering import scene_of, slab_missed
 from resample_volume.data.values import bricks_of, is_streamed
 from resample_volume.rendering import Subject
 from resample_volume.series import Ready, Series, is_chunked, whole
@@ -215,7 +202,7 @@ def frame_of(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels
         threads=paint.threads,
         clip=subject.cuts(camera),
     )
-    painted, overlay = subject.developed(painted), paint.drawing
+    painted, overlay = subject.tone.developed(painted), paint.drawing
     if overlay is not None and overlay.given.is_any:
         painted = annotated(painted, camera, overlay.volume, overlay.given)
     rgba = painted.rgba
@@ -281,7 +268,7 @@ def film_of(
     start_workers: StartWorkers | None = None,
 ) -> ReadyFilm:
     """Read and prepare the scene of a film."""
-    times = None if recording is None else times_of(script.source, recording)
+    times = None if recording is None else inputs.times_of(script.source, recording)
     if times is not None:
         return _film_of_times(script, times, flight, paint, about, start_workers)
     if recording is not None and is_chunked(recording):
@@ -289,7 +276,8 @@ def film_of(
     shown, subject = _scene_for(script, paint.size, recording, start_workers)
     paint = replace(paint, drawing=_overlay(script, shown, subject, paint))
     cameras = cameras_of(subject, flight, paint.size)
-    say_missed(shown, subject, cameras[0])
+    if missed := slab_missed(shown, subject, cameras[0]):
+        say(missed)
     made = shots(subject, cameras, paint, about)
     return ReadyFilm(made, cameras, paint, is_streamed(shown[0][0]), subject.is_of_field)
 
@@ -300,7 +288,7 @@ def _overlay(
     """Return the annotations and color bars of all frames; None without any."""
     given, bars = script.beside.annotations(paint.background), list[Floats]()
     if script.beside.color_bar:
-        require_values(shown[0][0], "a color bar")
+        inputs.require_values(shown[0][0], "a color bar")
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]
     is_any = given.is_any or bars
@@ -320,7 +308,7 @@ def _film_of_times(
     count = prod(bricks_of(whole(times)).count) if is_chunked(times) else 0
     with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
-    look = appearance_over_time(series, script.appearance, paint.resampler)
+    look = inputs.appearance_over_time(series, script.appearance, paint.resampler)
     layers, subject = _scenes(script, series, look, paint.resampler)
     with progress_bar("scanning all times") as progress:
         course = Course(len(series), subject, progress)
@@ -329,7 +317,8 @@ def _film_of_times(
     paint = replace(paint, drawing=_overlay(script, first, course[0], paint))
     cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
     for camera in (None, cameras[0]):
-        say_missed(first, course[0], camera)
+        if missed := slab_missed(first, course[0], camera):
+            say(missed)
     frames = _frames_over(course, cameras, paint)
     made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
@@ -338,20 +327,17 @@ def _film_of_times(
 def _read(
     script: Script, times: Recording, start_workers: StartWorkers | None
 ) -> tuple[Recording, Ready]:
-    """Return the times, streamed or as one array; and for streamed times, how they are read.
-
-    Fields need arrays, and so do several volumes.
-    """
+    """Return the times, streamed or as one array, and how streamed times are read."""
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if is_chunked(times) and not (is_alone and can_stream(resampler)):
-        times = read_as_whole(times, script.source)
+    if is_chunked(times) and not (is_alone and inputs.can_stream(resampler)):
+        times = inputs.read_as_whole(times, script.source)
     if is_chunked(times):
         count, *_, deep, down, across = times.values.shape
         size = f"{count} times of {across} x {down} x {deep} voxels"
         say(f"{times.name}: {size} are read one after the other, brick by brick")
-    allowed = allowed_memory(script.source)
-    return times, partial(with_memory, allowed=allowed, start_workers=start_workers)
+    allowed = inputs.allowed_memory(script.source)
+    return times, partial(inputs.with_memory, allowed=allowed, start_workers=start_workers)
 
 
 def _scenes(
@@ -359,8 +345,10 @@ def _scenes(
 ) -> tuple[Callable[[int], list[VolumeLayer]], Callable[[int], Subject]]:
     """Return functions of a time: the volumes of a script, all under one look, and their scene."""
     objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
-    own = objects.beside(labelled(look, series, script.appearance))
-    further = beside(others(script.added.also, script.source), script.appearance, resampler)
+    own = objects.beside(inputs.labelled(look, series, script.appearance))
+    further = inputs.beside(
+        inputs.others(script.added.also, script.source), script.appearance, resampler
+    )
 
     def layers(time: int) -> list[VolumeLayer]:
         return [(series[time], own), *further]
@@ -393,8 +381,8 @@ def _scene_for(
     resampler = look.renderer(script.resampling, script.source.scale)
     objects = script.beside.scene_objects(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
-    given = media(*words, recording=recording, start_workers=start_workers)
-    shown = with_objects(given, objects)
+    given = inputs.media(*words, recording=recording, start_workers=start_workers)
+    shown = inputs.with_objects(given, objects)
     return shown, scene_of(Session(), shown, resampler, look.fit, size)
 
 
@@ -415,7 +403,7 @@ def _frames_of_times(
 ) -> Frames:
     """Return the frames of a changing volume, by statistics that another process found."""
     found = read_over_time(script.source, script.volume)
-    times = None if found is None else times_of(script.source, found)
+    times = None if found is None else inputs.times_of(script.source, found)
     if times is None:
         raise OSError(f"{script.volume} changed while it was filmed; try again")
     times, ready = _read(script, times, None)
@@ -428,7 +416,7 @@ def _frames_of_times(
 def again(
     script: Script, film: ReadyFilm, crew: WorkerPool | None
 ) -> Callable[[int], Frames] | None:
-    """Return the function that makes a film's frames in other processes, if there are any.
+    """Return the function that makes a film's frames in other processes; None without any.
 
     Each worker reads the scene itself. Workers on one machine share its memory limit.
     """

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -42,93 +42,68 @@ FROM_ABOVE = "30,20,1"  # the camera if none is asked for
 TRANSFER = Inline(rule="resample_volume.classification.presets:names_file")
 
 
+def described(default: Any, text: str, **limits: Any) -> Any:
+    """Declare an option: its default, its help, and the limits of pydantic's `Field`."""
+    return Field(default, description=text, **limits)
+
+
 class ReadOptions(Choices):
     """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    reader: Annotated[
-        str | None,
-        Field(
-            description="Name of the reader, such as raw:offset=512. [default: the one for the "
-            "file's suffix]"
-        ),
-    ] = None
-    shape: Annotated[
-        str | None,
-        Field(
-            description="Size of a raw file's grid along x, y, z, and number of times: "
-            "256x256x128. [default: from the header or the file's name]"
-        ),
-    ] = None
-    dtype: Annotated[
-        str | None,
-        Field(
-            description="Data type of a raw file: uint8, int16, >i2 (big-endian) ... "
-            "[default: from the header or the file's name]"
-        ),
-    ] = None
-    endian: Annotated[
-        Literal["little", "big"] | None,
-        Field(description="Byte order of a raw file. [default: little]"),
-    ] = None
-    spacing: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="Distances between voxels along x, y and z, such as 1,1,1.4 or "
-            "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]"
-        ),
-    ] = None
-    memory: Annotated[
-        str | None,
-        OptionTopic.RESOURCE,
-        Field(
-            description=f"{MEMORY}. [default: all free memory; half of it for the voxels of a "
-            "chunked "
-            "volume (OME-Zarr, zarr)]"
-        ),
-    ] = None
-    level: Annotated[
-        int | None,
-        Field(
-            ge=0,
-            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
-            "levels info lists. [default: 0]",
-        ),
-    ] = None
-    units: Annotated[
-        Literal["hu", "hu+1024", "none"] | None,
-        Field(
-            description="Units of the values: Hounsfield units, these plus 1024, or others. "
-            "[default: those in the file, or guessed from the values]"
-        ),
-    ] = None
+    reader: str | None = described(
+        None, "Name of the reader, such as raw:offset=512. [default: the one for the file's suffix]"
+    )
+    shape: str | None = described(
+        None,
+        "Size of a raw file's grid along x, y, z, and number of times: "
+        "256x256x128. [default: from the header or the file's name]",
+    )
+    dtype: str | None = described(
+        None,
+        "Data type of a raw file: uint8, int16, >i2 (big-endian) ... "
+        "[default: from the header or the file's name]",
+    )
+    endian: Literal["little", "big"] | None = described(
+        None, "Byte order of a raw file. [default: little]"
+    )
+    spacing: Annotated[str | None, Hyphen] = described(
+        None,
+        "Distances between voxels along x, y and z, such as 1,1,1.4 or "
+        "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]",
+    )
+    memory: Annotated[str | None, OptionTopic.RESOURCE] = described(
+        None,
+        f"{MEMORY}. [default: all free memory; half of it for the voxels of a "
+        "chunked "
+        "volume (OME-Zarr, zarr)]",
+    )
+    level: int | None = described(
+        None,
+        "Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
+        "levels info lists. [default: 0]",
+        ge=0,
+    )
+    units: Literal["hu", "hu+1024", "none"] | None = described(
+        None,
+        "Units of the values: Hounsfield units, these plus 1024, or others. "
+        "[default: those in the file, or guessed from the values]",
+    )
 
-    scale: Annotated[
-        str,
-        Field(
-            description="Scale on which values are shown: linear, log, or symlog:linear=0.01, "
-            "which is linear from -0.01 to 0.01. Transfer functions and windows stay in the "
-            "values' own units."
-        ),
-    ] = "linear"
-    time: Annotated[
-        int | None,
-        Hyphen,
-        Field(
-            description="Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
-        ),
-    ] = None
-    channel: Annotated[
-        int | None,
-        Hyphen,
-        Field(
-            description="Index of the channel, from 0. [default: all, if these are colors; "
-            "otherwise 0]"
-        ),
-    ] = None
+    scale: str = described(
+        "linear",
+        "Scale on which values are shown: linear, log, or symlog:linear=0.01, "
+        "which is linear from -0.01 to 0.01. Transfer functions and windows stay in the "
+        "values' own units.",
+    )
+    time: Annotated[int | None, Hyphen] = described(
+        None, "Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
+    )
+    channel: Annotated[int | None, Hyphen] = described(
+        None, "Index of the channel, from 0. [default: all, if these are colors; otherwise 0]"
+    )
 
 
 class Added(Choices):
@@ -137,25 +112,18 @@ class Added(Choices):
     heading: ClassVar[str] = "Further volumes"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    also: Annotated[
-        tuple[str, ...],
-        OptionTopic.SOURCE,
-        Several,
-        Field(
-            description="Another file in the scene, placed by its coordinates: pet.nrrd, or "
-            "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
-            "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
-            "up."
-        ),
-    ] = ()
-    channels: Annotated[
-        str | None,
-        TRANSFER,
-        Field(
-            description="Appearance of each channel of the file: a color, a transfer function or "
-            "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
-        ),
-    ] = None
+    also: Annotated[tuple[str, ...], OptionTopic.SOURCE, Several] = described(
+        (),
+        "Another file in the scene, placed by its coordinates: pet.nrrd, or "
+        "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
+        "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
+        "up.",
+    )
+    channels: Annotated[str | None, TRANSFER] = described(
+        None,
+        "Appearance of each channel of the file: a color, a transfer function or "
+        "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2.",
+    )
 
 
 class AppearanceChoices(Choices):
@@ -164,146 +132,101 @@ class AppearanceChoices(Choices):
     heading: ClassVar[str] = "Look"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    transfer: Annotated[
-        str,
-        TRANSFER,
-        Hyphen,
-        Field(
-            description="Transfer function: auto, which adapts to the values; "
-            f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
-            "of values such as 300..900; control points value,color,opacity such as "
-            "'40,red,0 90,white,0.5'; or a .json or .toml file of control points over values, or "
-            "of regions over values and gradients. After a name, :opacity=0.2,low=0.3 makes it "
-            "thinner, color=tomato colors it, gradient=0.1,0.5 keeps only its surfaces. Several "
-            "materials: skin:opacity=0.1+bone."
-        ),
-    ] = "auto"
-    window: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="Window of values that auto, gray, bone, vessels, surfaces and colormaps "
-            "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
-            "integrals. [default: all values but padding and outliers]"
-        ),
-    ] = None
-    opacity_unit: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            allow_inf_nan=False,
-            description="Length in scene units to which opacities refer. [default: a voxel's size]",
-        ),
-    ] = None
+    transfer: Annotated[str, TRANSFER, Hyphen] = described(
+        "auto",
+        "Transfer function: auto, which adapts to the values; "
+        f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
+        "of values such as 300..900; control points value,color,opacity such as "
+        "'40,red,0 90,white,0.5'; or a .json or .toml file of control points over values, or "
+        "of regions over values and gradients. After a name, :opacity=0.2,low=0.3 makes it "
+        "thinner, color=tomato colors it, gradient=0.1,0.5 keeps only its surfaces. Several "
+        "materials: skin:opacity=0.1+bone.",
+    )
+    window: Annotated[str | None, Hyphen] = described(
+        None,
+        "Window of values that auto, gray, bone, vessels, surfaces and colormaps "
+        "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
+        "integrals. [default: all values but padding and outliers]",
+    )
+    opacity_unit: float | None = described(
+        None,
+        "Length in scene units to which opacities refer. [default: a voxel's size]",
+        gt=0,
+        allow_inf_nan=False,
+    )
     camera: Viewed = FROM_ABOVE
     fov: FieldOfView = 30.0
     up: Up = "z"
-    fit: Annotated[
-        Literal["visible", "volume"],
-        under(CAMERA),
-        Field(description="How the picture is filled: by what is visible, or by the whole volume."),
-    ] = "visible"
-    shading: Annotated[
-        bool, Lit, Field(description="Light surfaces: by the light that --light gives.")
-    ] = True
-    light: Annotated[
-        str,
-        Hyphen,
-        Lit,
-        Field(description="Where light comes from: eye, or a scene direction such as 1,-1,2."),
-    ] = "eye"
-    ambient: Annotated[
-        float, Lit, Field(ge=0, allow_inf_nan=False, description="Ambient light.")
-    ] = 0.3
-    diffuse: Annotated[
-        float, Lit, Field(ge=0, allow_inf_nan=False, description="Diffuse light.")
-    ] = 0.7
-    specular: Annotated[
-        float,
-        Lit,
-        Field(ge=0, allow_inf_nan=False, description="Strength of specular highlights."),
-    ] = 0.2
-    shininess: Annotated[
-        float,
-        Lit,
-        Field(
-            gt=0,
-            allow_inf_nan=False,
-            description="Specular exponent: the greater, the smaller the highlights.",
-        ),
-    ] = 32.0
-    shadows: Annotated[bool, Lit, Field(description="Cast shadows; needs --light.")] = False
-    ambient_occlusion: Annotated[
-        bool, Lit, Field(description="Dim ambient light where the surroundings are dense.")
-    ] = False
-    gradient: Annotated[
-        Literal["central", "sobel"],
-        Field(description="How gradients, and so normals, are computed."),
-    ] = "central"
-    gradient_opacity: Annotated[
-        str | None,
-        Field(
-            description="Fade homogeneous regions: opacity rises between these fractions of the "
-            "steepest gradient, such as 0.1,0.5."
-        ),
-    ] = None
+    fit: Annotated[Literal["visible", "volume"], under(CAMERA)] = described(
+        "visible", "How the picture is filled: by what is visible, or by the whole volume."
+    )
+    shading: Annotated[bool, Lit] = described(
+        True, "Light surfaces: by the light that --light gives."
+    )
+    light: Annotated[str, Hyphen, Lit] = described(
+        "eye", "Where light comes from: eye, or a scene direction such as 1,-1,2."
+    )
+    ambient: Annotated[float, Lit] = described(0.3, "Ambient light.", ge=0, allow_inf_nan=False)
+    diffuse: Annotated[float, Lit] = described(0.7, "Diffuse light.", ge=0, allow_inf_nan=False)
+    specular: Annotated[float, Lit] = described(
+        0.2, "Strength of specular highlights.", ge=0, allow_inf_nan=False
+    )
+    shininess: Annotated[float, Lit] = described(
+        32.0,
+        "Specular exponent: the greater, the smaller the highlights.",
+        gt=0,
+        allow_inf_nan=False,
+    )
+    shadows: Annotated[bool, Lit] = described(False, "Cast shadows; needs --light.")
+    ambient_occlusion: Annotated[bool, Lit] = described(
+        False, "Dim ambient light where the surroundings are dense."
+    )
+    gradient: Literal["central", "sobel"] = described(
+        "central", "How gradients, and so normals, are computed."
+    )
+    gradient_opacity: str | None = described(
+        None,
+        "Fade homogeneous regions: opacity rises between these fractions of the "
+        "steepest gradient, such as 0.1,0.5.",
+    )
 
-    classify: Annotated[
-        Literal["auto", "pre", "post"],
-        Field(
-            description="Pre: classify voxels, then interpolate colors. Post: interpolate "
-            "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
-            "given."
-        ),
-    ] = "auto"
-    labels: Annotated[
-        str | None,
-        OptionTopic.SOURCE,
-        Field(description="Volume of integers: the label of each voxel."),
-    ] = None
-    label: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(description="Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
-    ] = ()
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 64:192,:,10: in voxels."),
-    ] = None
-    clip: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Clip by a plane through the center, keep the side the normal points to: "
-            "1,0,-1, or 1,0,-1,20 shifted by 20 scene units."
-        ),
-    ] = ()
-    slab: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="Show only a slab: offset,thickness such as 20,10, in scene units along "
-            "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction."
-        ),
-    ] = None
-    mu_water: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            allow_inf_nan=False,
-            description="Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
-        ),
-    ] = None
-    invert: Annotated[
-        bool,
-        Switch,
-        Field(description="Invert projections of values, so that bones are black."),
-    ] = False
-    depth_cue: Annotated[
-        float | None,
-        Field(ge=0, le=1, description="Fraction of the light lost at the far end. [default: 0]"),
-    ] = None
+    classify: Literal["auto", "pre", "post"] = described(
+        "auto",
+        "Pre: classify voxels, then interpolate colors. Post: interpolate "
+        "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
+        "given.",
+    )
+    labels: Annotated[str | None, OptionTopic.SOURCE] = described(
+        None, "Volume of integers: the label of each voxel."
+    )
+    label: Annotated[tuple[str, ...], Several] = described(
+        (), "Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."
+    )
+    crop: Annotated[str | None, Hyphen] = described(
+        None, "Crop to ranges along x, y, z: 64:192,:,10: in voxels."
+    )
+    clip: Annotated[tuple[str, ...], Several] = described(
+        (),
+        "Clip by a plane through the center, keep the side the normal points to: "
+        "1,0,-1, or 1,0,-1,20 shifted by 20 scene units.",
+    )
+    slab: Annotated[str | None, Hyphen] = described(
+        None,
+        "Show only a slab: offset,thickness such as 20,10, in scene units along "
+        "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction.",
+    )
+    mu_water: float | None = described(
+        None,
+        "Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
+        gt=0,
+        allow_inf_nan=False,
+    )
+    invert: Annotated[bool, Switch] = described(
+        False, "Invert projections of values, so that bones are black."
+    )
+    depth_cue: float | None = described(
+        None, "Fraction of the light lost at the far end. [default: 0]", ge=0, le=1
+    )
 
     def of_voxels(self) -> "AppearanceChoices":
         """Return this look with classification pre, unless post was chosen."""
@@ -432,59 +355,35 @@ class Beside(Choices):
     heading: ClassVar[str] = "Annotations and objects"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    axes: Annotated[
-        bool, Switch, Field(description="Draw the scene's axes x, y and z at the volume's corner.")
-    ] = False
-    box: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Draw the edges of the volume's bounding box, with hidden lines removed."
-        ),
-    ] = False
-    cube: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Draw an orientation cube: R L A P S I for patients, otherwise +X -X and "
-            "so on."
-        ),
-    ] = False
-    scale_bar: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Draw a scale bar of a round length; in perspective it holds at the "
-            "volume's center."
-        ),
-    ] = False
-    mesh: Annotated[
-        tuple[str, ...],
-        OptionTopic.SOURCE,
-        Several,
-        Field(
-            description="Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
-            ".glb). Needs the order rays and composite or first-hit. Not clipped by --clip; "
-            "--fit visible includes it."
-        ),
-    ] = ()
-    plane: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
-            "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
-            "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip."
-        ),
-    ] = ()
-    surface: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
-            "needs, and the extra vtk; not clipped by --clip."
-        ),
-    ] = ()
+    axes: Annotated[bool, Switch] = described(
+        False, "Draw the scene's axes x, y and z at the volume's corner."
+    )
+    box: Annotated[bool, Switch] = described(
+        False, "Draw the edges of the volume's bounding box, with hidden lines removed."
+    )
+    cube: Annotated[bool, Switch] = described(
+        False, "Draw an orientation cube: R L A P S I for patients, otherwise +X -X and so on."
+    )
+    scale_bar: Annotated[bool, Switch] = described(
+        False, "Draw a scale bar of a round length; in perspective it holds at the volume's center."
+    )
+    mesh: Annotated[tuple[str, ...], OptionTopic.SOURCE, Several] = described(
+        (),
+        "Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
+        ".glb). Needs the order rays and composite or first-hit. Not clipped by --clip; "
+        "--fit visible includes it.",
+    )
+    plane: Annotated[tuple[str, ...], Several] = described(
+        (),
+        "Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
+        "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
+        "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip.",
+    )
+    surface: Annotated[tuple[str, ...], Several] = described(
+        (),
+        "Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
+        "needs, and the extra vtk; not clipped by --clip.",
+    )
 
     @property
     def is_annotated(self) -> bool:
@@ -523,11 +422,9 @@ class Beside(Choices):
 class BesideFilm(Beside):
     """The same, plus a color bar."""
 
-    color_bar: Annotated[
-        bool,
-        Switch,
-        Field(description="Add a bar to the right: colors, opacities and values."),
-    ] = False
+    color_bar: Annotated[bool, Switch] = described(
+        False, "Add a bar to the right: colors, opacities and values."
+    )
 
     def check_bar(self, output: "Path", height: int) -> None:
         """Reject an impossible color bar before any work is done."""
@@ -540,23 +437,15 @@ class BesideFilm(Beside):
 class BesidePicture(BesideFilm):
     """The same, plus options of a single picture."""
 
-    zoom_in: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Zoom and pan so that everything visible fills the picture, and print "
-            "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
-            "in space, what is visible fills most of it."
-        ),
-    ] = False
-    deep: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=1024,
-            description="Write a deep .exr with this many slabs of depth instead of one layer.",
-        ),
-    ] = None
+    zoom_in: Annotated[bool, Switch] = described(
+        False,
+        "Zoom and pan so that everything visible fills the picture, and print "
+        "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
+        "in space, what is visible fills most of it.",
+    )
+    deep: int | None = described(
+        None, "Write a deep .exr with this many slabs of depth instead of one layer.", ge=1, le=1024
+    )
 
     def fit(self, look: AppearanceChoices) -> "Fitted":
         """Return what the camera is fitted to."""

@@ -29,15 +29,7 @@ from resample_volume.classification.value_statistics import (
     without_padding,
 )
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
-from resample_volume.data.recordings import (
-    SeveralChannelsError,
-    SeveralTimesError,
-    assumed,
-    how,
-    unit_of_space,
-    volume_at,
-    with_times_first,
-)
+from resample_volume.data import recordings
 from resample_volume.data.values import as_array, bricks_of, is_streamed
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
@@ -76,10 +68,7 @@ def opened_of_several(
     streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
 ) -> tuple[Volume, Recording | None]:
-    """Open a volume, and return its recording, if there are several times or channels.
-
-    Of several times the first is taken, with a message, unless another is chosen.
-    """
+    """Open a volume and its recording; the first time is shown if none is chosen."""
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
     held = open_streamed(place, reader)
@@ -99,7 +88,7 @@ def of_first_channel(
     """Read what shows one volume; of several channels the first, with a message."""
     try:
         return read(source), source
-    except SeveralChannelsError:
+    except recordings.SeveralChannelsError:
         say("the first of several channels is shown (--channel)")
         source = source.model_copy(update={"channel": 0})
         return read(source), source
@@ -112,7 +101,7 @@ def _read(
     if source.time is None and source.channel is None:
         try:
             return open_volume(place, reader), None
-        except SeveralTimesError:
+        except recordings.SeveralTimesError:
             pass
     recording = open_recording(place, reader)
     return _chosen(recording, source), recording
@@ -122,8 +111,8 @@ def _chosen(recording: Recording, source: ReadOptions) -> Volume:
     """Return the chosen volume of a recording, by default of the first time."""
     times, parts = recording.values.shape[:2]
     if source.time is not None or times == 1 or (source.channel is not None and parts == 1):
-        return volume_at(recording, source.time, source.channel)
-    shown = volume_at(recording, 0, source.channel)
+        return recordings.volume_at(recording, source.time, source.channel)
+    shown = recordings.volume_at(recording, 0, source.channel)
     say(f"{recording.name} has {times} times, 0 to {times - 1}; the first is shown (--time)")
     return shown
 
@@ -148,7 +137,7 @@ def allowed_memory(source: ReadOptions) -> int | None:
 def with_memory(
     volume: Volume, allowed: int | None, start_workers: "StartWorkers | None" = None
 ) -> Volume:
-    """Return a chunked volume with a memory limit in bytes, or half of the free memory.
+    """Set the memory limit of a chunked volume, by default half of the free memory.
 
     Workers scan a large one, unless its statistics are cached.
     """
@@ -191,10 +180,7 @@ def levels(source: ReadOptions, name: str) -> list[dict[str, Any]]:
 
 
 def over_time(source: ReadOptions, name: str) -> Recording | None:
-    """Open all times and channels of a name; None for a single chunked volume.
-
-    In a store they stay in their file, unless channels are colors, which are read as a whole.
-    """
+    """Open all times and channels of a name, by default unread; None for one chunked volume."""
     found = open_streamed(*_named(source, name))
     if found is None or (found.is_color and source.channel is None):
         return held(source, name)
@@ -278,7 +264,7 @@ def changed(source: ReadOptions, found: Opened) -> Opened:
     """Return a volume with the properties that override its file's."""
     if source.spacing is not None:
         spacing, length = spacing_of(source.spacing)
-        length = length or unit_of_space(found)
+        length = length or recordings.unit_of_space(found)
         found = found._replace(spacing=np.array(spacing), thickness=0.0, length=length)
     return found if source.units is None else found._replace(units=source.units)
 
@@ -298,7 +284,7 @@ def prepared(
 
 def note_assumed(found: Volume | Recording) -> None:
     """Say once in a command what was assumed of lengths, if anything was."""
-    if line := assumed(found):
+    if line := recordings.assumed(found):
         note(line)
 
 
@@ -327,7 +313,7 @@ def require_values(volume: Volume, what: str) -> None:
     if volume.colors is not None:
         raise ValueError(
             f"{what} is of values, but {volume.name} has colors; "
-            + how("channel", volume.colors.shape[-1])
+            + recordings.how("channel", volume.colors.shape[-1])
         )
 
 
@@ -346,10 +332,7 @@ class Other(NamedTuple):
 
 
 def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Other]:
-    """Parse further volumes such as `pet.nrrd:window=5,10,transfer=hot:opacity=0.3`.
-
-    Chunked volumes get the memory limit of `source`.
-    """
+    """Parse further volumes such as `pet.nrrd:window=5,10,transfer=hot:opacity=0.3`."""
     memory = {"memory": None if source is None else source.memory}
     found = [_other(text) for text in texts]
     return [one._replace(source=one.source.model_copy(update=memory)) for one in found]
@@ -370,10 +353,7 @@ def media(
     recording: Recording | None = None,
     start_workers: "StartWorkers | None" = None,
 ) -> list[VolumeLayer]:
-    """Read the volumes of a scene with their looks, each file once.
-
-    Workers scan a store without cached statistics.
-    """
+    """Read the volumes of a scene with their looks, each file once; workers scan a store."""
     further = others(added.also, source)
     if added.channels is not None:
         first = _channels(source, name, look, added.channels, resampler)
@@ -382,13 +362,15 @@ def media(
         is_streamed = can_stream(resampler)
         try:
             volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
-        except SeveralChannelsError:
+        except recordings.SeveralChannelsError:
             if resampler.projection is not Projection.COMPOSITE or look.transfer != "auto":
                 raise
             first = _channels(source, name, look, None, resampler)
             return first + beside(further, look, resampler)
     else:
-        volume = padding_removed(scaled(volume_at(recording, None, source.channel), source.scale))
+        volume = padding_removed(
+            scaled(recordings.volume_at(recording, None, source.channel), source.scale)
+        )
     if look.labels is None and (count := label_count(volume)):
         note(f"{count} whole numbers in regions, as labels, are drawn as amounts ({LABELS})")
     return [(volume, look.appearance(volume, resampler)), *beside(further, look, resampler)]
@@ -420,18 +402,18 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # a single channel is chosen, or the channels are times
-        volume_at(recording, 0, source.channel)  # refuses what there is not
+        recordings.volume_at(recording, 0, source.channel)  # refuses what there is not
         at = source.channel % values.shape[1]
         in_file = chunked(recording)
         one = values[:, at : at + 1] if in_file is None else in_file.only(at)
         recording = recording._replace(values=one, is_color=False)
-    ordered = with_times_first(recording)
+    ordered = recordings.with_times_first(recording)
     if ordered.values.shape[0] > 1:
         require_linear(
             source, "a scale needs a single time (--time); without one all times are shown"
         )
     if ordered.values.shape[1] > 1 and not ordered.is_color:
-        volume_at(ordered, 0, None)  # says that one has to be chosen
+        recordings.volume_at(ordered, 0, None)  # says that one has to be chosen
     return ordered if ordered.values.shape[0] > 1 else None
 
 
@@ -480,7 +462,7 @@ def _channels(
     found: list[VolumeLayer] = []
     for channel, (word, window) in enumerate(words):
         if word != HIDDEN:
-            volume = volume_at(recording, source.time, channel)
+            volume = recordings.volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
             volume = padding_removed(announced(volume))
             transfer = f"auto:color={word}" if _is_color(word) else word
@@ -495,7 +477,7 @@ def _channels(
 def _looks_in(recording: Recording) -> list[tuple[str, str | None]]:
     """Return look and window of each channel, as its file says."""
     if len(recording.looks) != recording.values.shape[1]:
-        volume_at(recording, None, None)  # says that one has to be chosen
+        recordings.volume_at(recording, None, None)  # says that one has to be chosen
     shown, words = [], []
     for n, look in enumerate(recording.looks):
         window = look.window and f"{look.window[0]:.17g}..{look.window[1]:.17g}"

@@ -20,7 +20,7 @@ from resample.painting.choices import SUMS, Projection
 from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, shared_out, told
 from resample.resampler import Resampler
-from resample.types import Doubles, Frame
+from resample.types import Frame
 from resample_volume.appearance import (
     VolumeLayer,
     check_several,
@@ -33,13 +33,13 @@ from resample_volume.rendering import (
     AROUND,
     Fit,
     Fitted,
-    Shaded,
     Subject,
     fields_of,
     filled,
     painted_with_bar,
 )
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import corners
 from resample_volume.voxels.gathered import Gathered
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _painted_rows(
         threads=threads,
         clip=subject.cuts(scene.camera),
     )
-    return subject.developed(frame)
+    return subject.tone.developed(frame)
 
 
 Paint = Callable[[AnyCamera], Frame]
@@ -131,14 +131,6 @@ def scene_of(
     return subject
 
 
-def say_missed(
-    media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
-) -> None:
-    """Warn if a slab is empty; see `slab_missed`."""
-    if missed := slab_missed(media, subject, camera):
-        say(missed)
-
-
 def slab_missed(
     media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> str | None:
@@ -147,8 +139,11 @@ def slab_missed(
     if section is None or (section.normal is None) != (camera is not None):
         return None
     forward = np.array(section.normal) if camera is None else camera.view().rotation[2]
-    if not all(subject.misses(volume, forward) for volume, _ in media):
-        return None
+    planes = section.planes(forward)
+    for volume, _ in media:
+        away = corners(subject.placed(volume)) @ planes[:, :3].T + planes[:, 3]
+        if not (away <= 0).all(axis=0).any():
+            return None
     names = ", ".join(volume.name for volume, _ in media)
     return f"the slab {media[0][1].slab} holds nothing of {names}"
 
@@ -168,25 +163,17 @@ def picture_of(
 
 
 def annotated_picture(
-    subject: Subject,
-    camera: AnyCamera,
-    frame: Frame,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    beside: "BesidePicture",
-    background: Color | None,
-) -> Frame:
+    subject: Subject, camera: AnyCamera, frame: Frame, media: Sequence[VolumeLayer],
+    resampler: Resampler, beside: "BesidePicture", background: Color | None,
+) -> Frame:  # fmt: skip
     """Draw the annotations of a picture, and a color bar per volume, as far as asked for."""
+    if beside.is_annotated or beside.color_bar:
+        from resample_volume.annotations import annotated, with_bar
     if beside.is_annotated:
-        from resample_volume.annotations import annotated
-
         marks = beside.annotations(background)
         frame = annotated(frame, camera, subject.placed(media[0][0]), marks)
-    if beside.color_bar:
-        from resample_volume.annotations import with_bar
-
-        for medium in media:
-            frame = with_bar(frame, *medium, resampler, background, subject.tone)
+    for medium in media if beside.color_bar else ():
+        frame = with_bar(frame, *medium, resampler, background, subject.tone)
     return frame
 
 
@@ -217,11 +204,7 @@ def to_paint(
     sharing: Sharing,
     start_workers: "StartWorkers",
 ) -> tuple[Subject, AnyCamera, Paint]:
-    """Prepare volumes to be painted here, or by workers; return scene, camera and painter.
-
-    The fits `picture` and `most` are `visible` with the camera zoomed and panned to fill the
-    picture, or most of it; the camera of the first is printed.
-    """
+    """Prepare volumes to be painted here or by workers: return scene, camera and painter."""
     if sharing.has_workers:
         # Workers can share only rays through chunked volumes.
         for volume, _ in media:
@@ -235,7 +218,7 @@ def to_paint(
                 "workers share rays through volumes, and this look paints voxels; leave classify "
                 "pre, the method and the gradient sobel out, or the workers"
             )
-    around: Fit = "volume" if fit == "volume" else "visible"
+    around: Fit = "volume" if fit == "volume" else "visible"  # others move the camera, too
     subject = scene_of(session, media, resampler, around, size)
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
         viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
@@ -253,42 +236,19 @@ def to_paint(
             say(f"rows of the picture are shared by {sharing.description}")
             with session.stage("paint", bar="painting"):
                 return painted_by(crew, SharedScene(media, painter, around, eye, size))
-        frame = painted(session, painter, seen, eye, size, threads, cuts)
-        return subject.developed(frame)
+        frame = painted_with_bar(painter, seen, eye, size, threads, cuts)
+        session.seconds.update(frame.statistics.seconds)
+        return subject.tone.developed(frame)
 
     return subject, camera, paint
 
 
-def painted(
-    session: Session,
-    resampler: Resampler,
-    samples: Shaded,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    threads: int | None = None,
-    clip: Doubles | None = None,
-) -> Frame:
-    """Paint a picture (height, width) of samples, with a progress bar if it takes long."""
-    frame = painted_with_bar(resampler, samples, camera, size, threads, clip)
-    for name, seconds in frame.statistics.seconds.items():
-        session.seconds[name] = seconds
-    return frame
-
-
 def report(session: Session, frame: Frame, subject: Subject) -> dict[str, Any]:
     """Return counts and times, for `--stats`."""
-    counts = frame.statistics
-    return {
-        "classify": str(subject.appearance.classification),
-        "samples": counts.samples,
-        "points": counts.points,
-        "splats": counts.splats,
-        "splat_fraction": counts.splat_fraction,
-        "hidden": counts.hidden,
-        "rays": counts.rays,
-        "subpixels": counts.subpixels,
-        "seconds": session.times(),
-    }
+    names = ("samples", "points", "splats", "splat_fraction", "hidden", "rays", "subpixels")
+    counts = {name: getattr(frame.statistics, name) for name in names}
+    look = str(subject.appearance.classification)
+    return {"classify": look, **counts, "seconds": session.times()}
 
 
 def check_memory(

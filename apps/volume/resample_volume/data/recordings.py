@@ -77,11 +77,7 @@ def alone(recording: Recording) -> Volume:
 
 
 def volume_at(recording: Recording, time: int | None, channel: int | None) -> Volume:
-    """Return one volume of a recording.
-
-    `time`, `channel`: index from 0, negative from the end; None if there is only one, or if
-    channels are the components of a color.
-    """
+    """Return the volume at a time and channel; None if there is one, or a color's channels."""
     chosen = recording
     times, parts = chosen.values.shape[:2]
     if (time is not None and times == 1 < parts and channel is None) or (
@@ -114,12 +110,10 @@ def is_color(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bool:
 
 
 def in_color(values: NDArray[Any], volume: Volume) -> Volume:
-    """Make a volume of colors: its values are their opacity, or otherwise their brightness.
+    """Make a volume of colors (Z, Y, X, 3 or 4), not premultiplied, in sRGB if integers.
 
-    Brightness is the greatest of red, green and blue, so that opacities do not depend on hue.
-
-    `values`: (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in
-    sRGB, floats in linear light. A color with NaN is missing.
+    Its values are their opacity, or else the greatest of red, green and blue, so that opacities do
+    not depend on hue. A color with NaN is missing.
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(

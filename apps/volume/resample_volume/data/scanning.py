@@ -50,10 +50,7 @@ class _Layers(NamedTuple):
 
 
 def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStats:
-    """Scan all values; each brick is read once, some of floating-point values twice.
-
-    `helpers`: workers; None: this process only. A part is repeated if its worker ended.
-    """
+    """Scan all values; each brick is read once, some of floating-point values twice."""
     layers, context = bricks.count[0], helpers or PassContext()
     parts = spans(layers, 1 if context.executor is None else PARTS)
     found: list[_Layers] = []
@@ -222,10 +219,7 @@ class Histogram(NamedTuple):
 
 
 def otsu(levels: Histogram, classes: int = 2) -> list[float]:
-    """Return ascending thresholds between classes; values above one are of the next class.
-
-    `classes`: 2 or 3. Result: one less than classes; none if there are fewer values than classes.
-    """
+    """Return ascending thresholds between 2 or 3 classes; none if there are fewer values."""
     value, count = levels
     if value.size < classes:
         return []
@@ -268,11 +262,10 @@ class Peak(NamedTuple):
 def peak_between(
     levels: Histogram, low: float, high: float, dip: float, each: int = 1
 ) -> Peak | None:
-    """Find a peak between the most frequent value of a range and another value; or None.
+    """Find a peak between the most frequent value of a range and another; or None.
 
-    Blurred edges of denser objects spread over all lower values, and make no peak.
-
-    `high`: upper limit of the valley behind the peak. `each`: voxels per voxel of the sample.
+    Blurred edges of denser objects spread over all lower values, and make no peak. `each` is the
+    number of voxels per voxel of the sample.
     """
     edges = np.linspace(levels.value[0], levels.value[-1], BINS + 1)
     count, _ = np.histogram(levels.value, edges, weights=levels.number)

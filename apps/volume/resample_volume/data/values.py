@@ -69,11 +69,10 @@ class PlaneRange(NamedTuple):
 
 
 def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[PlaneRange]:
-    """Yield the parts of a volume (Z, Y, X) that contain voxels, in the types of kernels.
+    """Yield the parts of a volume that contain voxels, as float32 or float64.
 
-    Indices (N,) into the flat volume come in the order of an array or of the painter's bricks. The
-    two types hold all others exactly. A contiguous volume of these types is passed as it is; others
-    are converted some planes at a time, where there are voxels.
+    Indices (N,) come in the order of an array or of the painter's bricks. A contiguous volume of
+    these types is passed as it is; others are converted some planes at a time.
     """
     from resample_volume.kernels.gradients import BRICK
 
@@ -102,10 +101,7 @@ def _read_only(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def side_by_side(job: Callable[[slice], None], count: int) -> None:
-    """Run a job on ranges of `count` voxels, on several threads if they are many.
-
-    NumPy and kernels release the GIL. The job's result for a voxel must not depend on others.
-    """
+    """Run a job on ranges of `count` voxels, on threads if they are many; GIL is released."""
     shares = [slice(n, min(n + SHARE, count)) for n in range(0, count, SHARE)]
     threads = min(threads_at_work(), len(shares))
     if threads < 2:
@@ -131,10 +127,7 @@ class StatisticsCache(Protocol):
 
 @dataclass(eq=False)
 class Bricks(BrickArray):
-    """Values (Z, Y, X) of a volume in a file, instead of a NumPy array.
-
-    Statistics of all values are found in one pass and cached.
-    """
+    """Values (Z, Y, X) of a volume in a file; statistics are found in one pass and cached."""
 
     shape: tuple[int, int, int]
     replaced: tuple[NDArray[Any], Any] | None = None  # of values that stand for missing ones
@@ -360,11 +353,7 @@ def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
 
 
 def as_array(volume: Volume) -> Volume:
-    """Return the volume with its values as an array, also if they are bricks.
-
-    If they and a field of them may not fit in memory, they are in a mapped file
-    (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
-    """
+    """Return the volume with its values as an array, in a mapped file if memory is short."""
     if not is_streamed(volume):
         return volume
     bricks = bricks_of(volume)

@@ -35,10 +35,7 @@ def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
 
 @kernel
 def brick_order(index: Indices, size: Step, order: Indices) -> None:
-    """Find the order (N,) that sorts voxels into bricks, by flat index into (Z, Y, X).
-
-    The sort is stable: within a brick of BRICK voxels per side the order stays.
-    """
+    """Find the order (N,) that sorts voxels by flat index into bricks; stable."""
     rows, columns = (size[1] + BRICK - 1) // BRICK, (size[2] + BRICK - 1) // BRICK
     layers = (size[0] + BRICK - 1) // BRICK
     start = np.zeros(layers * rows * columns + 1, np.int64)
@@ -76,10 +73,7 @@ def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, positio
 
 @kernel
 def _mean(behind: float, ahead: float) -> float:
-    """Mean of two differences; one if the other is not finite, NaN if neither is.
-
-    So missing or infinite values change no slope, and linear fields come out exactly.
-    """
+    """Mean of two differences, of which those that are not finite are left out; NaN if both are."""
     if not math.isfinite(ahead):
         return behind if math.isfinite(behind) else math.nan
     return 0.5 * (ahead + behind) if math.isfinite(behind) else ahead
@@ -185,8 +179,7 @@ def find_gradients(
 ) -> None:
     """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; 0 if unknown.
 
-    `to_scene` (3, 3) is the inverse transpose of the lattice, which takes slopes per voxel to
-    slopes per scene unit. They are central differences, or smoothed across like Sobel's.
+    `to_scene` (3, 3), the inverse transpose of the lattice, takes slopes to scene units.
     """
     turn = matrix_of(to_scene)
     before, at = 0, (0, 0, 0)

@@ -147,11 +147,7 @@ def _meet(
 def _pass(
     waiting: Waiting, count: int, until: float, kept: float, level: float
 ) -> tuple[int, float, int]:
-    """Attenuate light by the queued voxels in front of a depth.
-
-    Returns how many stay in the queue, the transmittance, and the voxel at which the absorbed share
-    exceeds the level.
-    """
+    """Attenuate light by queued voxels before a depth; return the rest, light and a voxel."""
     # Composite front to back until the level is passed.
     n = 0
     while n < count and waiting.depth[n] < until:
@@ -217,10 +213,7 @@ def pick_voxels(
 
 @kernel
 def _extinction(looked: PickedField, number: int, value: float, slope: Vector) -> float:
-    """Optical depth per scene unit of a value and its slope per voxel.
-
-    `number` selects the transfer function.
-    """
+    """Optical depth per scene unit of a value and its slope in transfer function `number`."""
     if number < 0:
         return 0.0
     # Find the column by the value.
@@ -403,9 +396,9 @@ def shade_voxels(
 def _envelope(away: Indices, stack: Indices) -> int:
     """Keep the places of a line that are nearest to some part of it; return how many.
 
-    `away` (N,) is the squared distance from the line to the known voxel of each place; below 0
-    there is none. `stack` (N,) receives the places, ascending. Section 4 of the paper: of three,
-    the middle one is dropped where one of the two others is nearer all along the line.
+    `away` (N,) is the squared distance from the line to the known voxel of each place, or below 0.
+    `stack` (N,) receives the places, ascending. Section 4 of the paper: of three, the middle one is
+    dropped where one of the two others is nearer all along the line.
     """
     count = 0
     for n in range(away.size):
@@ -427,10 +420,7 @@ def _envelope(away: Indices, stack: Indices) -> int:
 
 @kernel
 def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
-    """Find the place with the nearest known voxel for all places of a line.
-
-    Of equal distances the first counts.
-    """
+    """Find the (first) place with the nearest known voxel for all places of a line."""
     count, at = _envelope(away, stack), 0
     for n in range(away.size):
         if count == 0:
@@ -471,10 +461,7 @@ def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> 
 def nearest_in_rows(
     counter: Counter, deep: Places, down: Places, z: int, known: NDArray[np.bool_], across: Places
 ) -> None:
-    """Find the column (Y, X) in each row that leads to the nearest known voxel.
-
-    `down` (Y, X) is of `nearest_in_columns`; rows in which all are `known` (Y, X) are skipped.
-    """
+    """Find the column (Y, X) in each row, if not all known, with the nearest known voxel."""
     height, width = deep.shape
     away, stack = np.empty(width, np.int64), np.empty(width, np.int64)
     found = np.empty(width, np.int64)

@@ -94,11 +94,7 @@ def own_look(
 
 @dataclass
 class VolumePainter:
-    """Pictures of a volume for one page.
-
-    `volume`: without padding. `first`: transfer function of a channel; None: the volume has that of
-    the options. `others`: volumes that are shown together with it, each with its transfer function.
-    """
+    """Pictures of a volume without padding, or of several, for one page."""
 
     volume: Volume
     first: Transfer | None = None
@@ -118,11 +114,7 @@ class VolumePainter:
         return VolumePainter(self.volume, self.first, self.others)
 
     def parsed(self, settings: Settings) -> VolumeRequest:
-        """Return the request that options make.
-
-        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
-        be read.
-        """
+        """Return the request that options make; errors as of the command."""
         look, resampling, beside, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling, self.volume.scale)
         resampler = self._resamplers.setdefault(resampler, resampler)
@@ -171,11 +163,7 @@ class VolumePainter:
         write_frame(path, self.frame(settings, size, path.suffix), 8, behind)
 
     def frame(self, settings: Settings, size: Size, suffix: str = ".png") -> Frame:
-        """Render as the command does for a file of this suffix, but without background.
-
-        Raises ValueError, LookupError, OSError: an option is not allowed, or a file of one cannot
-        be read.
-        """
+        """Render as the command does for a file of this suffix, without background."""
         request = self.parsed(settings)
         frame, behind = self._frame(request, size, suffix), request.picture.behind(suffix)
         for bar in self._bars(request, frame, behind):
@@ -258,11 +246,7 @@ class VolumePainter:
         )
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
-        """Return the voxel visible at a point, see `resample.view.views.Painter`.
-
-        Also tells the distance from the last pick and the angle at that to the one before; a pick
-        beside the volume resets this.
-        """
+        """Return the voxel at a point, its distance and angle to the last picks."""
         request = self.parsed(settings)
         found = self._scene.pick(
             *(x, y, request.layers, request.choices.viewpoint()),

@@ -52,11 +52,7 @@ def volume_view(
     begin: Sequence[Any] = (),
     added: Added | None = None,
 ) -> FileView:
-    """Return what pages show of a volume, which they share.
-
-    `name`: of the volume, as the command takes it. `source`: how it is read. `begin`: options to
-    begin with. `added`: volumes and channels that are shown together with it.
-    """
+    """Return what pages show of a volume and of those added to it, with first options."""
     first, source = painter_of(name, source or ReadOptions(), begin, added or Added())
     volume, is_own = first.volume, first.first is None
 

@@ -35,14 +35,11 @@ CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1,0,
 def planes(
     volume: Volume, crop: str | None = None, clip: Sequence[str] = (), name: str = "clip"
 ) -> Doubles:
-    """Return the planes that bound the shown part of a volume.
+    """Return the planes (M, 4) that bound the shown part of a volume.
 
-    `crop`: ranges of voxels along x, y and z as in NumPy, `64:192,:,10:`: the end is excluded, and
-    negative numbers count from the end. Voxel i extends from i - 1/2 to i + 1/2. A range that ends
-    with the volume cuts nothing there. `clip`: each `nx/ny/nz` or `nx/ny/nz/offset`: a plane
-    through the volume's center with that normal in scene axes, shifted along it by the offset in
-    scene units. The side that the normal points to is kept. Result: (M, 4) normals n of length 1
-    and distances d; a point p is kept where n·p + d >= 0 for all.
+    A point p is kept where n·p + d >= 0 for all (n, d); |n| = 1. `crop` has ranges of voxels along
+    x, y and z as in NumPy, `64:192,:,10:`; voxel i extends from i - 1/2 to i + 1/2. `clip` has
+    normals n, perhaps with an offset: planes through the volume's center, shifted along n.
     """
     rows = [] if crop is None else _box(volume, crop)
     rows += [_plane(volume, text, name) for text in clip]
@@ -50,11 +47,7 @@ def planes(
 
 
 def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -> NDArray[np.bool_]:
-    """Return whether voxels may extend into what planes keep, (N,).
-
-    `position`: (N, 3) scene units. `lattice`: (3, 3) columns are the steps to the neighbours, scene
-    units. `planes`: (M, 4) as from `planes`. `radius`: radius of the kernels, voxels.
-    """
+    """Return whether kernels of voxels (N, 3) may extend into what planes keep, (N,)."""
     is_near = np.ones(len(position), bool)
     for plane in planes:
         normal = plane[:3]
@@ -80,11 +73,8 @@ def chosen(voxels: Voxels, index: NDArray[np.int64]) -> Voxels:
 def faced(voxels: Voxels, planes: Doubles) -> Voxels:
     """Replace gradients near a cut by the cut's normal, keeping their lengths.
 
-    A cut through homogeneous tissue meets only noise, whose gradients would make it look rough. So
-    it is shaded as a plane: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
-    Texture-Based Volume Visualization and Volume Shading, 2003.
-
-    `planes`: (M, 4) as from `planes`.
+    A cut through homogeneous tissue meets only noise, so it is shaded as a plane (Weiskopf, Engel
+    and Ertl, Interactive Clipping Techniques, 2003).
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels
@@ -206,11 +196,7 @@ def depth_parts(voxels: "Placed | FramedVoxels") -> Parts:
 def shown_by(
     volume: Volume, transfer: Transfer, planes: Doubles, radius: float, iso: float | None = None
 ) -> FramedVoxels:
-    """Return the voxels that are visible when composited, under any projection.
-
-    `planes`: (M, 4) clip planes, as from `framing.planes`. `radius`: radius of the kernels,
-    voxels.
-    """
+    """Return the voxels that are visible when composited, under any projection."""
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     lattice = lattice_of(volume)
     shape = volume.values.shape
@@ -271,11 +257,7 @@ def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
 
 
 def _body(volume: Volume) -> Counting | None:
-    """Return the bodies in a CT scan, without tables, headrests and cables.
-
-    These are thin: nothing of them is left when a surface of `THIN` is worn off. None: the values
-    are no CT scan, or all of it is thin.
-    """
+    """Return the bodies in a CT scan that are thicker than a surface of `THIN`; or None."""
     from scipy.ndimage import label, maximum_filter, minimum_filter
 
     known = survey(volume)
@@ -296,10 +278,7 @@ def _body(volume: Volume) -> Counting | None:
 
 
 def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
-    """Return the large visible parts, by flat indices of voxels.
-
-    None: small parts are too many to be left out.
-    """
+    """Return the large visible parts; None if small ones are too many to be left out."""
     from scipy.ndimage import label
 
     side = -(-max(shape) // CELLS)
@@ -333,10 +312,7 @@ def bounding_sphere(volume: Volume) -> Sphere:
 
 
 def sphere_around(voxels: "Placed | FramedVoxels", volume: Volume) -> Sphere:
-    """Return the bounding sphere of the visible voxels, or of the volume if there are none.
-
-    A few outliers far from all others do not count: they would make the others small.
-    """
+    """Return the bounding sphere of the visible voxels without outliers, or of the volume."""
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
     parts = depth_parts(voxels)
     count, low, high = _extent(parts)
@@ -384,11 +360,10 @@ def filling(
     corner: Doubles = NO_CORNERS,
     around: float = 0.0,
 ) -> Orbit:
-    """Zoom and pan an orbit so that everything visible fills the picture; unchanged if nothing is.
+    """Zoom and pan an orbit so that everything visible fills the picture (height, width).
 
-    `shown`: visible voxels; outliers as of `sphere_around` do not count. `size`: height and width
-    of the picture, px. `corner`: (N, 3) vertices of meshes, which are framed, too.
-    `around`: fraction of the sphere's radius that is left free on each side.
+    Vertices of meshes, `corner` (N, 3), are framed, too. `around` is the fraction of the sphere's
+    radius that is left free on each side.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
     kept = _without_strays(depth_parts(shown), voxel)
@@ -442,10 +417,7 @@ def _extent(parts: Parts) -> tuple[int, Doubles, Doubles]:
 def _without_strays(
     parts: Parts, voxel: float, known: tuple[int, Doubles, Doubles] | None = None
 ) -> Parts:
-    """Remove the few outliers of points far from all others along an axis.
-
-    `known`: from `_extent`; None: found here.
-    """
+    """Remove the few outliers of points far from all others along an axis."""
     total, low, high = known or _extent(parts)
     # At one end of an axis so many may be outliers.
     most, extent = max(min(FEW, total // 500), int(STRAY_SHARE * total)), high - low
@@ -519,10 +491,7 @@ class Shifted:
 
 
 def centered(volume: Volume) -> tuple[Volume, Doubles]:
-    """Center a volume at the scene's origin; also return its former center, (3,) scene units.
-
-    Far from the origin, float32 could not resolve neighbouring voxels.
-    """
+    """Center a volume at the scene's origin, for float32; also return its former center (3,)."""
     last = np.array(volume.values.shape[::-1]) - 1.0
     half = volume.direction @ (volume.spacing * last) / 2
     return volume._replace(origin=-half), volume.origin + half

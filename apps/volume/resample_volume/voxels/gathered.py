@@ -111,11 +111,7 @@ def gathered(
     gradient: str,
     labels: "Labels | None" = None,
 ) -> Gathered:
-    """Prepare a volume as a field on its lattice.
-
-    `gradient`: one of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full
-    surface if the transfer function depends on it. `labels`: rules for voxels of some labels.
-    """
+    """Prepare a volume as a field on its lattice, with its look by value and slope."""
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
@@ -247,11 +243,7 @@ def _of_either(looks: TransferTable, two: Doubles) -> TransferTable:
 def lit_lattice(
     field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
 ) -> LatticeField:
-    """Shade a field.
-
-    `light`: None leaves the colors as they are. `viewer`: (4,) position and 1, or direction to the
-    viewer and 0; scene axes. `cue`: of `Classifier`: near, far and dimmed.
-    """
+    """Shade a field for a viewer (4,); `cue`: near, far and dimmed, as of `Classifier`."""
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
     classifier = Classifier(*field.table, lamp, *cue)
@@ -279,11 +271,7 @@ def with_shadows(
     clip: Doubles,
     light: Light,
 ) -> list[Gathered]:
-    """Add shadows and ambient occlusion by all fields of a scene.
-
-    `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
-    occludes no light.
-    """
+    """Add shadows and ambient occlusion by all fields of a scene, outside clip planes."""
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
     lit = []
@@ -326,10 +314,7 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 def _on_lattice(
     volume: Volume, sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
 ) -> tuple[SplineField, Bounds, Flags]:
-    """Return the field of values, its bounds, and which are known, if not all.
-
-    `two`: the only values, ascending, if there are two.
-    """
+    """Return the field of values, its bounds, and which are known, if not all."""
     # Surfaces of samples with colors lie where the color changes, not where the field does.
     values, is_cut = volume.values, two.size == 2 and volume.colors is None
     is_cut = is_cut and thin.parts == 1 and sharpness == 1
@@ -442,10 +427,7 @@ def _visible(
 def _steepness_of(
     volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str, count: int
 ) -> float:
-    """Return `steepness` of the voxels of parts; of values in a file not all gradients are held.
-
-    Lengths are not negative, so they sort as their bits do.
-    """
+    """Return `steepness` of voxels; of values in a file not all gradients are held."""
     if not is_in_file(volume.values):
         require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
         every = np.concatenate(list(parts()))

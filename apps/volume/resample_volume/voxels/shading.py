@@ -78,10 +78,7 @@ class Light:
 
 @dataclass(frozen=True)
 class DepthCue:
-    """Fading of light with depth, so that near parts stand out.
-
-    Raises ValueError: the fraction is not between 0 and 1.
-    """
+    """Fading of light with depth, so that near parts stand out."""
 
     share: float = 0.5  # fraction of light lost at the far end of the visible part, 0..1
 
@@ -91,10 +88,7 @@ class DepthCue:
 
 
 def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
-    """Return the depths of a sphere's ends, scene units, where cueing begins and ends.
-
-    Cueing begins at the near plane at the earliest.
-    """
+    """Return the depths of a sphere's ends (or of the near plane), where cueing begins and ends."""
     view = camera.view()
     depth = float(view.rotation[2] @ sphere.center + view.translation[2])
     near = max(depth - sphere.radius, view.near)
@@ -108,10 +102,7 @@ def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
 
 
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
-    """Fade samples linearly with depth.
-
-    `samples`: shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
-    """
+    """Fade shaded samples linearly with depth: by none at `near`, by the share at `far`."""
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
     depth = (along(samples.position, forward) + ahead) / np.float32(far - near)
@@ -128,10 +119,8 @@ def shade(
 ) -> Samples:
     """Shade voxels: return samples with the light that they send to the viewer.
 
-    `voxels`: with gradients, unless `light` is None. Shading is two-sided; a voxel without gradient
-    is shaded as if it faced the light. `light`: None leaves the colors as they are. `eye`: (3,)
-    scene position of a perspective camera. `view`: (3,) scene direction of view of a parallel
-    camera, instead of `eye`.
+    Shading is two-sided; a voxel without gradient is shaded as if it faced the light. The viewer is
+    at the `eye` (3,), or looks along the direction `view` (3,) of a parallel camera.
     """
     color = voxels.color
     if light is not None and len(voxels.reached):  # shadows and ambient occlusion
@@ -146,10 +135,7 @@ def shade(
 def viewer_of(
     eye: Sequence[float] | Doubles | None = None, view: Sequence[float] | Doubles | None = None
 ) -> Doubles:
-    """Return the viewer for a `Lamp`, (4,): position and 1, or direction to the viewer and 0.
-
-    Parameters and errors as of `shade`.
-    """
+    """Return the viewer for a `Lamp`, (4,): position and 1, or direction to the viewer and 0."""
     if eye is not None and view is None:
         return np.append(_finite("eye", eye), 1.0)
     if view is not None and eye is None:
@@ -175,11 +161,7 @@ def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
 
 
 def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
-    """Convert a light for kernels.
-
-    `viewer`: (4,) from `viewer_of`. `gradient`: (N, 3) of all shaded voxels: gradients far below
-    the steepest give no normal.
-    """
+    """Convert a light for kernels; gradients far below the steepest of (N, 3) give no normal."""
     # The greatest component is at least 1 / √3 of the greatest length.
     steepest = max(float(gradient.max()), -float(gradient.min())) if gradient.size else 0.0
     flat = FLAT * steepest
@@ -207,8 +189,6 @@ def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint
     """Return the colors of a volume that has some; for labels, the colors of their rules.
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
-
-    `volume`: with colors (Z, Y, X, 3 or 4). `labels`: labels of its voxels.
     """
     assert volume.colors is not None
     deep, down, across = volume.values.shape
@@ -264,11 +244,7 @@ def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iter
 
 
 def numbered(known: Flags, numbers: Callable[[slice], Flags], values: NDArray[np.generic]) -> Flags:
-    """Return the look index of voxels as in `LatticeField.known`: 0 where missing.
-
-    `known`: which are not missing, in the same form; or (0,): all. `numbers`: returns the indices
-    of some slices' voxels, from 1. `values`: (Z, Y, X) of all voxels.
-    """
+    """Return look indices of voxels, from 1, as in `LatticeField.known`: 0 if missing."""
     padded = tuple(count + 2 * PAD for count in values.shape)
     found = array_like(values, padded, np.uint8, "the numbers of looks")
     for z in range(len(values)):
@@ -297,10 +273,9 @@ Extinctions = Iterable[Floats]
 
 
 def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
-    """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light that reach cells.
+    """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light at cells.
 
-    `extinction`: (Z, Y, X) optical depth per scene unit. `lattice`: (3, 3) columns are the steps to
-    the next cell along x, y and z, scene units.
+    `lattice`: (3, 3) columns are the steps to the next cell along x, y and z, scene units.
     """
     share = np.full((*extinction.shape, 2), ALL, np.uint8)
     if light.shadows and light.direction is not None:
@@ -343,12 +318,10 @@ def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
 def optical_depths(
     extinction: Floats, lattice: Doubles, toward: Doubles, reach: float = math.inf
 ) -> Iterator[tuple[tuple[slice | int, ...], Floats]]:
-    """Yield optical depths between the cells of each slice and a distant light.
+    """Yield an index and optical depths of each slice of cells to a distant light.
 
-    `extinction`: (Z, Y, X) optical depth per scene unit; 0 outside. `lattice`: (3, 3) columns are
-    the steps to the next cell along x, y and z, scene units. `toward`: (3,) scene direction of the
-    light. Yields: a slice's index in `extinction`, and the depths of its cells. The `SKIPPED`
-    nearest slices do not count.
+    `extinction`: (Z, Y, X) optical depth per scene unit; 0 outside. `toward`: (3,) direction of the
+    light. The `SKIPPED` nearest slices do not count.
     """
     along = np.linalg.solve(lattice, toward)[::-1]  # cells along z, y and x
     axis = int(np.argmax(np.abs(along)))
@@ -411,8 +384,8 @@ def field_transmittance(
 ) -> list[Reached]:
     """Return the light at the points of fields, dimmed by all of them.
 
-    `scene`: covers all of them. `parts`: each volume, and its optical depths per scene unit of
-    some slices at a time, in order. `clip`: (M, 4) planes; what they cut away takes no light.
+    `scene` covers the volumes of `parts`, whose optical depths come in slabs. What the planes of
+    `clip` (M, 4) cut away takes no light.
     """
     size, lattice = np.array(scene.values.shape), lattice_of(scene)
     per = cells_of(size)

@@ -36,10 +36,7 @@ class Levels(NamedTuple):
 
 
 def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
-    """Samples of a spline as thick as the voxels of the higher of two values.
-
-    `values`: (Z, Y, X). `two`: ascending, all that there are.
-    """
+    """Samples of a spline as thick as the voxels of the higher of two values."""
     zero = 1.0 - max(VALUES)
     scale = (max(VALUES) - zero) / np.iinfo(np.uint8).max
     fraction = np.array([1.0 - np.array(VALUES), VALUES])
@@ -94,10 +91,7 @@ SAME = Thin(0, 1)
 
 
 def thin_of(volume: Volume) -> Thin:
-    """Return how slices are made thin; not at all if they are about as far apart as samples.
-
-    Nor if there are too many voxels, if these have colors, or if they are in a mapped file.
-    """
+    """Return how slices are made thin; `SAME` if they are near, many, colored or in a file."""
     spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
     axis = int(spacing.argmax())
     within = [n for n in range(3) if n != axis]
@@ -112,10 +106,7 @@ def thin_of(volume: Volume) -> Thin:
 
 
 def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
-    """Return how slices are made thin; not if only thick ones fit in memory or are wanted.
-
-    Nor for means along rays: a spline preserves sums of voxels.
-    """
+    """Return how slices are made thin, if they fit in memory and rays do not average."""
     is_mean = projection in MEASURING and projection not in EXTREMES
     thin = SAME if is_mean or stays else thin_of(volume)
     for one in dict.fromkeys((thin, SAME)):
@@ -179,11 +170,7 @@ def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> 
 
 
 def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
-    """Compute the samples of thin slices, minus the least value, and that value.
-
-    `values`: (Z, Y, X) all finite. `thin`: axis and number of samples per voxel, more than one.
-    `is_within`: clamp samples to the voxels that they come from.
-    """
+    """Compute samples of thin slices minus the least value, and that; clamped if `is_within`."""
     from scipy.ndimage import spline_filter1d
 
     shape = list(values.shape)
@@ -347,10 +334,7 @@ def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:
 
 
 def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, Plane]:
-    """Interpolate at 0..1 along the flow between slices; also return how much they differ.
-
-    Where the backward flow disagrees, that adds to the difference.
-    """
+    """Interpolate at 0..1 along the flow between slices; also return how much they differ."""
     import cv2
 
     way, turn, is_back = path.way, path.turn, path.is_back

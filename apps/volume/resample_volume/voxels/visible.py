@@ -63,15 +63,10 @@ def classify(
 ) -> Voxels:
     """Apply a transfer function, and return the visible voxels.
 
-    `volume`: of any type, also mapped from a file: it is read in chunks and not copied. `transfer`:
-    gives colors and opacities. If all voxels are transparent, none is returned. `gradient`: one of
-    `GRADIENTS`: central differences, or these smoothed across (1-2-1) for noisy data; None if
-    voxels will not be shaded. Missing and infinite values take no part. `gradient_opacity`: opacity
-    is multiplied by a ramp that rises from 0 to 1 between these two lengths of the gradient, as
-    fractions of their 99th percentile; so surfaces stay and homogeneous regions vanish. `labels`:
-    rules for voxels of some labels, applied after all of the above. Raises ValueError: the gradient
-    is unknown or missing, the ramp descends, the labels are of another shape, or the voxels do not
-    fit in memory.
+    Values in a file are read in chunks. `gradient` is one of `GRADIENTS`: central differences, or
+    these smoothed across (1-2-1) for noisy data; None if voxels will not be shaded. Missing and
+    infinite values take no part. `gradient_opacity` multiplies opacity by a ramp between two
+    gradient lengths, as fractions of their 99th percentile. Labels are applied last.
     """
     whole = transfer if gradient_opacity is None else Faded(transfer, gradient_opacity)
     if gradient is not None and gradient not in GRADIENTS:
@@ -120,11 +115,7 @@ def classify(
 
 
 def steepness(length: Floats | None) -> float:
-    """Return the gradient length of a full surface.
-
-    `length`: (N,) data units per scene unit, of the voxels whose value the transfer function may
-    show. If empty, the result is 0.
-    """
+    """Return the gradient length of a full surface, of lengths (N,); 0 without any."""
     if length is None or not length.size:
         return 0.0
     first, share = steep_rank(length.size)
@@ -163,11 +154,7 @@ def lattice_of(volume: Volume) -> Doubles:
 
 
 def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
-    """Return gradients (N, 3) of voxels, data units per scene unit, along the scene's axes.
-
-    `voxel`: (N,) indices into the flat volume, z slowest, in the order of it or of the painter's
-    bricks.
-    """
+    """Return gradients (N, 3) of voxels by flat index, data units per scene unit."""
     from resample_volume.kernels.gradients import find_gradients
 
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)  # from slopes per voxel
@@ -200,11 +187,9 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
 def visible_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
 ) -> tuple[Indices, NDArray[Any], Floats]:
-    """Return the voxels with non-zero opacity at some slope, neighbours close to each other.
+    """Return flat indices (N,), values (N,) and slopes (N, 3) of the visible voxels.
 
-    Result: indices (N,) into the flat volume, values (N,), and slopes (N, 3) in data units per
-    scene unit, or (0, 3) without a gradient. Parameters and errors as of `classify`. They are in
-    the order of the painter's bricks, which speeds painters up.
+    They may be visible at some slope, and come in the order of the painter's bricks.
     """
     from resample_volume.kernels.gradients import brick_order
 
