@@ -250,7 +250,13 @@ class Appearance:
                 raise ValueError(f"gradient_opacity {shortly(self.gradient_opacity)}; give {TWO}")
         object.__setattr__(self, "clip", _several_of("clip", self.clip, str))
         for name in ("meshes", "planes", "surfaces"):
-            object.__setattr__(self, name, _objects_of(name, getattr(self, name)))
+            if given := getattr(self, name) or ():
+                from resample_volume.image_planes import ImagePlane
+                from resample_volume.meshes import IsoSurface, SceneMesh
+
+                own = {"meshes": (SceneMesh,), "planes": (ImagePlane, str)}
+                given = _several_of(name, given, *own.get(name, (IsoSurface, str)))
+            object.__setattr__(self, name, given)
         _ = self.section  # raises an error if it is invalid
 
     @property
@@ -288,17 +294,6 @@ class Appearance:
         return [name for name in self.extras if name in SCENE_OBJECTS]
 
 
-def _objects_of(name: str, given: Any) -> tuple[Any, ...]:
-    """Return the meshes, planes or surfaces of a look."""
-    if not given:
-        return ()
-    from resample_volume.image_planes import ImagePlane
-    from resample_volume.meshes import IsoSurface, SceneMesh
-
-    kinds = {"meshes": (SceneMesh,), "planes": (ImagePlane, str), "surfaces": (IsoSurface, str)}
-    return _several_of(name, given, *kinds[name])
-
-
 def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
     """Return objects of a kind; one is given as such, or in a list; some may be texts for it."""
     wanted = " or ".join(kind.__name__ for kind in kinds)
@@ -331,19 +326,13 @@ class SceneObjects(NamedTuple):
 
 
 def transfer_of(
-    volume: Volume, appearance: Appearance, projection: Projection = Projection.COMPOSITE
+    volume: Volume,
+    look: Appearance | Transfer | str,
+    projection: Projection = Projection.COMPOSITE,
 ) -> Transfer:
-    """Return the transfer function, also if given by name."""
-    return named_or_own(appearance.transfer, volume, projection)
-
-
-def named_or_own(
-    given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
-) -> Transfer:
-    """Return the transfer function, also one given by name."""
-    if isinstance(given, str):
-        return named_transfer(given, volume, projection)
-    return given
+    """Return the transfer function of a look, or one given, also by name."""
+    given = look.transfer if isinstance(look, Appearance) else look
+    return named_transfer(given, volume, projection) if isinstance(given, str) else given
 
 
 def named_transfer(
@@ -371,15 +360,29 @@ def check_together(
             "invert swaps black and white of values, so it needs the projection "
             f"{', '.join(MEASURING[:-1])} or {MEASURING[-1]}, not {projection}"
         )
-    _check_objects([name for name in SCENE_OBJECTS if name in extras], resampler, classification)
-    if is_composite and _in_effect(classification, resampler) is Classification.PRE:
-        if resampler.order.summing is Summing.RAYS:
+    # Resolve `auto`, regardless of the volume
+    is_by_rays = resampler.order.summing is Summing.RAYS
+    is_pre = classification is Classification.PRE
+    is_pre = is_pre or (classification is Classification.AUTO and not is_by_rays)
+    for name in [name for name in SCENE_OBJECTS if name in extras]:
+        if projection in MEASURING:
+            raise ValueError(
+                f"a {name} is seen through the volume, so it needs the projection composite or "
+                f"first-hit, not {projection}"
+            )
+        if (is_pre and resampler.iso is None) or not is_by_rays:
+            raise ValueError(
+                f"a {name} ends rays through the field, so it needs the order rays and the "
+                "classification post or auto"
+            )
+    if is_composite and is_pre:
+        if is_by_rays:
             raise ValueError(
                 "the order rays gathers values, so it needs the classification post, or a "
                 "projection of values; for the classification pre take another order"
             )
         return
-    if resampler.order.summing is not Summing.RAYS:
+    if not is_by_rays:
         raise ValueError(f"the classification post needs the order rays, not {resampler.order}")
     if "labels" in extras and not is_composite:
         raise ValueError("labels color voxels, so they need the projection composite")
@@ -391,32 +394,6 @@ def check_together(
         raise ValueError(
             "depth-cue dims light, so it needs the projection composite or first-hit, not "
             f"{projection}"
-        )
-
-
-def _in_effect(classification: Classification, resampler: Resampler) -> Classification:
-    """Resolve `auto` for a renderer, regardless of the volume."""
-    if classification is not Classification.AUTO:
-        return classification
-    is_by_rays = resampler.order.summing is Summing.RAYS
-    return Classification.POST if is_by_rays else Classification.PRE
-
-
-def _check_objects(names: list[str], resampler: Resampler, classification: Classification) -> None:
-    """Reject meshes and planes for renderers that do not show them."""
-    if not names:
-        return
-    name = names[0]
-    if resampler.projection in MEASURING:
-        raise ValueError(
-            f"a {name} is seen through the volume, so it needs the projection composite or "
-            f"first-hit, not {resampler.projection}"
-        )
-    is_pre = _in_effect(classification, resampler) is Classification.PRE and resampler.iso is None
-    if is_pre or resampler.order.summing is not Summing.RAYS:
-        raise ValueError(
-            f"a {name} ends rays through the field, so it needs the order rays and the "
-            "classification post or auto"
         )
 
 
@@ -454,7 +431,10 @@ def decided(
         is_of_field = True
     else:
         is_of_field = resampler.order.summing is Summing.RAYS and Classification.PRE not in looks
-        is_of_field = is_of_field and (len(media) > 1 or _suits_rays(*media[0]))
+        volume, look = media[0]
+        if is_of_field and len(media) == 1:  # can rays show what the look asks for?
+            is_of_field = look.gradient == GRADIENT and (look.labels is None or look.labels.are_few)
+            is_of_field = is_of_field and max(map(abs, finite_range(volume.values))) < LARGEST
         is_of_field = is_of_field or any(look.scene_objects for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
@@ -463,15 +443,6 @@ def decided(
         (volume, replace(look, classification=of_auto.get(kind, kind)))
         for (volume, look), kind in zip(media, looks, strict=True)
     ], resampler
-
-
-def _suits_rays(volume: Volume, look: Appearance) -> bool:
-    """Return whether rays can show what a look asks for."""
-    if look.gradient != GRADIENT:
-        return False
-    if look.labels is not None and not look.labels.are_few:
-        return False
-    return max(map(abs, finite_range(volume.values))) < LARGEST
 
 
 def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:

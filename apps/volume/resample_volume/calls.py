@@ -123,9 +123,19 @@ def render(
         camera = viewpoint(camera)
     view = viewpoint_of(camera)
     fit: Fitted = "most" if camera is None else "visible"
-    pairs = _pairs(volume, appearance)
+    pairs: list[tuple[Any, Appearance | str]] = [(volume, appearance)]
+    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
+        is_pair = [
+            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
+            for one in volume
+        ]
+        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
+            if appearance != "auto" or not all(is_pair):
+                raise ValueError(PAIRS)
+            pairs = list(volume)
     if not options:
-        media = [_layer(as_volume(one), _as_look(look)) for one, look in pairs]
+        looks = [Appearance(look) if isinstance(look, str) else look for _, look in pairs]
+        media = [_layer(as_volume(one), look) for (one, _), look in zip(pairs, looks, strict=True)]
         paint = resampler or resampler_for(media[0][1])
         wanted = "a Resampler, or None for the one that suits the look"
         check_kind("resampler", paint, Resampler, wanted)
@@ -212,24 +222,6 @@ def animate(
             name = str(Path(folder) / "volume.nrrd")
             write_volume(Path(name), as_volume(volume, "volume"))
         run("volume", "animate", name, output=Path(output), **_spelled(given))
-
-
-def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
-    """Return volumes with their looks, also for a single one."""
-    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
-        is_pair = [
-            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
-            for one in volume
-        ]
-        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
-            if appearance != "auto" or not all(is_pair):
-                raise ValueError(PAIRS)
-            return list(volume)
-    return [(volume, appearance)]
-
-
-def _as_look(given: Appearance | str) -> Appearance:
-    return given if isinstance(given, Appearance) else Appearance(given)
 
 
 def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:

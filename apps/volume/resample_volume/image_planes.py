@@ -92,7 +92,14 @@ class ImagePlane:
         where, _, rest = text.partition(":")
         choices = choices_of("plane", text, rest, KEYS, FORM)
         opacity = chosen_opacity("plane", choices)
-        window = _window(choices["window"]) if "window" in choices else None
+        window, given = None, choices.get("window")
+        if given is not None:
+            by_ends = ".." in given
+            try:
+                one, two = map(float, given.split("..") if by_ends else parts_of(given))
+            except ValueError:
+                raise ValueError(f"window {given!r} of a plane; {WINDOW}") from None
+            window = (one, two) if by_ends else (one - two / 2, one + two / 2)
         return cls(where, window, choices.get("colors", "gray"), opacity)
 
     def within(self, span: tuple[float, float]) -> "ImagePlane":
@@ -114,16 +121,6 @@ def _place(where: str) -> tuple[int, float, bool] | None:
     if len(axis) != 1 or axis not in AXES or not math.isfinite(number):
         return None
     return AXES.index(axis), number, is_share
-
-
-def _window(text: str) -> tuple[float, float]:
-    """Parse a window to its end values."""
-    by_ends = ".." in text
-    try:
-        one, two = (float(part) for part in (text.split("..") if by_ends else parts_of(text)))
-    except ValueError:
-        raise ValueError(f"window {text!r} of a plane; {WINDOW}") from None
-    return (one, two) if by_ends else (one - two / 2, one + two / 2)
 
 
 def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
@@ -148,20 +145,17 @@ def settled(plane: ImagePlane, volume: Volume) -> ImagePlane:
                     f"plane {where!r} misses {volume.name}, which has {count} voxels along "
                     f"{AXES[axis]}; give 0 to {count - 1}, or 0% to 100%"
                 )
-            row = np.linalg.inv(lattice_of(volume))[axis]
-            where = _plane(row, float(row @ volume.origin) + number)
+            normal = np.linalg.inv(lattice_of(volume))[axis]
+            distance = float(normal @ volume.origin) + number
         else:  # given like a clip plane
             ((*normal, distance),) = planes(volume, None, (where,), "plane")
-            where = _plane(np.array(normal), -distance)
+            normal, distance = np.array(normal), -distance
+        length = float(np.linalg.norm(normal))
+        x, y, z = (normal / length).tolist()
+        where = (x, y, z, float(distance) / length)
         if not len(outline(volume, where)):
             raise ValueError(f"plane {plane.where!r} misses {volume.name}; {FORM}")
     return replace(plane, where=where)
-
-
-def _plane(normal: Doubles, distance: float) -> tuple[float, float, float, float]:
-    length = float(np.linalg.norm(normal))
-    x, y, z = (normal / length).tolist()
-    return x, y, z, float(distance) / length
 
 
 def outline(volume: Volume, where: tuple[float, float, float, float]) -> Doubles:
@@ -213,9 +207,7 @@ def plane_mesh(plane: ImagePlane, volume: Volume, field: Gathered) -> SceneMesh:
         known = field.known.reshape([count + 2 * PAD for count in field.spline.shape])
         x, y, z = np.floor(place[face].mean(axis=1) + 0.5).astype(np.int64).T + PAD
         face = face[known[z, y, x] > 0]
-    color = plane.palette.colors(values_at(field, place), plane.window or (0.0, 1.0)).astype(
-        np.float64
-    )
+    color = plane.palette.colors(values_at(field, place), plane.window or (0.0, 1.0))
     corner = np.asarray(volume.origin, np.float64) + place @ field.lattice.T
     return SceneMesh(corner, np.zeros_like(corner), color.astype(np.float64), face, plane.opacity)
 
@@ -246,10 +238,11 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         patches = [np.array([middle, middle, *pair]) for pair in zip(corner, after, strict=True)]
     area = sum(math.prod(_lengths(patch)) for patch in patches)
     per = min(FINEST, math.sqrt(MOST / max(area, 1e-9)))  # vertices per voxel
-    deepest = max(_steps(patch, per)[0] for patch in patches)
+    steps = np.maximum(1, np.ceil(per * np.array(list(map(_lengths, patches))) - 1e-6))
+    deepest = int(steps[:, 0].max())
     places, faces, start = [], [], 0
-    for patch in patches:
-        place, face = _patch(patch, (deepest, _steps(patch, per)[1]))
+    for patch, (_, across) in zip(patches, steps.astype(int).tolist(), strict=True):
+        place, face = _patch(patch, (deepest, across))
         places.append(place)
         faces.append(face + start)
         start += len(place)
@@ -262,11 +255,6 @@ def _lengths(patch: Doubles) -> tuple[float, float]:
     deep = max(np.linalg.norm(down - first), np.linalg.norm(both - right))
     wide = max(np.linalg.norm(right - first), np.linalg.norm(both - down))
     return float(deep), float(wide)
-
-
-def _steps(patch: Doubles, per: float) -> tuple[int, int]:
-    deep, wide = _lengths(patch)
-    return max(1, math.ceil(per * deep - 1e-6)), max(1, math.ceil(per * wide - 1e-6))
 
 
 def _patch(patch: Doubles, steps: tuple[int, int]) -> tuple[Doubles, NDArray[np.int64]]:
@@ -334,18 +322,15 @@ def _corners(values: NDArray[Any], value: float) -> tuple[Doubles, NDArray[np.in
     place = vtk_to_numpy(found.GetPoints().GetData()).astype(np.float64)
     face = vtk_to_numpy(found.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
     if values.dtype.kind == "f":
-        face = face[_beside_known(padded, place[face].mean(axis=1))]
+        # Keep triangles between eight voxels with values
+        middle = place[face].mean(axis=1)
+        x, y, z = np.floor(np.nan_to_num(middle) + 1).astype(np.int64).T
+        known = np.asarray(np.isfinite(middle).all(axis=1))
+        for down, along, right in np.ndindex(2, 2, 2):
+            known &= np.isfinite(padded[z + down, y + along, x + right])
+        face = face[known]
     last = np.array(values.shape[::-1]) - 0.5
     return np.clip(place, -0.5, last), face
-
-
-def _beside_known(padded: NDArray[np.float32], place: Doubles) -> NDArray[np.bool_]:
-    """Return whether all eight voxels around points (N, 3) have values."""
-    x, y, z = np.floor(np.nan_to_num(place) + 1).astype(np.int64).T
-    known = np.asarray(np.isfinite(place).all(axis=1))
-    for down, along, right in np.ndindex(2, 2, 2):
-        known &= np.isfinite(padded[z + down, y + along, x + right])
-    return known
 
 
 def _slope(place: Doubles, field: Gathered, last: Doubles) -> Doubles:
@@ -378,12 +363,9 @@ class Section(NamedTuple):
         center, thickness, *normal = numbers
         if not thickness > 0:
             raise ValueError(f"slab {text!r}: its thickness must be above 0; {SLAB_FORM}")
-        if not normal:
-            return cls(center, thickness)
-        if not any(normal):
+        if normal and not any(normal):
             raise ValueError(f"slab {text!r}: the normal must not be 0,0,0; {SLAB_FORM}")
-        x, y, z = normal
-        return cls(center, thickness, (x, y, z))
+        return cls(center, thickness, (normal[0], normal[1], normal[2]) if normal else None)
 
     @property
     def clips(self) -> tuple[str, ...]:

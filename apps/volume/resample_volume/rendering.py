@@ -30,7 +30,6 @@ from resample_volume.appearance import (
     check_several,
     check_together,
     decided,
-    named_or_own,
     of_voxels,
     resampler_for,
     settled,
@@ -95,7 +94,7 @@ def shown_together(
     """Return the voxels of volumes in one scene that are visible when composited."""
     shown = []
     for volume, look in media:
-        shape = named_or_own(look.framing or look.transfer, volume)
+        shape = transfer_of(volume, look.framing or look.transfer)
         radius = resampler.reconstruction.radius
         shown.append(framing.shown_by(volume, shape, clip, radius, resampler.iso))
     coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))

@@ -12,7 +12,6 @@ from resample.types import Doubles
 from resample_volume.appearance import (
     Appearance,
     XRay,
-    named_or_own,
     settled,
     transfer_of,
 )
@@ -153,7 +152,7 @@ class Series:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing
         if framing is not None:
-            framing = Windowed(named_or_own(framing, together), span)
+            framing = Windowed(transfer_of(together, framing), span)
         return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
 
     def __iter__(self) -> Iterator[Volume]:

@@ -107,9 +107,15 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
         color, opacity = dense.color[::-1], dense.opacity[::-1]
         return TransferFunction(1 - dense.value[::-1], color, opacity, normalized=True)
     limit = low + (high - low) * threshold / 255
-    soft = _soft(known, _each(volume), around, limit)
+    # A soft material below the threshold has a peak of its own, and is not the surroundings.
+    soft = peak_between(known.levels, limit, limit, DIP, _each(volume))
     if soft is not None:
-        low, high = known.span
+        is_much = soft.share(known.levels) > MOST_SOFT * known.levels.share(limit, high)
+        first, last = ((end - low) / (high - low) * 255 for end in (soft.before, soft.after))
+        is_soft = (around >= first) & (around <= last)
+        if is_much or (around.size and np.mean(is_soft) > MOST_AROUND):
+            soft = None
+    if soft is not None:
         before, peak, after = ((value - low) / (high - low) for value in soft)
         dense = ramp((threshold + 1) / 256)
         points = [(before, SOFT, 0.0), (peak, SOFT, VEIL), (after, SOFT, VEIL)]
@@ -118,7 +124,6 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
         return from_points(points, normalized=True)
     if (body := _body(volume, known, limit)) is not None:
         # Hot spots in a body; the body is a veil as deep as it is large.
-        low, high = known.span
         before, peak, _ = ((value - low) / (high - low) for value in body)
         across = np.cbrt(
             body.share(known.levels) / known.levels.share(low, high) * volume.values.size
@@ -129,7 +134,14 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
         points += [(max(peak, v), c, max(o, VEIL)) for v, c, o in _points(hot)]
         return from_points(points, normalized=True)
     faint = _faint(values_of(volume.values).sample(), known, limit)
-    return ramp((threshold + 1) / 256) if faint is None else _with_faint(faint, known, threshold)
+    dense = ramp((threshold + 1) / 256)
+    if faint is None:
+        return dense
+    start, typical = ((value - low) / (high - low) for value in faint)
+    end = max(float(dense.value[0]), typical)
+    points = [(start, CLAY, 0.0), (typical, CLAY, FAINT), (end, CLAY, FAINT)]
+    points += [(max(end, v), c, max(o, FAINT)) for v, c, o in _points(dense)]
+    return from_points(points, normalized=True)
 
 
 def is_signed(known: Survey) -> bool:
@@ -162,17 +174,6 @@ def _signed(known: Survey) -> TransferFunction:
             (limit, HOT, RAMP[2][2]),
         ]
     )
-
-
-def _soft(known: Survey, each: int, around: NDArray[np.uint8], threshold: float) -> Peak | None:
-    """Find a material below a threshold with its own peak that is not the surroundings."""
-    low, high = known.span
-    soft = peak_between(known.levels, threshold, threshold, DIP, each)
-    if soft is None or soft.share(known.levels) > MOST_SOFT * known.levels.share(threshold, high):
-        return None
-    first, last = ((value - low) / (high - low) * 255 for value in (soft.before, soft.after))
-    is_soft = (around >= first) & (around <= last)
-    return None if around.size and np.mean(is_soft) > MOST_AROUND else soft
 
 
 def _body(volume: Volume, known: Survey, threshold: float) -> Peak | None:
@@ -233,17 +234,6 @@ def _joined(values: NDArray[Any], reach: int, join: np.ufunc) -> NDArray[Any]:
 def _each(volume: Volume) -> int:
     """Return the voxels per voxel of the sample with known values."""
     return 1 if are_few(volume.values.dtype) else step_of(volume.values.size) ** 3
-
-
-def _with_faint(faint: tuple[float, float], known: Survey, threshold: float) -> TransferFunction:
-    """Return dense material as in `ramp`, from the values on that faint structure has."""
-    low, high = known.span
-    start, typical = ((value - low) / (high - low) for value in faint)
-    dense = ramp((threshold + 1) / 256)
-    end = max(float(dense.value[0]), typical)
-    points = [(start, CLAY, 0.0), (typical, CLAY, FAINT), (end, CLAY, FAINT)]
-    points += [(max(end, v), c, max(o, FAINT)) for v, c, o in _points(dense)]
-    return from_points(points, normalized=True)
 
 
 def _points(transfer: TransferFunction) -> list[tuple[float, Color, float]]:

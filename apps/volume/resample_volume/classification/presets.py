@@ -17,6 +17,7 @@ from resample_volume.classification.scales import on_scale
 from resample_volume.classification.transfer import (
     SUFFIXES,
     Materials,
+    Point,
     Transfer,
     TransferFunction,
     from_points,
@@ -105,6 +106,7 @@ BETWEEN = re.compile(r",(?!\s*(?:opacity|low|color|gradient)=)")  # looks of cha
 # Points of value, color as displayed, and opacity: 40,red,0 90,white,0.5 or 40/red/0,90/white/0.5.
 POINT, SLASHED = (rf"{NUMBER}{by}[^/,:+\s]+{by}{NUMBER}" for by in ",/")
 POINTS = re.compile(rf"{POINT}(?:\s+{POINT})*|{SLASHED}(?:,{SLASHED})*", re.IGNORECASE)
+ADJUSTMENTS = ("opacity", "low", "color", "gradient")  # in the order in which they are applied
 SOFT = 0.1  # of a range of values, over which its opacity rises and falls
 # Colormaps of two colors with a neutral middle: it is transparent, and zero if there is one.
 DIVERGING = re.compile(
@@ -144,9 +146,9 @@ class Names:
                 if key not in ADJUSTMENTS:
                     raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
                 changes[key] = given
-            for key, change in ADJUSTMENTS.items():
+            for key in ADJUSTMENTS:
                 if key in changes:
-                    transfer = change(transfer, changes[key])
+                    transfer = _adjusted(transfer, key, changes[key])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
         is_placed = base == "auto" and not transfer.normalized
@@ -177,7 +179,7 @@ class Names:
         if ends := RANGE.fullmatch(name):
             return _of_range(name, *ends.groups())
         if POINTS.fullmatch(name):
-            return _of_points(name)
+            return from_points([_point(part) for part in name.split("," if "/" in name else None)])
         added = None if self.known is None else self.known.units.added
         if name in TISSUES and self.window is None:
             if added is not None:
@@ -267,18 +269,14 @@ def load_transfer(name: str | Path) -> Transfer:
 
 def is_file(name: str) -> bool:
     """Return whether a name is of a file, which may contain a + itself."""
-    return _has_suffix(name) and ("+" not in name or os.path.exists(name))
+    return name.lower().endswith(SUFFIXES) and ("+" not in name or os.path.exists(name))
 
 
 def names_file(text: str) -> bool:
     """Return whether a look, or one of the looks of channels, may be read from a file."""
     looks = (text, *BETWEEN.split(text))
     words = (word for look in looks for word in (look, *JOINT.split(look)))
-    return any(_has_suffix(word.strip()) for word in words)
-
-
-def _has_suffix(name: str) -> bool:
-    return Path(name).suffix.lower() in SUFFIXES
+    return any(word.strip().lower().endswith(SUFFIXES) for word in words)
 
 
 def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFunction:
@@ -298,18 +296,15 @@ def _of_range(name: str, least: str | None, greatest: str | None) -> TransferFun
     return from_points(points)
 
 
-def _of_points(name: str) -> TransferFunction:
-    """Parse control points of the command line."""
+def _point(text: str) -> Point:
+    """Parse a control point of the command line: value, color and opacity."""
     from resample_volume.classification.files import displayed_color
 
-    points = []
-    for part in name.split("," if "/" in name else None):
-        value, color, opacity = parts_of(part)
-        try:
-            points.append((float(value), displayed_color(color), float(opacity)))
-        except ValueError as error:
-            raise ValueError(f"{part}: color {error}") from None
-    return from_points(points)
+    value, color, opacity = parts_of(text)
+    try:
+        return float(value), displayed_color(color), float(opacity)
+    except ValueError as error:
+        raise ValueError(f"{text}: color {error}") from None
 
 
 def colormap(name: str) -> TransferFunction:
@@ -326,50 +321,37 @@ def colormap(name: str) -> TransferFunction:
     return TransferFunction(position, color, position, normalized=True)
 
 
-def _number(key: str, given: str) -> float:
-    try:
-        return float(given)
-    except ValueError:
-        raise ValueError(f"{key} must be a number (got {given!r})") from None
-
-
-def _thinned(transfer: Transfer, given: str) -> Transfer:
-    opacity = _number("opacity", given)
-    if not 0 <= opacity <= 1:
-        raise ValueError(f"opacity must be between 0 and 1 (got {opacity})")
-    return transfer.thinned(opacity)
-
-
-def _cut(transfer: Transfer, given: str) -> Transfer:
-    low = _number("low", given)
-    if not np.isfinite(low) or (transfer.normalized and not 0 <= low <= 1):
-        raise ValueError(f"low must be {'between 0 and 1' if transfer.normalized else 'finite'}")
-    return transfer.cut(low)
-
-
-def _colored(transfer: Transfer, given: str) -> Transfer:
+def _adjusted(transfer: Transfer, key: str, given: str) -> Transfer:
+    """Apply one of `ADJUSTMENTS` to a transfer function."""
     from resample_volume.classification.files import displayed_color
 
-    color = displayed_color(given)
-    if isinstance(transfer, RegionTransfer):
-        regions = tuple(replace(region, color=color) for region in transfer.regions)
-        return replace(transfer, regions=regions)
-    if isinstance(transfer, TransferFunction):
-        return replace(transfer, color=np.tile(color, (transfer.value.size, 1)))
-    raise ValueError("color does not apply to this one")
-
-
-def _faded(transfer: Transfer, given: str) -> Transfer:
-    ends = [_number("gradient", part) for part in parts_of(given)]
-    if len(ends) != 2:
+    if key == "color":
+        color = displayed_color(given)
+        if isinstance(transfer, RegionTransfer):
+            regions = tuple(replace(region, color=color) for region in transfer.regions)
+            return replace(transfer, regions=regions)
+        if isinstance(transfer, TransferFunction):
+            return replace(transfer, color=np.tile(color, (transfer.value.size, 1)))
+        raise ValueError("color does not apply to this one")
+    numbers = []
+    for part in parts_of(given) if key == "gradient" else [given]:
+        try:
+            numbers.append(float(part))
+        except ValueError:
+            raise ValueError(f"{key} must be a number (got {part!r})") from None
+    number = numbers[0]
+    if key == "opacity":
+        if not 0 <= number <= 1:
+            raise ValueError(f"opacity must be between 0 and 1 (got {number})")
+        return transfer.thinned(number)
+    if key == "low":
+        if not np.isfinite(number) or (transfer.normalized and not 0 <= number <= 1):
+            wanted = "between 0 and 1" if transfer.normalized else "finite"
+            raise ValueError(f"low must be {wanted}")
+        return transfer.cut(number)
+    if len(numbers) != 2:
         raise ValueError(f"gradient must be two fractions such as 0.1,0.5 (got {given!r})")
-    return Faded(transfer, (ends[0], ends[1]))
+    return Faded(transfer, (numbers[0], numbers[1]))
 
 
 # In the order of application, regardless of the order given.
-ADJUSTMENTS: dict[str, Callable[[Transfer, str], Transfer]] = {
-    "opacity": _thinned,
-    "low": _cut,
-    "color": _colored,
-    "gradient": _faded,
-}

@@ -62,15 +62,21 @@ class RegionTransfer:
             raise ValueError(f"opacity_unit: must be greater than 0 (got {self.opacity_unit})")
         for n, region in enumerate(self.regions):
             where = f"regions.{n}"
-            normalized = self.normalized
-            top = 1.0 if normalized else math.inf
+            top = 1.0 if self.normalized else math.inf
             low, high = region.gradient
             gradient = (low, min(high, top) if math.isinf(high) else high)
-            _check_range(f"{where}.value", region.value, (0.0 if normalized else -math.inf, top))
-            _check_range(f"{where}.gradient", gradient, (0.0, top))
-            _check_share(f"{where}.opacity", region.opacity)
-            for share in region.color:
-                _check_share(f"{where}.color", share)
+            least = 0.0 if self.normalized else -math.inf
+            spans = (("value", region.value, least), ("gradient", gradient, 0.0))
+            for name, (low, high), limit in spans:
+                if not limit <= low <= high <= top:
+                    raise ValueError(
+                        f"{where}.{name}: must be two numbers that ascend, from {limit:g} to "
+                        f"{top:g} (got {low:g}, {high:g})"
+                    )
+            shares = [("opacity", region.opacity), *(("color", part) for part in region.color)]
+            for name, share in shares:
+                if not 0 <= share <= 1:
+                    raise ValueError(f"{where}.{name}: must be between 0 and 1 (got {share})")
             for soft, span in zip(region.softness, (region.value, gradient), strict=True):
                 if not 0 <= soft <= (span[1] - span[0]) / 2:
                     raise ValueError(
@@ -122,17 +128,24 @@ class RegionTransfer:
     def steepest(self, steep: float) -> float:
         if self.normalized:
             return steep
-        ends = [end for region in self.regions for end in _ends(region) if math.isfinite(end)]
-        return max(ends) * TOLERANCE
+        # Beyond these gradients a region does not change
+        ends = [(one.gradient[0] + one.softness[1], one.gradient[1]) for one in self.regions]
+        return max(end for pair in ends for end in pair if math.isfinite(end)) * TOLERANCE
 
     def thinned(self, share: float) -> "RegionTransfer":
         thinner = [replace(region, opacity=share * region.opacity) for region in self.regions]
         return replace(self, regions=tuple(thinner))
 
     def cut(self, low: float) -> "RegionTransfer":
-        kept = [_above(region, low) for region in self.regions if region.value[1] >= low]
-        nothing = replace(self.regions[0], opacity=0.0)
-        return replace(self, regions=tuple(kept) or (nothing,))
+        kept = []
+        for region in self.regions:
+            first, high = region.value
+            if first < low <= high:
+                soft = (min(region.softness[0], (high - low) / 2), region.softness[1])
+                kept.append(replace(region, value=(low, high), softness=soft))
+            elif low <= first:
+                kept.append(region)
+        return replace(self, regions=tuple(kept) or (replace(self.regions[0], opacity=0.0),))
 
     def _places(self, values: NDArray[Any], data_range: DataRange) -> Doubles:
         """Convert values to the units of the regions."""
@@ -209,32 +222,3 @@ def _share(place: Doubles, span: Range, soft: float, limits: Range) -> Doubles:
     if high < limits[1]:
         fall = np.clip((high - place) / soft, 0, 1) if soft else (place <= high).astype(np.float64)
     return np.where(np.isnan(place), 0.0, rise * fall)
-
-
-def _ends(region: Region) -> tuple[float, float]:
-    """Return the gradients beyond which a region does not change, possibly infinite."""
-    low, high = region.gradient
-    return low + region.softness[1], high
-
-
-def _above(region: Region, low: float) -> Region:
-    """Clip a region to values at or above one; limit its softness."""
-    if region.value[0] >= low:
-        return region
-    high = region.value[1]
-    softness = (min(region.softness[0], (high - low) / 2), region.softness[1])
-    return replace(region, value=(low, high), softness=softness)
-
-
-def _check_share(where: str, share: float) -> None:
-    if not 0 <= share <= 1:
-        raise ValueError(f"{where}: must be between 0 and 1 (got {share})")
-
-
-def _check_range(where: str, span: Range, limits: Range) -> None:
-    low, high = span
-    if not limits[0] <= low <= high <= limits[1]:
-        raise ValueError(
-            f"{where}: must be two numbers that ascend, from {limits[0]:g} to {limits[1]:g} "
-            f"(got {low:g}, {high:g})"
-        )

@@ -113,10 +113,15 @@ class TransferFunction:
                 )
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, TransferFunction) and self._identity() == other._identity()
+        return isinstance(other, TransferFunction) and self._identity == other._identity
 
     def __hash__(self) -> int:
-        return hash(self._identity())
+        return hash(self._identity)
+
+    @property
+    def _identity(self) -> tuple[object, ...]:
+        arrays = (self.value.tobytes(), self.color.tobytes(), self.opacity.tobytes())
+        return (*arrays, self.opacity_unit, self.normalized)
 
     def __call__(self, values: ArrayLike, data_range: DataRange) -> tuple[Floats, Floats]:
         """Return color and opacity of data values.
@@ -189,10 +194,6 @@ class TransferFunction:
         place = np.clip(low * (1 - self.value) + high * self.value, low, high)
         return np.maximum.accumulate(place)
 
-    def _identity(self) -> tuple[object, ...]:
-        arrays = (self.value.tobytes(), self.color.tobytes(), self.opacity.tobytes())
-        return (*arrays, self.opacity_unit, self.normalized)
-
 
 class TransferTable(NamedTuple):
     """A transfer function as a table; the first fields of `resample.types.Classifier`."""
@@ -234,6 +235,13 @@ def tabulated(
     )
 
 
+def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
+    """Return all values of a type in the order of their bits, if few; otherwise None."""
+    if dtype.kind not in "iu" or dtype.itemsize > 2:
+        return None
+    return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
+
+
 def evaluated(
     function: Callable[[NDArray[Any], DataRange], Floats],
     values: NDArray[Any],
@@ -243,7 +251,7 @@ def evaluated(
     every = _every_value(values.dtype)
     if every is None:
         return function(values, data_range)
-    return np.take(function(every, data_range), _bits(values), axis=0)
+    return np.take(function(every, data_range), values.view(f"u{every.itemsize}"), axis=0)
 
 
 def visible_places(
@@ -260,18 +268,7 @@ def visible_places(
     place = np.flatnonzero((values >= low) & (values <= high))
     if is_seen[(every >= low) & (every <= high)].all():
         return place
-    return place[np.take(is_seen, _bits(values[place]))]
-
-
-def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
-    """Return all values of a type in the order of their bits, if few; otherwise None."""
-    if dtype.kind not in "iu" or dtype.itemsize > 2:
-        return None
-    return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
-
-
-def _bits(values: NDArray[Any]) -> NDArray[Any]:
-    return values.view(f"u{values.dtype.itemsize}")
+    return place[np.take(is_seen, values[place].view(f"u{every.itemsize}"))]
 
 
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:
@@ -390,13 +387,11 @@ class Windowed:
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         del data_range
-        return self.transfer.classify(values, slopes, self.span, self._steep(steep))
+        steep = steep if self.steep is None else self.steep
+        return self.transfer.classify(values, slopes, self.span, steep)
 
     def steepest(self, steep: float) -> float:
-        return self.transfer.steepest(self._steep(steep))
-
-    def _steep(self, given: float) -> float:
-        return given if self.steep is None else self.steep
+        return self.transfer.steepest(steep if self.steep is None else self.steep)
 
     def thinned(self, share: float) -> "Windowed":
         return replace(self, transfer=self.transfer.thinned(share))

@@ -8,7 +8,6 @@ above 2500.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.outofcore.passes import memoized
 from resample.types import Doubles
@@ -195,9 +194,15 @@ def survey(volume: Volume) -> Survey:
     total, size = int(levels.number.sum()), volume.values.size
     most = max(min(8, size // 500), int(STRAY_SHARE * size))  # voxels that may be outliers
     is_byte = volume.values.dtype.itemsize == 1
-    rest, padding = _without_padding(
-        levels, values_of(volume.values).border(), most, 0 if is_byte else PADDINGS
-    )
+    rest, padding = levels, list[float]()
+    rim = values_of(volume.values).border()
+    for _ in range(0 if is_byte else PADDINGS):
+        marks = [0] * bool(rest.value[0] < 0) + [-1] * bool((rim == rest.value[-1]).any())
+        mark = next((end for end in marks if _is_padding(rest, end, most)), None)
+        if mark is None:
+            break
+        padding.append(float(rest.value[mark]))
+        rest = rest.between(1, -1) if mark == 0 else rest.between(0, -2)
     first, last = ends(rest.value, rest.number, most, STRAY_GAP)
     bulk = rest.between(first, last)
     kept = int(rest.number.sum())
@@ -206,7 +211,7 @@ def survey(volume: Volume) -> Survey:
         float(levels.value[-1]),
         float(bulk.value[0]),
         float(bulk.value[-1]),
-        padding,
+        tuple(padding),
         total - kept,
         kept - int(bulk.number.sum()),
         infinite,
@@ -289,25 +294,6 @@ def _last(value: Doubles, above: Counts, most: int, gap: float, middle: float) -
     reach = value[place] - foot
     far = (np.diff(value)[start:] > gap * reach) & (reach > 0)
     return int(place[far][0]) if far.any() else value.size - 1
-
-
-def _without_padding(
-    levels: Histogram, rim: NDArray[Any], most: int, paddings: int
-) -> tuple[Histogram, tuple[float, ...]]:
-    """Split levels into values and padding; see `survey`."""
-    padding: list[float] = []
-    for _ in range(paddings):
-        ends_ = []
-        if levels.value[0] < 0:
-            ends_.append(0)
-        if (rim == levels.value[-1]).any():
-            ends_.append(-1)
-        found = [end for end in ends_ if _is_padding(levels, end, most)]
-        if not found:
-            break
-        padding.append(float(levels.value[found[0]]))
-        levels = levels.between(1, -1) if found[0] == 0 else levels.between(0, -2)
-    return levels, tuple(padding)
 
 
 def _is_padding(levels: Histogram, end: int, most: int) -> bool:

@@ -10,7 +10,7 @@ downloads the second volume::
                         voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
@@ -40,7 +40,6 @@ from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
 from resample_volume.command import inputs
 from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
-from resample_volume.command.inputs import over_time as read_over_time
 from resample_volume.command.rendering import scene_of, slab_missed
 from resample_volume.data.values import bricks_of, is_streamed
 from resample_volume.rendering import Subject
@@ -96,13 +95,6 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
     return Flight(path, FRAMES if frames is None else frames, start)
 
 
-def over_time(flight: Flight | Tour, frames: int | None, times: int) -> Flight | Tour:
-    """Return the flight with one frame per time, unless a number of frames was given."""
-    if frames is not None or isinstance(flight, Tour):
-        return flight
-    return replace(flight, frames=times)
-
-
 class Course:
     """The subject at each time, all times framed alike."""
 
@@ -116,7 +108,16 @@ class Course:
         self.times, self._subject = times, subject
         self._last: tuple[int, Subject] | None = None
         self.marks: list[str] = []
-        self.sphere = around(self._subjects(progress)) if sphere is None else sphere
+        if sphere is None:
+            seen = []
+            for time in range(times):
+                one = subject(time)
+                self.marks.append(one.facts()["voxels"])
+                seen.append((one.is_empty, one.sphere))
+                if progress is not None:
+                    progress((time + 1) / times)
+            sphere = around(seen)
+        self.sphere = sphere
 
     def __getitem__(self, time: int) -> Subject:
         """Return the subject of a time; the last one is cached."""
@@ -124,14 +125,6 @@ class Course:
             self._last = None  # two of them need not fit in memory
             self._last = time, replace(self._subject(time), sphere=self.sphere)
         return self._last[1]
-
-    def _subjects(self, progress: Progress | None) -> Iterator[Subject]:
-        for time in range(self.times):
-            subject = self._subject(time)
-            self.marks.append(subject.facts()["voxels"])
-            yield subject
-            if progress is not None:
-                progress((time + 1) / self.times)
 
 
 def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[AnyCamera]:
@@ -211,15 +204,11 @@ def frame_of(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels
     return screen_levels(rgba, background=paint.background)
 
 
-def around(subjects: Iterable[Subject]) -> Sphere:
-    """Return the bounding sphere of everything visible in some subjects, if anything is."""
-    spheres: list[Sphere] = []
-    empty: list[Sphere] = []
-    for subject in subjects:
-        (empty if subject.is_empty else spheres).append(subject.sphere)
-    every = spheres or empty
-    center = np.array([sphere.center for sphere in every])
-    radius = np.array([[sphere.radius] for sphere in every])
+def around(seen: Sequence[tuple[bool, Sphere]]) -> Sphere:
+    """Return the bounding sphere of spheres, without those of empty scenes if one is not empty."""
+    spheres = [sphere for is_empty, sphere in seen if not is_empty] or [one[1] for one in seen]
+    center = np.array([sphere.center for sphere in spheres])
+    radius = np.array([[sphere.radius] for sphere in spheres])
     middle = ((center - radius).min(axis=0) + (center + radius).max(axis=0)) / 2
     away = np.linalg.norm(center - middle, axis=1)
     return Sphere(middle, float((away + radius[:, 0]).max()))
@@ -240,12 +229,9 @@ class Script(NamedTuple):
     frames: int | None  # that are asked for
 
 
-class TimesStatistics(NamedTuple):
-    """Statistics over all times of a volume."""
-
-    survey: Survey  # without its levels
-    appearance: Appearance  # without labels, meshes and planes
-    sphere: Sphere
+# Statistics over all times of a volume without levels, their look without labels, meshes and
+# planes, and the sphere around all that is visible.
+TimesStatistics = tuple[Survey, Appearance, Sphere]
 
 
 class ReadyFilm(NamedTuple):
@@ -312,14 +298,16 @@ def _film_of_times(
     layers, subject = _scenes(script, series, look, paint.resampler)
     with progress_bar("scanning all times") as progress:
         course = Course(len(series), subject, progress)
-    known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
+    known = series.known._replace(levels=NO_LEVELS), look, course.sphere
     first = layers(0)
     paint = replace(paint, drawing=_overlay(script, first, course[0], paint))
-    cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
+    if script.frames is None and isinstance(flight, Flight):
+        flight = replace(flight, frames=course.times)
+    cameras = cameras_of(course[0], flight, paint.size)
     for camera in (None, cameras[0]):
         if missed := slab_missed(first, course[0], camera):
             say(missed)
-    frames = _frames_over(course, cameras, paint)
+    frames = partial(_frame_over, course, cameras, paint)
     made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
     return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
 
@@ -345,7 +333,9 @@ def _scenes(
 ) -> tuple[Callable[[int], list[VolumeLayer]], Callable[[int], Subject]]:
     """Return functions of a time: the volumes of a script, all under one look, and their scene."""
     objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
-    own = objects.beside(inputs.labelled(look, series, script.appearance))
+    if script.appearance.labels is not None:
+        look = replace(look, labels=script.appearance.labels_of(series[0]))
+    own = objects.beside(look)
     further = inputs.beside(
         inputs.others(script.added.also, script.source), script.appearance, resampler
     )
@@ -359,15 +349,11 @@ def _scenes(
     return layers, subject
 
 
-def _frames_over(course: Course, cameras: Sequence[AnyCamera], paint: FrameOptions) -> Frames:
-    """Return a painter of frame numbers over which a changing volume's times are spread."""
-    total = len(cameras)
-
-    def frame(n: int) -> Levels:
-        time = n * course.times // total
-        return frame_of(course[time], cameras[n], paint)
-
-    return frame
+def _frame_over(
+    course: Course, cameras: Sequence[AnyCamera], paint: FrameOptions, n: int
+) -> Levels:
+    """Return a frame of a film over which a changing volume's times are spread."""
+    return frame_of(course[n * course.times // len(cameras)], cameras[n], paint)
 
 
 def _scene_for(
@@ -387,30 +373,26 @@ def _scene_for(
 
 
 def _frames(
-    script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions, threads: int
-) -> Frames:
-    """Return the frames of a script."""
-    (_, subject), paint = _scene_for(script, paint.size), replace(paint, threads=threads)
-    return lambda n: frame_of(subject, cameras[n], paint)
-
-
-def _frames_of_times(
     script: Script,
     cameras: Sequence[AnyCamera],
     paint: FrameOptions,
-    known: TimesStatistics,
+    known: TimesStatistics | None,
     threads: int,
 ) -> Frames:
-    """Return the frames of a changing volume, by statistics that another process found."""
-    found = read_over_time(script.source, script.volume)
+    """Return the frames of a script in another process, of times by statistics found before."""
+    paint = replace(paint, threads=threads)
+    if known is None:
+        _, scene = _scene_for(script, paint.size)
+        return lambda n: frame_of(scene, cameras[n], paint)
+    found = inputs.over_time(script.source, script.volume)
     times = None if found is None else inputs.times_of(script.source, found)
     if times is None:
         raise OSError(f"{script.volume} changed while it was filmed; try again")
     times, ready = _read(script, times, None)
-    series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
-    _, subject = _scenes(script, series, known.appearance, paint.resampler)
-    course = Course(len(series), subject, sphere=known.sphere)
-    return _frames_over(course, cameras, paint)
+    series = Series.again(times, known[0], ready)
+    _, subject = _scenes(script, series, known[1], paint.resampler)
+    course = Course(len(series), subject, sphere=known[2])
+    return partial(_frame_over, course, cameras, paint)
 
 
 def again(
@@ -422,32 +404,22 @@ def again(
     """
     if crew is None:
         return None
-    script, memory = _decided(script, film), script.source.memory
-    whole = available_memory() if memory is None else bytes_of(memory)
-    if memory is None and film.is_in_bricks and whole is not None:
+    look, resampling, source = script.appearance, script.resampling, script.source
+    if look.classify == "auto":  # resolve it here: a worker with less memory might choose otherwise
+        order = resampling.order
+        if film.is_of_field:
+            look, order = (
+                look.model_copy(update={"classify": "post"}),
+                order or "rays:quality=usual",
+            )
+        else:
+            is_by_rays = look.renderer(resampling, source.scale).order.summing is Summing.RAYS
+            look, order = look.of_voxels(), None if is_by_rays else order
+        resampling = resampling.model_copy(update={"order": order})
+    whole = available_memory() if source.memory is None else bytes_of(source.memory)
+    if source.memory is None and film.is_in_bricks and whole is not None:
         whole //= 2
     if whole is not None and crew.is_local:
-        share = f"{whole / crew.tasks / 1000:.3f}kB"
-        script = script._replace(source=script.source.model_copy(update={"memory": share}))
-    own = (script, film.cameras, film.paint)
-    if film.known is None:
-        return partial(_frames, *own)
-    return partial(_frames_of_times, *own, film.known)
-
-
-def _decided(script: Script, film: ReadyFilm) -> Script:
-    """Resolve `auto` here: a worker with less memory might choose otherwise."""
-    look, resampling = script.appearance, script.resampling
-    if look.classify != "auto":
-        return script
-    if not film.is_of_field:
-        named = look.renderer(resampling, script.source.scale)
-        order = None if named.order.summing is Summing.RAYS else resampling.order
-        return script._replace(
-            appearance=look.of_voxels(), resampling=resampling.model_copy(update={"order": order})
-        )
-    order = resampling.order or "rays:quality=usual"
-    return script._replace(
-        appearance=look.model_copy(update={"classify": "post"}),
-        resampling=resampling.model_copy(update={"order": order}),
-    )
+        source = source.model_copy(update={"memory": f"{whole / crew.tasks / 1000:.3f}kB"})
+    script = script._replace(source=source, appearance=look, resampling=resampling)
+    return partial(_frames, script, film.cameras, film.paint, film.known)

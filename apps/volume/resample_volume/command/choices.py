@@ -6,21 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import (
-    CAMERA,
-    LIGHT,
-    MEMORY,
-    FieldOfView,
-    Hyphen,
-    Inline,
-    OptionTopic,
-    Several,
-    Switch,
-    Up,
-    Viewed,
-    under,
-    viewpoint,
-)
+from resample.command import flags
 from resample.command.settings import Choices, Resampling
 from resample.console import Color
 from resample.messages import parts_of
@@ -37,9 +23,9 @@ if TYPE_CHECKING:
     from resample_volume.rendering import Fitted
     from resample_volume.types import Volume
 
-Lit = under(LIGHT)
+Lit = flags.under(flags.LIGHT)
 FROM_ABOVE = "30,20,1"  # the camera if none is asked for
-TRANSFER = Inline(rule="resample_volume.classification.presets:names_file")
+TRANSFER = flags.Inline(rule="resample_volume.classification.presets:names_file")
 
 
 def described(default: Any, text: str, **limits: Any) -> Any:
@@ -51,7 +37,7 @@ class ReadOptions(Choices):
     """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
     reader: str | None = described(
         None, "Name of the reader, such as raw:offset=512. [default: the one for the file's suffix]"
@@ -69,14 +55,14 @@ class ReadOptions(Choices):
     endian: Literal["little", "big"] | None = described(
         None, "Byte order of a raw file. [default: little]"
     )
-    spacing: Annotated[str | None, Hyphen] = described(
+    spacing: Annotated[str | None, flags.Hyphen] = described(
         None,
         "Distances between voxels along x, y and z, such as 1,1,1.4 or "
         "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]",
     )
-    memory: Annotated[str | None, OptionTopic.RESOURCE] = described(
+    memory: Annotated[str | None, flags.OptionTopic.RESOURCE] = described(
         None,
-        f"{MEMORY}. [default: all free memory; half of it for the voxels of a "
+        f"{flags.MEMORY}. [default: all free memory; half of it for the voxels of a "
         "chunked "
         "volume (OME-Zarr, zarr)]",
     )
@@ -98,10 +84,10 @@ class ReadOptions(Choices):
         "which is linear from -0.01 to 0.01. Transfer functions and windows stay in the "
         "values' own units.",
     )
-    time: Annotated[int | None, Hyphen] = described(
+    time: Annotated[int | None, flags.Hyphen] = described(
         None, "Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
     )
-    channel: Annotated[int | None, Hyphen] = described(
+    channel: Annotated[int | None, flags.Hyphen] = described(
         None, "Index of the channel, from 0. [default: all, if these are colors; otherwise 0]"
     )
 
@@ -110,9 +96,9 @@ class Added(Choices):
     """Further volumes in the scene."""
 
     heading: ClassVar[str] = "Further volumes"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    also: Annotated[tuple[str, ...], OptionTopic.SOURCE, Several] = described(
+    also: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = described(
         (),
         "Another file in the scene, placed by its coordinates: pet.nrrd, or "
         "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
@@ -130,9 +116,9 @@ class AppearanceChoices(Choices):
     """Appearance of voxels, and the viewpoint."""
 
     heading: ClassVar[str] = "Look"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    transfer: Annotated[str, TRANSFER, Hyphen] = described(
+    transfer: Annotated[str, TRANSFER, flags.Hyphen] = described(
         "auto",
         "Transfer function: auto, which adapts to the values; "
         f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
@@ -142,7 +128,7 @@ class AppearanceChoices(Choices):
         "thinner, color=tomato colors it, gradient=0.1,0.5 keeps only its surfaces. Several "
         "materials: skin:opacity=0.1+bone.",
     )
-    window: Annotated[str | None, Hyphen] = described(
+    window: Annotated[str | None, flags.Hyphen] = described(
         None,
         "Window of values that auto, gray, bone, vessels, surfaces and colormaps "
         "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
@@ -154,16 +140,16 @@ class AppearanceChoices(Choices):
         gt=0,
         allow_inf_nan=False,
     )
-    camera: Viewed = FROM_ABOVE
-    fov: FieldOfView = 30.0
-    up: Up = "z"
-    fit: Annotated[Literal["visible", "volume"], under(CAMERA)] = described(
+    camera: flags.Viewed = FROM_ABOVE
+    fov: flags.FieldOfView = 30.0
+    up: flags.Up = "z"
+    fit: Annotated[Literal["visible", "volume"], flags.under(flags.CAMERA)] = described(
         "visible", "How the picture is filled: by what is visible, or by the whole volume."
     )
     shading: Annotated[bool, Lit] = described(
         True, "Light surfaces: by the light that --light gives."
     )
-    light: Annotated[str, Hyphen, Lit] = described(
+    light: Annotated[str, flags.Hyphen, Lit] = described(
         "eye", "Where light comes from: eye, or a scene direction such as 1,-1,2."
     )
     ambient: Annotated[float, Lit] = described(0.3, "Ambient light.", ge=0, allow_inf_nan=False)
@@ -196,21 +182,21 @@ class AppearanceChoices(Choices):
         "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
         "given.",
     )
-    labels: Annotated[str | None, OptionTopic.SOURCE] = described(
+    labels: Annotated[str | None, flags.OptionTopic.SOURCE] = described(
         None, "Volume of integers: the label of each voxel."
     )
-    label: Annotated[tuple[str, ...], Several] = described(
+    label: Annotated[tuple[str, ...], flags.Several] = described(
         (), "Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."
     )
-    crop: Annotated[str | None, Hyphen] = described(
+    crop: Annotated[str | None, flags.Hyphen] = described(
         None, "Crop to ranges along x, y, z: 64:192,:,10: in voxels."
     )
-    clip: Annotated[tuple[str, ...], Several] = described(
+    clip: Annotated[tuple[str, ...], flags.Several] = described(
         (),
         "Clip by a plane through the center, keep the side the normal points to: "
         "1,0,-1, or 1,0,-1,20 shifted by 20 scene units.",
     )
-    slab: Annotated[str | None, Hyphen] = described(
+    slab: Annotated[str | None, flags.Hyphen] = described(
         None,
         "Show only a slab: offset,thickness such as 20,10, in scene units along "
         "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction.",
@@ -221,7 +207,7 @@ class AppearanceChoices(Choices):
         gt=0,
         allow_inf_nan=False,
     )
-    invert: Annotated[bool, Switch] = described(
+    invert: Annotated[bool, flags.Switch] = described(
         False, "Invert projections of values, so that bones are black."
     )
     depth_cue: float | None = described(
@@ -256,7 +242,7 @@ class AppearanceChoices(Choices):
         if self.slab is not None:
             from resample_volume.image_planes import Section
 
-            Section.of(self.slab)
+            Section.of(self.slab)  # raises an error if it is invalid
         extras = [name for name, choice in chosen.items() if choice is not None]
         check_together(resampler, Classification(self.classify), extras)
         return resampler
@@ -284,30 +270,18 @@ class AppearanceChoices(Choices):
             framing = named_transfer(self.transfer, volume, Projection.COMPOSITE, window)
         if self.opacity_unit is not None:
             transfer = replace(transfer, opacity_unit=self.opacity_unit)
-        toward = None
-        if self.light != "eye":
-            x, y, z = _numbers("light", self.light, 3)
-            toward = (x, y, z)
         if not self.shading and (self.shadows or self.ambient_occlusion):
             raise ValueError("shadows and ambient-occlusion need shading; leave no-shading out")
-        light = Light(
-            toward,
-            self.ambient,
-            self.diffuse,
-            self.specular,
-            self.shininess,
-            self.shadows,
-            self.ambient_occlusion,
-        )
-        ramp = None
-        if self.gradient_opacity is not None:
-            low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
-            ramp = (low, high)
+        toward = None if self.light == "eye" else tuple(_numbers("light", self.light, 3))
+        strengths = (self.ambient, self.diffuse, self.specular, self.shininess)
+        light = Light(toward, *strengths, self.shadows, self.ambient_occlusion)
+        ramp = self.gradient_opacity
+        ends = None if ramp is None else tuple(_numbers("gradient-opacity", ramp, 2))
         return Appearance(
             transfer,
             light if self.shading else None,
             self.gradient,
-            ramp,
+            ends,
             classification=Classification(self.classify),
             labels=self.labels_of(volume),
             cue=None if self.depth_cue is None else DepthCue(self.depth_cue),
@@ -333,11 +307,10 @@ class AppearanceChoices(Choices):
 
         if self.window is None:
             return None
-        if ".." in self.window:
-            low, high = _numbers("window", self.window, 2, "..")
-        else:
-            center, width = _numbers("window", self.window, 2)
-            low, high = center - width / 2, center + width / 2
+        by_ends = ".." in self.window
+        low, high = _numbers("window", self.window, 2, ".." if by_ends else ",")
+        if not by_ends:  # a center and a width
+            low, high = low - high / 2, low + high / 2
         if not -math.inf < low < high < math.inf:
             raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40,400")
         if (by := scale_named(scale)) is None:
@@ -346,40 +319,40 @@ class AppearanceChoices(Choices):
 
     def viewpoint(self) -> "Viewpoint":
         """Return the viewpoint."""
-        return viewpoint(self.camera, self.fov, self.up)
+        return flags.viewpoint(self.camera, self.fov, self.up)
 
 
 class Beside(Choices):
     """Annotations, meshes and planes in the volume's scene."""
 
     heading: ClassVar[str] = "Annotations and objects"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    axes: Annotated[bool, Switch] = described(
+    axes: Annotated[bool, flags.Switch] = described(
         False, "Draw the scene's axes x, y and z at the volume's corner."
     )
-    box: Annotated[bool, Switch] = described(
+    box: Annotated[bool, flags.Switch] = described(
         False, "Draw the edges of the volume's bounding box, with hidden lines removed."
     )
-    cube: Annotated[bool, Switch] = described(
+    cube: Annotated[bool, flags.Switch] = described(
         False, "Draw an orientation cube: R L A P S I for patients, otherwise +X -X and so on."
     )
-    scale_bar: Annotated[bool, Switch] = described(
+    scale_bar: Annotated[bool, flags.Switch] = described(
         False, "Draw a scale bar of a round length; in perspective it holds at the volume's center."
     )
-    mesh: Annotated[tuple[str, ...], OptionTopic.SOURCE, Several] = described(
+    mesh: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = described(
         (),
         "Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
         ".glb). Needs the order rays and composite or first-hit. Not clipped by --clip; "
         "--fit visible includes it.",
     )
-    plane: Annotated[tuple[str, ...], Several] = described(
+    plane: Annotated[tuple[str, ...], flags.Several] = described(
         (),
         "Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
         "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
         "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip.",
     )
-    surface: Annotated[tuple[str, ...], Several] = described(
+    surface: Annotated[tuple[str, ...], flags.Several] = described(
         (),
         "Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
         "needs, and the extra vtk; not clipped by --clip.",
@@ -422,7 +395,7 @@ class Beside(Choices):
 class BesideFilm(Beside):
     """The same, plus a color bar."""
 
-    color_bar: Annotated[bool, Switch] = described(
+    color_bar: Annotated[bool, flags.Switch] = described(
         False, "Add a bar to the right: colors, opacities and values."
     )
 
@@ -437,7 +410,7 @@ class BesideFilm(Beside):
 class BesidePicture(BesideFilm):
     """The same, plus options of a single picture."""
 
-    zoom_in: Annotated[bool, Switch] = described(
+    zoom_in: Annotated[bool, flags.Switch] = described(
         False,
         "Zoom and pan so that everything visible fills the picture, and print "
         "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
@@ -470,10 +443,9 @@ class BesidePicture(BesideFilm):
             )
 
 
-def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[float]:
+def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[Any]:
     try:
-        parts = parts_of(text) if joint == "," else text.split(joint)
-        numbers = [float(part) for part in parts]
+        numbers = [float(part) for part in (parts_of(text) if joint == "," else text.split(joint))]
     except ValueError:
         numbers = []
     if len(numbers) != count:

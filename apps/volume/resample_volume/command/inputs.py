@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -71,15 +72,17 @@ def opened_of_several(
     """Open a volume and its recording; the first time is shown if none is chosen."""
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
-    held = open_streamed(place, reader)
-    if held is None and allowed is not None:
-        allow(allowed)
-    if held is not None:
+    if (held := open_streamed(place, reader)) is not None:
         volume = with_memory(_chosen(held, source), allowed, start_workers)
         volume = volume if streamed else _as_array(volume)
-    else:
-        volume, held = _read(place, reader, source)
-    return scaled(changed(source, volume), source.scale), held
+        return scaled(changed(source, volume), source.scale), held
+    if allowed is not None:
+        allow(allowed)
+    if source.time is None and source.channel is None:
+        with suppress(recordings.SeveralTimesError):
+            return scaled(changed(source, open_volume(place, reader)), source.scale), None
+    held = open_recording(place, reader)
+    return scaled(changed(source, _chosen(held, source)), source.scale), held
 
 
 def of_first_channel(
@@ -92,19 +95,6 @@ def of_first_channel(
         say("the first of several channels is shown (--channel)")
         source = source.model_copy(update={"channel": 0})
         return read(source), source
-
-
-def _read(
-    place: Path | str, reader: Reader | None, source: ReadOptions
-) -> tuple[Volume, Recording | None]:
-    """Read a volume as a whole, and its recording; None if it is the only one."""
-    if source.time is None and source.channel is None:
-        try:
-            return open_volume(place, reader), None
-        except recordings.SeveralTimesError:
-            pass
-    recording = open_recording(place, reader)
-    return _chosen(recording, source), recording
 
 
 def _chosen(recording: Recording, source: ReadOptions) -> Volume:
@@ -293,9 +283,8 @@ def padding_removed(volume: Volume) -> Volume:
     if is_streamed(volume):
         count = prod(bricks_of(volume).count)
         with progress_bar("scanning bricks", count) as progress, told(progress):
-            known = survey(volume)
-    else:
-        known = survey(volume)
+            survey(volume)
+    known = survey(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     note_assumed(volume)
@@ -321,21 +310,13 @@ KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "tran
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # before the settings of a file
 HIDDEN = "none"
 LABELS = "--labels FILE --label 1:color=red colors them"
-
-
-class Other(NamedTuple):
-    """A further volume of the scene."""
-
-    name: str
-    source: ReadOptions
-    appearance: dict[str, str]  # what of the look is its own
+Other = tuple[str, ReadOptions, dict[str, str]]  # name, how it is read, what of its look is its own
 
 
 def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Other]:
     """Parse further volumes such as `pet.nrrd:window=5,10,transfer=hot:opacity=0.3`."""
     memory = {"memory": None if source is None else source.memory}
-    found = [_other(text) for text in texts]
-    return [one._replace(source=one.source.model_copy(update=memory)) for one in found]
+    return [(name, own.model_copy(update=memory), look) for name, own, look in map(_other, texts)]
 
 
 def can_stream(resampler: Resampler) -> bool:
@@ -381,10 +362,10 @@ def beside(
 ) -> list[VolumeLayer]:
     """Read the further volumes with their looks."""
     found = []
-    for other in further:
-        volume = prepared(other.source, other.name, streamed=can_stream(resampler))
-        own = _alone(look, other.appearance.get("transfer", "auto"), other.appearance.get("window"))
-        found.append((volume, own.appearance(volume, resampler)))
+    for name, source, own in further:
+        volume = prepared(source, name, streamed=can_stream(resampler))
+        alone = _alone(look, own.get("transfer", "auto"), own.get("window"))
+        found.append((volume, alone.appearance(volume, resampler)))
     return found
 
 
@@ -430,11 +411,6 @@ def appearance_over_time(
     return series.appearance(chosen, resampler.projection)
 
 
-def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
-    """Return the look of all times with the labels of another look, if it has some."""
-    return own if look.labels is None else replace(own, labels=look.labels_of(series[0]))
-
-
 def _channels(
     source: ReadOptions, name: str, look: AppearanceChoices, text: str | None, resampler: Resampler
 ) -> list[VolumeLayer]:
@@ -450,8 +426,14 @@ def _channels(
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]
     words: list[tuple[str, str | None]] = []
-    if text is None:
-        words = _looks_in(recording)
+    if text is None:  # as the file says
+        if len(recording.looks) != count:
+            recordings.volume_at(recording, None, None)  # says that one has to be chosen
+        for own in recording.looks:
+            ends = own.window and f"{own.window[0]:.17g}..{own.window[1]:.17g}"
+            words.append((own.color or "white" if own.is_active else HIDDEN, ends))
+        shown = [f"{own.label or n} {words[n][0]}" for n, own in enumerate(recording.looks)]
+        note(f"channels are shown as their file says: {', '.join(shown)} (--channels)")
     else:
         words = [(word.strip(), None) for word in BETWEEN.split(text)]
     if len(words) != count or count == 1:
@@ -459,13 +441,16 @@ def _channels(
             f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
             f"for each, {HIDDEN} for one that is hidden"
         )
+    from matplotlib.colors import is_color_like
+
     found: list[VolumeLayer] = []
     for channel, (word, window) in enumerate(words):
         if word != HIDDEN:
             volume = recordings.volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
             volume = padding_removed(announced(volume))
-            transfer = f"auto:color={word}" if _is_color(word) else word
+            is_color = word not in PRESETS and is_color_like(word)
+            transfer = f"auto:color={word}" if is_color else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
             found.append((volume, own.appearance(volume, resampler)))
@@ -474,35 +459,10 @@ def _channels(
     return found
 
 
-def _looks_in(recording: Recording) -> list[tuple[str, str | None]]:
-    """Return look and window of each channel, as its file says."""
-    if len(recording.looks) != recording.values.shape[1]:
-        recordings.volume_at(recording, None, None)  # says that one has to be chosen
-    shown, words = [], []
-    for n, look in enumerate(recording.looks):
-        window = look.window and f"{look.window[0]:.17g}..{look.window[1]:.17g}"
-        words.append((look.color or "white" if look.is_active else HIDDEN, window))
-        shown.append(f"{look.label or n} {words[-1][0]}")
-    note(f"channels are shown as their file says: {', '.join(shown)} (--channels)")
-    return words
-
-
 def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> AppearanceChoices:
     """Return the look of a further volume: without labels, with its own colors."""
     own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
     return look.model_copy(update=own)
-
-
-def _is_color(word: str) -> bool:
-    from resample_volume.classification.files import displayed_color
-
-    if word in PRESETS:
-        return False
-    try:
-        displayed_color(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _other(text: str) -> Other:
@@ -517,15 +477,11 @@ def _other(text: str) -> Other:
         )
     if not name:
         raise ValueError(f"also {text!r} names no file; give one, as in pet.nrrd:transfer=hot")
-    of_look: dict[str, str] = {}
-    for key in ("window", "transfer"):
-        if key in given:
-            of_look[key] = given.pop(key)
+    of_look = {key: given.pop(key) for key in ("window", "transfer") if key in given}
     try:
-        source = ReadOptions.model_validate(given)
+        return name, ReadOptions.model_validate(given), of_look
     except ValueError:
         raise ValueError(
             f"also {text!r}: time, channel and level are whole numbers; units are hu, "
             "hu+1024 or none"
         ) from None
-    return Other(name, source, of_look)
