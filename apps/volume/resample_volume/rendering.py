@@ -56,7 +56,6 @@ from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
     from resample_volume.meshes import SceneMesh
-    from resample_volume.series import CommonLattice
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # input of a renderer
@@ -66,20 +65,17 @@ Fitted = Fit | Literal["picture", "most"]
 AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
-def placement(
-    media: Sequence[VolumeLayer],
-) -> tuple[list[VolumeLayer], "CommonLattice", Doubles, Doubles]:
+def placement(media: Sequence[VolumeLayer]) -> tuple[list[VolumeLayer], Volume, Doubles, Doubles]:
     """Place several volumes in a scene: they, their lattice, its former place, clip planes."""
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
     media = [(in_unit(volume, unit), look) for volume, look in media]
-    whole = common_lattice([volume for volume, _ in media])
-    middle = whole.middle
+    whole, middle = common_lattice([volume for volume, _ in media])
     whole = whole._replace(origin=whole.origin - middle)
     moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
     first, look = moved[0]
-    cuts = [framing.planes(first, look.crop), framing.planes(whole.volume(), None, look.cuts)]
+    cuts = [framing.planes(first, look.crop), framing.planes(whole, None, look.cuts)]
     return moved, whole, middle, np.concatenate(cuts)
 
 
@@ -253,8 +249,8 @@ class Subject:
         resampler = resampler or BY_DEFAULT
         check_several(media, resampler)
         media, resampler = decided(media, resampler)
-        moved, lattice, middle, clip = placement(media)
-        scene, looks = lattice.volume(), [look for _, look in moved]
+        moved, scene, middle, clip = placement(media)
+        looks = [look for _, look in moved]
         volumes = as_arrays([volume for volume, _ in moved])
         fields = []
         meshes = [mesh for look in looks for mesh in look.meshes]

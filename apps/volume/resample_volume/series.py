@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
 from resample.types import Doubles
@@ -29,59 +28,36 @@ if TYPE_CHECKING:
 SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the lattice
 
 
-class CommonLattice(NamedTuple):
-    """A lattice that covers several volumes."""
+def common_lattice(volumes: Sequence[Volume]) -> tuple[Volume, Doubles]:
+    """Return the finest volume's lattice, extended to cover all in any order, and its center.
 
-    steps: Doubles  # (3, 3) columns are the steps to the next place along x, y, z; scene units
-    origin: Doubles  # (3,) scene position of the first place
-    size: NDArray[np.int64]  # (3,) places along x, y, z
-
-    @property
-    def middle(self) -> Doubles:
-        """Scene position (3,) of its center."""
-        return self.origin + self.steps @ (self.size - 1.0) / 2
-
-    def volume(self) -> Volume:
-        """A volume of zeros on it, without memory."""
-        spacing = np.linalg.norm(self.steps, axis=0)
-        nothing = np.broadcast_to(np.uint8(0), tuple(self.size[::-1]))
-        return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
-
-
-def common_lattice(volumes: Sequence[Volume]) -> CommonLattice:
-    """Return the lattice of the finest volume, extended to cover all, in any order."""
-    finest = min(volumes, key=_fineness)
+    It is a volume of zeros without memory.
+    """
+    # The finest has the smallest voxels; others decide if several are as fine.
+    keys = []
+    for volume in volumes:
+        size = round(float(abs(np.linalg.det(lattice_of(volume)))), 9)
+        keys.append((size, *lattice_of(volume).ravel(), *volume.origin, *volume.values.shape))
+    finest = volumes[min(range(len(keys)), key=keys.__getitem__)]
     steps = lattice_of(finest)
-    boxes = [_box(volume, steps, finest.origin) for volume in volumes]
-    first = np.min([box[0] for box in boxes], axis=0)
-    last = np.max([box[1] for box in boxes], axis=0)
-    return CommonLattice(steps, finest.origin + steps @ first, last - first + 1)
-
-
-def _fineness(volume: Volume) -> tuple[float, ...]:
-    """Sort key that puts the finest volume first."""
-    steps = lattice_of(volume)
-    size = round(float(abs(np.linalg.det(steps))), 9)
-    return (size, *steps.ravel(), *volume.origin, *volume.values.shape)
-
-
-def _box(
-    volume: Volume, steps: Doubles, origin: Doubles
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first and last index (3,) of a lattice that a volume covers, with half voxels."""
-    ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
-    corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
-    away = lattice_of(volume) @ corners + (volume.origin - origin)[:, np.newaxis]
-    place = np.linalg.solve(steps, away)
-    first = np.ceil(place.min(axis=1) - SAME).astype(np.int64)
-    return first, np.maximum(first, np.floor(place.max(axis=1) + SAME).astype(np.int64))
+    firsts, lasts = [], []
+    for volume in volumes:  # first and last place of the lattice in it, with half voxels
+        ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
+        corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
+        away = lattice_of(volume) @ corners + (volume.origin - finest.origin)[:, np.newaxis]
+        place = np.linalg.solve(steps, away)
+        firsts.append(np.ceil(place.min(axis=1) - SAME).astype(np.int64))
+        end = np.floor(place.max(axis=1) + SAME).astype(np.int64)
+        lasts.append(np.maximum(firsts[-1], end))
+    first = np.min(firsts, axis=0)
+    size = np.max(lasts, axis=0) - first + 1
+    nothing = np.broadcast_to(np.uint8(0), tuple(size[::-1]))
+    spacing, origin = np.linalg.norm(steps, axis=0), finest.origin + steps @ first
+    whole = Volume(nothing, spacing, origin, steps / spacing, "scene")
+    return whole, origin + steps @ (size - 1.0) / 2
 
 
 Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
-
-
-def _as_it_is(volume: Volume) -> Volume:
-    return volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +67,10 @@ class Series:
     recording: Recording  # with times first; of a store `Chunked`, read time by time
     known: Survey  # of all values
     together: Volume | None = None  # all times without padding, in bricks with statistics
-    ready: Ready = _as_it_is
+    ready: Ready = lambda volume: volume
 
     @classmethod
-    def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
+    def of(cls, recording: Recording, ready: Ready = lambda volume: volume) -> "Series":
         """Make a series of a recording's times, or of its channels if it has only these."""
         ordered = with_times_first(recording)
         every = ready(whole(ordered))
@@ -103,12 +79,12 @@ class Series:
         return cls(ordered, known, together, ready)
 
     @classmethod
-    def again(cls, recording: Recording, known: Survey, ready: Ready = _as_it_is) -> "Series":
+    def again(cls, recording: Recording, known: Survey, ready: Ready) -> "Series":
         """Rebuild the series in another process, from given statistics."""
         ordered = with_times_first(recording)
-        every = whole(ordered) if is_chunked(ordered) else None
-        if every is not None:
-            every = without_padding(every, known)
+        every = None
+        if chunked(ordered) is not None:
+            every = without_padding(whole(ordered), known)
             every = every if bricks_of(every).is_kept() else None
         return cls(ordered, known, every, ready)
 
@@ -141,13 +117,10 @@ class Series:
         transfer = transfer_of(together, look, projection)
         if look.gradient_opacity is not None:
             transfer = Faded(transfer, look.gradient_opacity)
-        span = finite_range(together.values)
-        steep = None
+        span, steep = finite_range(together.values), None
         if transfer.needs_gradient:
-            slopes = (
-                visible_with_slopes(volume, transfer, span, look.gradient)[2] for volume in self
-            )
-            steep = max((steepness(np.linalg.norm(slope, axis=1)) for slope in slopes), default=0.0)
+            found = (visible_with_slopes(each, transfer, span, look.gradient)[2] for each in self)
+            steep = max((steepness(np.linalg.norm(slope, axis=1)) for slope in found), default=0.0)
         if steep is not None or transfer.normalized:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing
@@ -168,11 +141,6 @@ def whole(recording: Recording) -> Volume:
         return volume_of(recording, values.stacked_along_z(), recording.name)
     across = np.moveaxis(recording.values[:], 0, 1).reshape(1, parts, times * size[0], *size[1:])
     return alone(recording._replace(values=across))
-
-
-def is_chunked(recording: Recording) -> bool:
-    """Return whether a recording's values stay in their file."""
-    return chunked(recording) is not None
 
 
 def chunked(recording: Recording) -> "Chunked | None":

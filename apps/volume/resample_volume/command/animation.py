@@ -43,7 +43,7 @@ from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm
 from resample_volume.command.rendering import scene_of, slab_missed
 from resample_volume.data.values import bricks_of, is_streamed
 from resample_volume.rendering import Subject
-from resample_volume.series import Ready, Series, is_chunked, whole
+from resample_volume.series import Ready, Series, chunked, whole
 from resample_volume.types import Recording, Volume
 
 PATHS = ("orbit", "zoom", "threshold", "still")
@@ -257,7 +257,7 @@ def film_of(
     times = None if recording is None else inputs.times_of(script.source, recording)
     if times is not None:
         return _film_of_times(script, times, flight, paint, about, start_workers)
-    if recording is not None and is_chunked(recording):
+    if recording is not None and chunked(recording) is not None:
         recording = None  # one of its volumes is read by itself
     shown, subject = _scene_for(script, paint.size, recording, start_workers)
     paint = replace(paint, drawing=_overlay(script, shown, subject, paint))
@@ -291,7 +291,7 @@ def _film_of_times(
 ) -> ReadyFilm:
     """A film of a volume that changes over time; see `film_of`."""
     times, ready = _read(script, times, start_workers)
-    count = prod(bricks_of(whole(times)).count) if is_chunked(times) else 0
+    count = prod(bricks_of(whole(times)).count) if chunked(times) is not None else 0
     with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
     look = inputs.appearance_over_time(series, script.appearance, paint.resampler)
@@ -309,7 +309,7 @@ def _film_of_times(
             say(missed)
     frames = partial(_frame_over, course, cameras, paint)
     made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
-    return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
+    return ReadyFilm(made, cameras, paint, chunked(times) is not None, course[0].is_of_field, known)
 
 
 def _read(
@@ -318,9 +318,9 @@ def _read(
     """Return the times, streamed or as one array, and how streamed times are read."""
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if is_chunked(times) and not (is_alone and inputs.can_stream(resampler)):
+    if chunked(times) is not None and not (is_alone and inputs.can_stream(resampler)):
         times = inputs.read_as_whole(times, script.source)
-    if is_chunked(times):
+    if chunked(times) is not None:
         count, *_, deep, down, across = times.values.shape
         size = f"{count} times of {across} x {down} x {deep} voxels"
         say(f"{times.name}: {size} are read one after the other, brick by brick")

@@ -36,47 +36,35 @@ class BrickStats(NamedTuple):
     codes: NDArray[np.int64] | None  # counts of each value, by its bits, for types of few values
 
 
-class _Layers(NamedTuple):
-    """Result of the scan of some layers of bricks."""
-
-    least: Doubles
-    greatest: Doubles
-    infinite: int
-    missing: int
-    some: NDArray[Any]
-    sides: list[NDArray[Any]]  # two along each axis; along z only in the outermost layers
-    codes: NDArray[np.int64] | None
-    reads: int
-
-
 def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStats:
     """Scan all values; each brick is read once, some of floating-point values twice."""
     layers, context = bricks.count[0], helpers or PassContext()
     parts = spans(layers, 1 if context.executor is None else PARTS)
-    found: list[_Layers] = []
-    for part in passed(partial(_scan_layers, bricks), parts, context):
-        found.append(part)
-        bricks.reads += part.reads
+    found: list[tuple[BrickStats, list[NDArray[Any]]]] = []
+    for stats, sides, reads in passed(partial(_scan_layers, bricks), parts, context):
+        found.append((stats, sides))
+        bricks.reads += reads
         report(parts[len(found) - 1][1], layers)
-    least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
-    codes = [part.codes for part in found if part.codes is not None]
-    sides = [found[0].sides[0], found[-1].sides[1]]  # below and above; then those around
-    sides += [np.concatenate([part.sides[n] for part in found]) for n in range(2, 6)]
-    beyond = _outliers(bricks, (least, greatest), some, context)
+    least, greatest, some = (np.concatenate([part[n] for part, _ in found]) for n in (0, 1, 4))
+    codes = [part.codes for part, _ in found if part.codes is not None]
+    every = [found[0][1][0], found[-1][1][1]]  # below and above; then those around
+    every += [np.concatenate([sides[n] for _, sides in found]) for n in range(2, 6)]
     return BrickStats(
         least,
         greatest,
-        sum(part.infinite for part in found),
-        sum(part.missing for part in found),
+        sum(part.infinite for part, _ in found),
+        sum(part.missing for part, _ in found),
         some,
-        np.concatenate([side.ravel() for side in sides]),
-        beyond,
+        np.concatenate([side.ravel() for side in every]),
+        _outliers(bricks, (least, greatest), some, context),
         np.sum(codes, axis=0) if codes else None,
     )
 
 
-def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
-    """Scan a range of layers of bricks."""
+def _scan_layers(
+    bricks: BrickArray, span: tuple[int, int]
+) -> tuple[BrickStats, list[NDArray[Any]], int]:
+    """Scan layers of bricks: statistics, two sides along z, y and x (z: outer layers), reads."""
     own, (first, last), (_, down, across) = bricks.anew(), span, bricks.count
     indices = list(product(range(first, last), range(down), range(across)))
     low, high = bricks.box(indices[0])[0].start, bricks.box(indices[-1])[0].stop
@@ -114,7 +102,9 @@ def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
             codes += counted
     for side, is_outer in ((0, low == 0), (1, high == bricks.shape[0])):
         sides[side] = sides[side] if is_outer else sides[side][:0]
-    return _Layers(least, greatest, infinite, missing, some, sides, codes, own.reads)
+    nothing = some[:0].ravel()
+    stats = BrickStats(least, greatest, infinite, missing, some, nothing, nothing, codes)
+    return stats, sides, own.reads
 
 
 def _outliers(
