@@ -14,7 +14,7 @@ from resample_volume.classification.scales import scale_named
 from resample_volume.classification.transfer import TransferFunction, from_points
 from resample_volume.classification.value_statistics import survey
 from resample_volume.data.values import require_memory
-from resample_volume.meshes import IsoSurface, SceneMesh, choices_of, chosen_opacity
+from resample_volume.meshes import IsoSurface, SceneMesh, choices_of
 from resample_volume.types import Volume
 from resample_volume.voxels.framing import planes
 from resample_volume.voxels.gathered import Gathered, check_iso
@@ -90,8 +90,7 @@ class ImagePlane:
             The text is not of this form, or a choice is unknown or not allowed.
         """
         where, _, rest = text.partition(":")
-        choices = choices_of("plane", text, rest, KEYS, FORM)
-        opacity = chosen_opacity("plane", choices)
+        choices, opacity = choices_of("plane", text, rest, KEYS, FORM)
         window, given = None, choices.get("window")
         if given is not None:
             by_ends = ".." in given

@@ -1,7 +1,7 @@
 """Meshes in a volume's scene, read by trimesh, and isosurfaces; how they look."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resample.colors import from_srgb
 from resample.messages import choices_in
 from resample.painting.meshes import mesh_of
 from resample.painting.scenes.scene import check_places
@@ -22,7 +23,7 @@ SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 GRAY = 0.6  # linear, of a mesh without colors
 SMOOTH = 40.0  # greatest angle between triangles of one smooth surface, degrees
 ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
-ISO_KEYS = ("color", "opacity")
+
 ISO_FORM = "give a value, and after a colon color and opacity, as in 300:color=ivory,opacity=0.5"
 
 
@@ -142,11 +143,9 @@ def read_mesh(text: str) -> SceneMesh:
     import trimesh
 
     name, colon, tail = text.rpartition(":")
-    if colon and "=" in tail:
-        known = f"known are {ALLOWED}"
-        path, choices = Path(name), choices_of("mesh", text, tail, ("color", "opacity"), known)
-    else:
-        path, choices = Path(text), {}
+    tail = tail if colon and "=" in tail else ""
+    path = Path(name if tail else text)
+    own, opacity = look_of("mesh", text, tail, f"known are {ALLOWED}")
     check_file(path)
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"{path}: meshes are read from {', '.join(SUFFIXES)}")
@@ -158,61 +157,49 @@ def read_mesh(text: str) -> SceneMesh:
         raise unreadable(str(path), error) from None
     if not parts:
         raise ValueError(f"{path} holds no triangles")
+    made = []
     try:
-        made = [_own(part, choices) for part in parts]
-    except (
-        TypeError,
-        LookupError,
-        AttributeError,
-    ) as error:  # of objects that trimesh left unfinished
+        for part in parts:
+            color: Any = own or (GRAY, GRAY, GRAY)
+            if own is None and part.visual.kind is not None:
+                is_texture = part.visual.kind == "texture"
+                with np.errstate(invalid="ignore"):  # of NaN texture coordinates
+                    visual = part.visual.to_color() if is_texture else part.visual
+                levels = np.asarray(visual.vertex_colors)[:, :3].astype(np.float32)
+                color = np.asarray(from_srgb(levels / 255), np.float64)
+            corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
+            made.append(scene_mesh(corner, face, color, opacity))
+    except (TypeError, LookupError, AttributeError) as error:  # trimesh left objects unfinished
         raise unreadable(str(path), error) from None
-    return SceneMesh(*_joined(made), made[0].opacity)
+    return SceneMesh(*_joined(made), opacity)
 
 
 def choices_of(
     kind: str, text: str, tail: str, known: Collection[str], form: str
-) -> dict[str, str]:
-    """Parse choices `a=b,c=d` by name."""
+) -> tuple[dict[str, str], float]:
+    """Parse choices `a=b,c=d` by name, and the opacity, by default 1."""
     choices = dict(choices_in(tail))
     unknown = [key for key in choices if key not in known]
     if unknown:
         raise ValueError(f"{kind} {text!r}: unknown {', '.join(unknown)}; {form}")
-    return choices
-
-
-def chosen_opacity(kind: str, choices: Mapping[str, str]) -> float:
-    """Return the chosen opacity, by default 1."""
     try:
-        return float(choices.get("opacity", "1"))
+        return choices, float(choices.get("opacity", "1"))
     except ValueError:
         raise ValueError(f"opacity {choices['opacity']!r} of a {kind}; give 0 to 1") from None
 
 
-def chosen_color(kind: str, name: str) -> tuple[float, float, float]:
-    """Return the linear light of a color's name or #rrggbb."""
+def look_of(
+    kind: str, text: str, tail: str, form: str
+) -> tuple[tuple[float, float, float] | None, float]:
+    """Parse `color=tomato,opacity=0.5` to linear light, if there is a color, and opacity."""
     from resample.console import linear_color
 
-    color = linear_color(name)
-    if color is None:
+    choices, opacity = choices_of(kind, text, tail, ("color", "opacity"), form)
+    if "color" not in choices:
+        return None, opacity
+    if (color := linear_color(choices["color"])) is None:
         raise ValueError(f"color 'none' of a {kind}; give a color's name or #rrggbb")
-    return color
-
-
-def _own(part: Any, choices: dict[str, str]) -> SceneMesh:
-    """Convert a mesh of trimesh's, with the chosen look."""
-    from resample.colors import from_srgb
-
-    opacity = chosen_opacity("mesh", choices)
-    color: Any = (GRAY, GRAY, GRAY)
-    if "color" in choices:
-        color = chosen_color("mesh", choices["color"])
-    elif part.visual.kind is not None:
-        with np.errstate(invalid="ignore"):  # of NaN texture coordinates
-            visual = part.visual.to_color() if part.visual.kind == "texture" else part.visual
-        levels = np.asarray(visual.vertex_colors)[:, :3].astype(np.float32)
-        color = np.asarray(from_srgb(levels / 255), np.float64)
-    corner, face = np.asarray(part.vertices, np.float64), np.asarray(part.faces, np.int64)
-    return scene_mesh(corner, face, color, opacity)
+    return color, opacity
 
 
 def placed(meshes: tuple[SceneMesh, ...], middle: Doubles) -> Triangles:
@@ -271,12 +258,9 @@ class IsoSurface:
             The text is not of this form, a choice is unknown or not allowed, or VTK is missing.
         """
         number, _, rest = text.partition(":")
-        choices = choices_of("surface", text, rest, ISO_KEYS, ISO_FORM)
+        color, opacity = look_of("surface", text, rest, ISO_FORM)
         try:
             value = float(number)
         except ValueError:
             raise ValueError(f"surface {text!r}; {ISO_FORM}") from None
-        color = (GRAY, GRAY, GRAY)
-        if "color" in choices:
-            color = chosen_color("surface", choices["color"])
-        return cls(value, color, chosen_opacity("surface", choices))
+        return cls(value, color or (GRAY, GRAY, GRAY), opacity)

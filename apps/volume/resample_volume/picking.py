@@ -20,7 +20,7 @@ from resample_volume.voxels.thin import SAME, of_samples, voxels_of
 from resample_volume.voxels.visible import Voxels, lattice_of
 
 if TYPE_CHECKING:
-    from resample_volume.kernels.voxels import PickingRays, SplattedVoxels
+    from resample_volume.kernels.voxels import PickingRays
 
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
@@ -56,9 +56,14 @@ def voxels_at(
     reaches the level, the surface, a more opaque plane, or its extreme; -1 if there is none.
     """
     from resample.engine.rays.coefficients import bundled
-    from resample_volume.kernels.voxels import PickedField, pick_in_field, pick_voxels
+    from resample_volume.kernels.voxels import (
+        PickedField,
+        SplattedVoxels,
+        pick_in_field,
+        pick_voxels,
+    )
 
-    voxels, projection = subject.voxels, resampler.projection
+    voxels, projection, view = subject.voxels, resampler.projection, camera.view()
     if projection not in PICKED_BY_PROJECTION or not isinstance(voxels, Voxels | Gathered):
         raise ValueError(
             f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
@@ -68,13 +73,27 @@ def voxels_at(
     reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
     thin = voxels.thin if isinstance(voxels, Gathered) else SAME
     samples = of_samples(scene, thin)
-    rays = _rays(camera.view(), samples, pixels, subject.cuts(camera), reach)
+    rays = _rays(view, samples, pixels, subject.cuts(camera), reach)
     voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
     if isinstance(voxels, Voxels):
-        splatted = _splatted(voxels, scene, camera.view(), resampler)
+        lattice, (width, height, deep) = lattice_of(scene), scene.values.shape[::-1]
+        place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T
+        x, y, z = np.rint(place).astype(np.int64).T
+        thickness = np.zeros(scene.values.size, np.float32)
+        thickness[(z * height + y) * width + x] = voxels.extinction
+        toward, kernel = view.rotation[2], resampler.reconstruction
+        x_deeper, y_deeper, z_deeper = (toward @ lattice).tolist()
+        splatted = SplattedVoxels(
+            thickness,
+            (width, height, deep),
+            float(toward @ scene.origin + view.translation[2]),
+            (x_deeper, y_deeper, z_deeper),
+            footprint_table(kernel).values,
+            float(kernel.radius),
+        )
         pick_voxels(splatted, rays, level, voxel, kept)
     else:
-        depth, shown = _on_planes(subject, volume, camera.view(), pixels, level)
+        depth, shown = _on_planes(subject, volume, view, pixels, level)
         rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
         coefficient: Any = bundled(voxels.spline.coefficient)
         field = PickedField(
@@ -157,24 +176,3 @@ def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
     np.maximum(first, where, out=first, where=per > 0)
     np.minimum(last, where, out=last, where=per < 0)
     last[(per == 0) & (at < 0)] = -np.inf
-
-
-def _splatted(voxels: Voxels, scene: Volume, view: View, resampler: Resampler) -> "SplattedVoxels":
-    from resample_volume.kernels.voxels import SplattedVoxels
-
-    lattice, size = lattice_of(scene), scene.values.shape[::-1]
-    place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T
-    x, y, z = np.rint(place).astype(np.int64).T
-    thickness = np.zeros(scene.values.size, np.float32)
-    thickness[(z * size[1] + y) * size[0] + x] = voxels.extinction
-    toward = view.rotation[2]
-    x_deeper, y_deeper, z_deeper = (toward @ lattice).tolist()
-    kernel = resampler.reconstruction
-    return SplattedVoxels(
-        thickness,
-        (size[0], size[1], size[2]),
-        float(toward @ scene.origin + view.translation[2]),
-        (x_deeper, y_deeper, z_deeper),
-        footprint_table(kernel).values,
-        float(kernel.radius),
-    )

@@ -268,30 +268,23 @@ class Scene(AnyScene):
         paint = resampler or resampler_for(layers[0][1])
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
-        with memoizing(self._found):
-            subject = self._subject(layers, paint, fit, is_preview=is_preview)
+        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
+        key = (*(look for _, look in layers), *parts, fit, is_preview)
+        subject = self._subjects.pop(key, None)
+        if subject is None:
+            with memoizing(self._found):
+                shown = [self._previewed(*one, paint) for one in layers] if is_preview else layers
+                if len(shown) > 1:
+                    subject = Subject.of_several(shown, paint, fit)
+                else:
+                    around = self.volume if fit == "volume" else None
+                    subject = Subject.of(*shown[0], paint, around=around)
+        while len(self._subjects) >= KEPT:
+            del self._subjects[next(iter(self._subjects))]
+        self._subjects[key] = subject
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
         warn_of_nothing(subject, layers, paint.projection)
         return subject, eye, subject.painter(paint)
-
-    def _subject(
-        self, layers: list[VolumeLayer], paint: Resampler, fit: Fit, *, is_preview: bool
-    ) -> Subject:
-        """Return the classified volumes, which are cached."""
-        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
-        key = (*(look for _, look in layers), *parts, fit, is_preview)
-        found = self._subjects.pop(key, None)
-        if found is None:
-            shown = [self._previewed(*one, paint) for one in layers] if is_preview else layers
-            if len(shown) > 1:
-                found = Subject.of_several(shown, paint, fit)
-            else:
-                around = self.volume if fit == "volume" else None
-                found = Subject.of(*shown[0], paint, around=around)
-        while len(self._subjects) >= KEPT:
-            del self._subjects[next(iter(self._subjects))]
-        self._subjects[key] = found
-        return found
 
     def _previewed(self, volume: Volume, look: Appearance, paint: Resampler) -> VolumeLayer:
         """Return a volume with fewer voxels, and the look adapted to it."""
@@ -313,27 +306,22 @@ class Scene(AnyScene):
             ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
             for *normal, far in planes(volume, look.crop, look.cuts).tolist()
         )
+        slab = None if look.section is None or look.section.normal else look.slab
+        pictures = tuple(settled_plane(plane, volume) for plane in look.planes)
         return coarse, replace(
-            look,
-            transfer=transfer,
-            labels=labels,
-            crop=None,
-            clip=cuts,
-            slab=None if look.section is None or look.section.normal else look.slab,
-            planes=tuple(settled_plane(plane, volume) for plane in look.planes),
-        )
+            look, transfer=transfer, labels=labels, crop=None, clip=cuts, slab=slab,
+            planes=pictures,
+        )  # fmt: skip
 
 
 def merged(volume: Volume, per: int) -> Volume:
     """Downsample a volume by means over blocks of voxels, without missing values."""
     shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
-    colors = None if volume.colors is None else _means(volume.colors, per)
-    return volume._replace(
-        values=_means(volume.values, per),
-        colors=colors,
-        spacing=per * volume.spacing,
-        origin=volume.origin + shift,
+    values, colors = (
+        None if part is None else _means(part, per) for part in (volume.values, volume.colors)
     )
+    origin, spacing = volume.origin + shift, per * volume.spacing
+    return volume._replace(values=values, colors=colors, spacing=spacing, origin=origin)
 
 
 def _means(values: NDArray[Any], per: int) -> NDArray[Any]:

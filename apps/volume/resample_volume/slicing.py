@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
 from resample_volume.classification.scales import value_at
-from resample_volume.data.recordings import unit_of_space
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
 
@@ -28,15 +27,6 @@ class SlicePlane:
     down: int  # axis downward
     right_sign: int  # -1: indices grow to the left
     down_sign: int  # -1: indices grow upward
-
-
-@dataclass(frozen=True, eq=False)
-class LineProfile:
-    """Values along a line."""
-
-    distance: float  # scene units
-    unit: str  # of the distance: mm, or empty if unknown
-    values: Doubles  # (N,) data units, evenly apart from end to end; NaN: outside, or missing
 
 
 def slice_planes(volume: Volume) -> tuple[SlicePlane, ...]:
@@ -90,21 +80,15 @@ def slice_levels(
     return np.concatenate([np.repeat(levels, 3, axis=2), opacity[..., np.newaxis]], axis=2)
 
 
-def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> LineProfile:
-    """Return the values between two points, interpolated linearly.
+def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> tuple[float, Doubles]:
+    """Return the distance of two points (3,), and values (N,) evenly apart between them.
 
-    Parameters
-    ----------
-    start, end
-        (3,) scene units, as `Picked.position`.
+    Values are interpolated linearly; NaN: outside, or missing.
 
-    Examples
-    --------
-    >>> import numpy as np
     >>> from resample_volume import as_volume
     >>> ramp = as_volume(np.broadcast_to(np.arange(8.0), (8, 8, 8)))
-    >>> profile(ramp, (1, 4, 4), (3, 4, 4)).values.tolist()
-    [1.0, 1.5, 2.0, 2.5, 3.0]
+    >>> profile(ramp, (1, 4, 4), (3, 4, 4))
+    (2.0, array([1. , 1.5, 2. , 2.5, 3. ]))
     """
     from scipy.ndimage import map_coordinates
 
@@ -119,4 +103,4 @@ def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> LineProfile:
     )
     is_outside = ((place < -0.5) | (place > size - 0.5)).any(axis=1)
     values = np.where(is_outside, np.nan, value_at(found, volume.scale))
-    return LineProfile(float(np.linalg.norm(ends[1] - ends[0])), unit_of_space(volume), values)
+    return float(np.linalg.norm(ends[1] - ends[0])), values

@@ -42,6 +42,7 @@ from resample_volume.command.animation import (
     shots,
 )
 from resample_volume.command.choices import AppearanceChoices, BesideFilm
+from resample_volume.data.recordings import unit_of_space
 from resample_volume.editing import points_of, spelled
 from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
@@ -290,9 +291,9 @@ class VolumePainter:
 
     def measure(self, start: Point, end: Point) -> dict[str, Any]:
         """Return values along a line, see `resample.view.views.Slicing`."""
-        found = profile(self.volume, start, end)
-        values = [value if np.isfinite(value) else None for value in found.values.tolist()]
-        return {"distance": found.distance, "unit": found.unit, "values": values}
+        distance, along = profile(self.volume, start, end)
+        values = [value if np.isfinite(value) else None for value in along.tolist()]
+        return {"distance": distance, "unit": unit_of_space(self.volume), "values": values}
 
     def tell(self, settings: Settings, what: str) -> dict[str, Any]:
         """`points` of the look, see `resample.view.views.Knowing`."""
