@@ -429,10 +429,10 @@ def _channels(
     if text is None:  # as the file says
         if len(recording.looks) != count:
             recordings.volume_at(recording, None, None)  # says that one has to be chosen
-        for own in recording.looks:
-            ends = own.window and f"{own.window[0]:.17g}..{own.window[1]:.17g}"
-            words.append((own.color or "white" if own.is_active else HIDDEN, ends))
-        shown = [f"{own.label or n} {words[n][0]}" for n, own in enumerate(recording.looks)]
+        for file in recording.looks:
+            ends = file.window and f"{file.window[0]:.17g}..{file.window[1]:.17g}"
+            words.append((file.color or "white" if file.is_active else HIDDEN, ends))
+        shown = [f"{file.label or n} {words[n][0]}" for n, file in enumerate(recording.looks)]
         note(f"channels are shown as their file says: {', '.join(shown)} (--channels)")
     else:
         words = [(word.strip(), None) for word in BETWEEN.split(text)]
@@ -477,7 +477,8 @@ def _other(text: str) -> Other:
         )
     if not name:
         raise ValueError(f"also {text!r} names no file; give one, as in pet.nrrd:transfer=hot")
-    of_look = {key: given.pop(key) for key in ("window", "transfer") if key in given}
+    of_look: dict[str, str] = {key: given[key] for key in ("window", "transfer") if key in given}
+    given = {key: value for key, value in given.items() if key not in of_look}
     try:
         return name, ReadOptions.model_validate(given), of_look
     except ValueError:

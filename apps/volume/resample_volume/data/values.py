@@ -77,7 +77,7 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
     from resample_volume.kernels.gradients import BRICK
 
     if values.dtype in AS_THEY_ARE and values.flags.c_contiguous:
-        yield PlaneRange(slice(0, index.size), _read_only(values), 0)
+        yield PlaneRange(slice(0, index.size), _frozen(values), 0)
         return
     kind = np.float32 if values.dtype.newbyteorder("=") in (*SHORT, AS_THEY_ARE[0]) else np.float64
     plane, begin = values[0].size, 0
@@ -89,11 +89,11 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
         end = bisect_left(index, number + 1, begin, key=lambda n: n // many)
         above = max(0, number * thick - 1)
         near = values[above : (number + 1) * thick + 1].astype(kind, order="C")
-        yield PlaneRange(slice(begin, end), _read_only(near), above * plane)
+        yield PlaneRange(slice(begin, end), _frozen(near), above * plane)
         begin = end
 
 
-def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+def _frozen(values: NDArray[Any]) -> NDArray[Any]:
     """Return a read-only view, so that arrays and mapped files share one compiled kernel."""
     given = values.view()
     given.setflags(write=False)
@@ -103,12 +103,8 @@ def _read_only(values: NDArray[Any]) -> NDArray[Any]:
 def side_by_side(job: Callable[[slice], None], count: int) -> None:
     """Run a job on ranges of `count` voxels, on threads if they are many; GIL is released."""
     shares = [slice(n, min(n + SHARE, count)) for n in range(0, count, SHARE)]
-    threads = min(threads_at_work(), len(shares))
-    if threads < 2:
-        for share in shares:
-            job(share)
-        return
-    for _ in in_order(job, shares):
+    is_alone = min(threads_at_work(), len(shares)) < 2
+    for _ in map(job, shares) if is_alone else in_order(job, shares):
         pass
 
 
@@ -186,12 +182,12 @@ class Bricks(BrickArray):
     def statistics(self) -> BrickStats:
         """Return statistics of all values; the first call reads each brick."""
         cache = self.statistics_cache
-        kept = None if cache is None else cache.load(self)
-        if cache is None or kept is not None:
-            return kept or scanned(self, self._helped())
-        state = cache.state()
-        found = scanned(self, self._helped())
-        cache.keep(self, found, state)
+        if cache is not None and (kept := cache.load(self)) is not None:
+            return kept
+        state = None if cache is None else cache.state()
+        found = scanned(self, None if self.helpers is None else self.helpers())
+        if cache is not None:
+            cache.keep(self, found, state)
         return found
 
     def is_kept(self) -> bool:
@@ -221,8 +217,7 @@ class Bricks(BrickArray):
 
     def codes(self) -> NDArray[np.int64]:
         """Return counts of each value, by its bits, for types of few values."""
-        found = self.statistics.codes
-        if found is None:
+        if (found := self.statistics.codes) is None:
             raise TypeError(f"{self.dtype} has too many values to count each")
         return found
 
@@ -236,9 +231,6 @@ class Bricks(BrickArray):
         for part in in_order(lambda index: np.unique(self.brick(index)), self.all()):
             found.update(part.tolist())
         return found
-
-    def _helped(self) -> PassContext | None:
-        return None if self.helpers is None else self.helpers()
 
 
 LOG = logging.getLogger("resample")
@@ -310,15 +302,9 @@ class ArrayValues:
         return values
 
 
-def streamed(stored: object) -> Bricks | None:
-    """Return values that stay in their file; None if these do not."""
-    return stored if isinstance(stored, Bricks) else None
-
-
 def values_of(stored: Stored) -> ArrayValues | Bricks:
     """Return values with what can be asked of arrays and of bricks alike."""
-    bricks = streamed(stored)
-    return ArrayValues(cast("NDArray[Any]", stored)) if bricks is None else bricks
+    return stored if isinstance(stored, Bricks) else ArrayValues(stored)
 
 
 def bricks_of(volume: Volume) -> Bricks:
@@ -336,7 +322,7 @@ def with_bricks(volume: Volume, bricks: Any) -> Volume:
 
 def is_streamed(volume: Volume) -> bool:
     """Return whether a volume's values stay in their file."""
-    return streamed(volume.values) is not None
+    return isinstance(volume.values, Bricks)
 
 
 def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
@@ -344,11 +330,10 @@ def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
     sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
     found = []
     for volume, size in zip(volumes, sizes, strict=True):
-        bricks = streamed(volume.values)
-        if bricks is not None and bricks.memory is not None:
-            share = bricks.memory * size // sum(sizes)
-            bricks = replace(bricks.anew(), memory=share)
-        found.append(as_array(volume if bricks is None else with_bricks(volume, bricks)))
+        if is_streamed(volume) and (memory := bricks_of(volume).memory) is not None:
+            share = memory * size // sum(sizes)
+            volume = with_bricks(volume, replace(bricks_of(volume).anew(), memory=share))
+        found.append(as_array(volume))
     return found
 
 

@@ -41,7 +41,27 @@ def planes(
     x, y and z as in NumPy, `64:192,:,10:`; voxel i extends from i - 1/2 to i + 1/2. `clip` has
     normals n, perhaps with an offset: planes through the volume's center, shifted along n.
     """
-    rows = [] if crop is None else _box(volume, crop)
+    rows, parts = [], [] if crop is None else crop.split(",")
+    if crop is not None and len(parts) != 3:
+        raise ValueError(f"crop {crop!r}; {CROP_FORM}")
+    to_index = np.linalg.inv(lattice_of(volume))
+    for axis, part in enumerate(parts):
+        size, where = volume.values.shape[2 - axis], f"crop {crop!r}, {'xyz'[axis]}"
+        try:
+            numbers = [int(word) if word.strip() else None for word in part.split(":")]
+        except ValueError:
+            numbers = []
+        if len(numbers) == 1 and numbers[0] is not None:
+            numbers.append(numbers[0] + 1 if numbers[0] != -1 else None)
+        if len(numbers) != 2:
+            raise ValueError(f"{where}: {part!r} is not a range; {CROP_FORM}")
+        start, stop, _ = slice(*numbers).indices(size)
+        if start >= stop:
+            raise ValueError(f"{where}: {part!r} holds none of the {size} voxels")
+        if start > 0:
+            rows.append(_side(to_index[axis], start - 0.5, volume.origin))
+        if stop < size:
+            rows.append(_side(-to_index[axis], 0.5 - stop, volume.origin))
     rows += [_plane(volume, text, name) for text in clip]
     return np.array(rows, np.float64).reshape(-1, 4)
 
@@ -60,11 +80,7 @@ def keep(voxels: Voxels, planes: Doubles, radius: float = 2.0) -> Voxels:
     """Remove voxels that are wholly cut away; see `inside`."""
     if not len(planes):
         return voxels
-    return chosen(voxels, np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius)))
-
-
-def chosen(voxels: Voxels, index: NDArray[np.int64]) -> Voxels:
-    """Return the voxels of the given indices, in their order."""
+    index = np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
     of_each = voxels._asdict().keys() & PER_VOXEL
     parts = {name: array[index] for name in of_each if len(array := getattr(voxels, name))}
     return voxels._replace(**parts)
@@ -78,57 +94,17 @@ def faced(voxels: Voxels, planes: Doubles) -> Voxels:
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels
-    normal, (near, nearest) = planes[:, :3], _near(voxels, planes)
+    normal = planes[:, :3]
+    away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)
+    away += planes[:, 3]
+    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
+    near, nearest = np.flatnonzero(away.min(axis=1) < CUT), away.argmin(axis=1)
     length = np.linalg.norm(voxels.gradient, axis=1)
     # Homogeneous regions have no normal.
     least = np.float32(STEEPER) * length.max()
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
     return voxels._replace(gradient=gradient)
-
-
-def _near(voxels: Voxels, planes: Doubles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the voxels near a plane, and the nearest plane (N,) of each voxel."""
-    normal = planes[:, :3]
-    away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)
-    away += planes[:, 3]
-    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
-    return np.flatnonzero(away.min(axis=1) < CUT), away.argmin(axis=1)
-
-
-def _box(volume: Volume, text: str) -> list[Doubles]:
-    """Return the planes of a crop box."""
-    parts = text.split(",")
-    if len(parts) != 3:
-        raise ValueError(f"crop {text!r}; {CROP_FORM}")
-    to_index = np.linalg.inv(lattice_of(volume))
-    rows = []
-    for axis, part in enumerate(parts):
-        size = volume.values.shape[2 - axis]
-        start, stop = _range(part, size, f"crop {text!r}, {'xyz'[axis]}")
-        if start > 0:
-            rows.append(_side(to_index[axis], start - 0.5, volume.origin))
-        if stop < size:
-            rows.append(_side(-to_index[axis], 0.5 - stop, volume.origin))
-    return rows
-
-
-def _range(text: str, size: int, where: str) -> tuple[int, int]:
-    """Parse a range to its first voxel and the one after the last."""
-    words = text.split(":")
-    try:
-        numbers = [int(word) if word.strip() else None for word in words]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 1 and numbers[0] is not None:
-        only = numbers[0]
-        numbers = [only, only + 1 if only != -1 else None]
-    if len(numbers) != 2:
-        raise ValueError(f"{where}: {text!r} is not a range; {CROP_FORM}")
-    start, stop, _ = slice(*numbers).indices(size)
-    if start >= stop:
-        raise ValueError(f"{where}: {text!r} holds none of the {size} voxels")
-    return start, stop
 
 
 def _side(axis: Doubles, least: float, origin: Doubles) -> Doubles:
@@ -161,10 +137,7 @@ ROW = 512  # points processed together
 
 SOME = 64  # stride of the sample that tests first whether there can be outliers
 FEW, STRAY_SHARE = 4, 1e-4  # fraction of visible voxels that may be outliers at one end of an axis
-STRAY_GAP, STRAY_VOXELS = (
-    0.05,
-    3.0,
-)  # distance of outliers from the others: fraction of the extent, and voxels
+STRAY_GAP, STRAY_VOXELS = 0.05, 3.0  # of outliers from others: fraction of the extent, and voxels
 FLESH = -200.0  # HU, from which on voxels are a body's
 REACH = 2.0  # voxels by which kernels extend beyond the outermost voxels
 BINS = 4096  # along an axis
@@ -297,10 +270,7 @@ def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting |
 
 def corners(volume: Volume) -> Doubles:
     """Return the corners (8, 3) of a volume's box, scene units; x changes slowest."""
-    ends = np.stack([np.full(3, -0.5), np.array(volume.values.shape[::-1]) - 0.5])
-    index = np.array(
-        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in product((0, 1), repeat=3)]
-    )
+    index = np.array(list(product(*((-0.5, count - 0.5) for count in volume.values.shape[::-1]))))
     return np.asarray(volume.origin + index @ lattice_of(volume).T)
 
 
@@ -318,8 +288,8 @@ def sphere_around(voxels: "Placed | FramedVoxels", volume: Volume) -> Sphere:
     count, low, high = _extent(parts)
     if not count:
         last = np.array(volume.values.shape[::-1]) - 1
-        ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
-        parts = partial(iter, (ends.astype(np.float32),))
+        box = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
+        parts = partial(iter, (box.astype(np.float32),))
         count, low, high = _extent(parts)
     shown = _without_strays(parts, voxel, (count, low, high))
     if shown is not parts:
@@ -421,7 +391,16 @@ def _without_strays(
     total, low, high = known or _extent(parts)
     # At one end of an axis so many may be outliers.
     most, extent = max(min(FEW, total // 500), int(STRAY_SHARE * total)), high - low
-    if not most or not np.isfinite(extent).all() or _is_filled(parts, low, extent, most):
+    if not most or not np.isfinite(extent).all():
+        return parts
+    # Are there, in a sample, too many voxels near all six sides for outliers?
+    near, first = np.zeros((2, 3), np.int64), SOME // 2
+    for position in parts():
+        some = position[first::SOME]
+        near[0] += (some <= low + STRAY_GAP * extent).sum(axis=0)
+        near[1] += (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
+        first = (first - len(position)) % SOME
+    if near.min() > 2 + 2 * most // SOME:
         return parts
     axes = np.flatnonzero(extent > 0).tolist()
     count = np.zeros((3, BINS), np.int64)
@@ -454,17 +433,6 @@ def _codes(position: Floats, low: Doubles, extent: Doubles, axis: int) -> NDArra
     """Return bins (N,) of points (N, 3) along an axis, from the least to the greatest."""
     along = position[:, axis] - np.float32(low[axis])
     return np.minimum((along * np.float32(BINS / extent[axis])).astype(np.int64), BINS - 1)
-
-
-def _is_filled(parts: Parts, low: Doubles, extent: Doubles, most: int) -> bool:
-    """Return whether a sample shows too many voxels near all six sides for outliers."""
-    near, first = np.zeros((2, 3), np.int64), SOME // 2
-    for position in parts():
-        some = position[first::SOME]
-        near[0] += (some <= low + STRAY_GAP * extent).sum(axis=0)
-        near[1] += (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
-        first = (first - len(position)) % SOME
-    return bool(near.min() > 2 + 2 * most // SOME)
 
 
 def bounds(position: Floats) -> tuple[Doubles, Doubles]:

@@ -55,7 +55,6 @@ from resample_volume.voxels.thin import (
     Thin,
     cells_over_samples,
     of_samples,
-    repeated,
     thin_that_fits,
     thinned,
     with_true_thickness,
@@ -116,7 +115,13 @@ def gathered(
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     is_composite = resampler.projection is Projection.COMPOSITE
-    two = _only_two(volume, data_range) if is_composite else np.zeros(0)
+    two, kind = np.zeros(0), volume.values.dtype  # the only values, if there are two
+    if is_composite and are_few(kind):
+        two = counted(volume.values).value
+    elif is_composite:
+        two = np.unique(data_range)
+        parts = (np.isin(part, two) | ~np.isfinite(part) for part in slabs(volume.values))
+        two = two if all(part.all() for part in parts) else two[:0]
     if not transfer.normalized and resampler.iso is None:
         data_range = _table_range(volume, transfer, data_range)
     is_plain = getattr(resampler.order, "interpolation", MONOTONE) != MONOTONE
@@ -128,12 +133,18 @@ def gathered(
     levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
-    shape, steep = (1, _columns_of(volume, data_range)), 1.0
-    count = _visible_count(volume, transfer, data_range, resampler)
+    columns, steep, span = COLUMNS, 1.0, data_range[1] - data_range[0]
+    if kind.kind in "iu" and 1 <= span < MOST_COLUMNS:  # integers fall on columns
+        columns = int(span) * max(1, COLUMNS // int(span)) + 1
+    visible_of = partial(_visible_places, transfer, data_range, resampler)
+    if are_few(kind):
+        every = counted(volume.values)
+        count = int(every.number[visible_of(every.value.astype(kind))].sum())
+    else:
+        count = sum(visible_of(chunk.reshape(-1)).size for chunk in slabs(volume.values))
     if transfer.needs_gradient:
-        shape = (64, shape[1])
-        parts = partial(_visible, volume, transfer, data_range, resampler)
-        steep = _steepness_of(volume, parts, gradient, count)
+        steep = _steepness_of(volume, visible_of, gradient, count)
+    shape = (64 if transfer.needs_gradient else 1, columns)
     table_of = partial(tabulated, transfer, data_range, steep, unit, shape)
     tables = [table_of()]
     if labels is not None:
@@ -144,10 +155,8 @@ def gathered(
         known = numbered(known, labels.numbers, volume.values)
     tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
-        looks, beside = _of_either(looks, two), 2
-        known = numbered(
-            known, lambda part: 1 + (volume.values[part] == two[1]).astype(np.uint8), volume.values
-        )
+        looks, beside, values = _of_either(looks, two), 2, volume.values
+        known = numbered(known, lambda at: 1 + (values[at] == two[1]).astype(np.uint8), values)
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
@@ -156,22 +165,11 @@ def gathered(
         ends = looks.low, looks.high
         cells = visible_cells(spline, bounds, thickest(looks.table, beside), ends)
         apart = bricks_to_next(cells > 0)
+    place = lattice_of(samples), np.asarray(samples.origin, np.float64)
     return Gathered(
-        spline,
-        bounds,
-        known,
-        lattice_of(samples),
-        np.asarray(samples.origin, np.float64),
-        looks,
-        steepest,
-        count,
-        beside,
-        tint,
-        thin=thin,
-        cells=cells,
-        apart=apart,
-        levels=levels,
-    )
+        *(spline, bounds, known, *place, looks, steepest, count, beside, tint), thin=thin,
+        cells=cells, apart=apart, levels=levels,
+    )  # fmt: skip
 
 
 def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
@@ -196,25 +194,6 @@ def _table_range(
     look = np.column_stack([color, opacity]).reshape(2, MARGIN, 4)
     same = (look[0] == look[0, -1]).all() and (look[1] == look[1, 0]).all()
     return (low, high) if same else data_range
-
-
-def _columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
-    """Return the number of columns of a table of looks, such that integers fall on columns."""
-    span = data_range[1] - data_range[0]
-    if volume.values.dtype.kind not in "iu" or not 1 <= span < MOST_COLUMNS:
-        return COLUMNS
-    return int(span) * max(1, COLUMNS // int(span)) + 1
-
-
-def _only_two(volume: Volume, ends: tuple[float, float]) -> Doubles:
-    """Return the finite values of a volume if there are two, else others."""
-    if are_few(volume.values.dtype):
-        return counted(volume.values).value
-    two = np.unique(ends)
-    for part in slabs(volume.values):
-        if not (np.isin(part, two) | ~np.isfinite(part)).all():
-            return two[:0]
-    return two
 
 
 def _cut_between(looks: TransferTable, two: Doubles, count: int) -> TransferTable:
@@ -247,20 +226,9 @@ def lit_lattice(
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
     classifier = Classifier(*field.table, lamp, *cue)
-    return LatticeField(
-        field.spline,
-        field.bounds,
-        field.known,
-        field.lattice,
-        field.origin,
-        classifier,
-        field.reached,
-        classifiers=field.each,
-        tint=field.tint,
-        cells=field.cells,
-        apart=field.apart,
-        levels=field.levels,
-    )
+    same = ("spline", "bounds", "known", "lattice", "origin", "reached", "tint", "cells", "apart")
+    parts = {name: getattr(field, name) for name in (*same, "levels")}
+    return LatticeField(classifier=classifier, classifiers=field.each, **parts)
 
 
 def with_shadows(
@@ -323,31 +291,25 @@ def _on_lattice(
     if key in memo:
         return memo[key]
     filled, known = _without_gaps(values)
-    if is_cut:
-        levels = with_true_thickness(filled, two)
-        found = _rescaled(*spline_of(levels.level), levels.scale, levels.zero)
-        return memo.setdefault(key, (*found, known))
-    if thin.parts == 1:
+    if thin.parts == 1 and not is_cut:
         return memo.setdefault(key, (*spline_of(filled, sharpness), known))
-    samples, low = thinned(filled, thin, is_within=is_within)
-    spline, bounds = _rescaled(*spline_of(samples, sharpness, values.dtype), 1.0, low)
-    if known.size:
-        padded = known.reshape([count + 2 * PAD for count in values.shape])
-        known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
-    return memo.setdefault(key, (spline, bounds, known))
-
-
-def _rescaled(
-    spline: SplineField, bounds: Bounds, scale: float, zero: float
-) -> tuple[SplineField, Bounds]:
-    """Return a field and its bounds, multiplied and raised."""
+    if is_cut:
+        level, zero, scale = with_true_thickness(filled, two)
+        spline, bounds = spline_of(level)
+    else:
+        scale, (samples, zero) = 1.0, thinned(filled, thin, is_within=is_within)
+        spline, bounds = spline_of(samples, sharpness, values.dtype)
     least, greatest = (scale * bound + zero for bound in bounds)
-    return spline._replace(
+    spline = spline._replace(
         scale=scale * spline.scale,
         zero=scale * spline.zero + zero,
         floor=scale * spline.floor + zero,
         ceiling=scale * spline.ceiling + zero,
-    ), Bounds(least, greatest)
+    )
+    if known.size and not is_cut:  # of voxels, repeated for samples
+        inner = known.reshape([count + 2 * PAD for count in values.shape])[(slice(PAD, -PAD),) * 3]
+        known = np.pad(np.repeat(inner, thin.parts, thin.axis), PAD, "edge").ravel()
+    return memo.setdefault(key, (spline, Bounds(least, greatest), known))
 
 
 @memoized(lambda values: values)
@@ -401,58 +363,47 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
     return filled, known.reshape(-1)
 
 
-def _visible_count(
-    volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
-) -> int:
-    """Count the visible voxels, regardless of gradients."""
-    if not are_few(volume.values.dtype):
-        parts = (chunk.reshape(-1) for chunk in slabs(volume.values))
-        return sum(_visible_places(part, transfer, data_range, resampler).size for part in parts)
-    levels = counted(volume.values)
-    value = levels.value.astype(volume.values.dtype)
-    return int(levels.number[_visible_places(value, transfer, data_range, resampler)].sum())
-
-
-def _visible(
-    volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
-) -> Iterator[NDArray[np.int64]]:
-    """Yield flat indices of the voxels visible themselves, not only by interpolation, by slabs."""
-    start = 0
-    for chunk in slabs(volume.values):
-        value = chunk.reshape(-1)
-        yield _visible_places(value, transfer, data_range, resampler) + start
-        start += value.size
-
-
 def _steepness_of(
-    volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str, count: int
+    volume: Volume,
+    visible_of: Callable[[NDArray[Any]], NDArray[np.int64]],
+    gradient: str,
+    count: int,
 ) -> float:
-    """Return `steepness` of voxels; of values in a file not all gradients are held."""
+    """Return `steepness` of visible voxels; of values in a file not all gradients are held."""
+
+    def parts() -> Iterator[NDArray[np.int64]]:
+        """Yield flat indices of the voxels visible themselves, not only by interpolation."""
+        start = 0
+        for chunk in slabs(volume.values):
+            yield visible_of(chunk.reshape(-1)) + start
+            start += chunk.size
+
     if not is_in_file(volume.values):
         require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
         every = np.concatenate(list(parts()))
         return steepness(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
+    if not count:
+        return 0.0
 
-    def counted(prefix: int, digit: int) -> NDArray[np.int64]:
+    def counts(prefix: int, digit: int) -> NDArray[np.int64]:
+        """Count lengths by a digit of their bits: not negative, they sort as these do."""
         total = np.zeros(1 << DIGIT, np.int64)
         for seen in parts():
             length = np.linalg.norm(gradients_at(volume, seen, gradient), axis=1)
             total += counts_by_digit(length.astype(np.float32).view(np.uint32), prefix, digit)
         return total
 
-    if not count:
-        return 0.0
     first, share = steep_rank(count)
-    bits = ranked([first, min(first + 1, count - 1)], counted, 2)
+    bits = ranked([first, min(first + 1, count - 1)], counts, 2)
     low, high = np.array(bits, np.uint32).view(np.float32).tolist()
     return steep_between(low, high, share)
 
 
 def _visible_places(
-    value: NDArray[Any],
     transfer: Transfer,
     data_range: tuple[float, float],
     resampler: Resampler,
+    value: NDArray[Any],
 ) -> NDArray[np.int64]:
     """Return which of values (N,) are visible."""
     if resampler.iso is not None:

@@ -27,16 +27,11 @@ from resample_volume.types import Volume
 VALUES = (1.0, 0.75, 0.95, 1.1)
 
 
-class Levels(NamedTuple):
-    """Samples of a field in 8 bits, and what they mean."""
+def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> tuple[Flags, float, float]:
+    """Samples of a spline as thick as the voxels of the higher of two values.
 
-    level: Flags  # (Z, Y, X)
-    zero: float  # data units of level 0
-    scale: float  # data units
-
-
-def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
-    """Samples of a spline as thick as the voxels of the higher of two values."""
+    Result: levels (Z, Y, X) of 8 bits, and the value of level 0 and of a step.
+    """
     zero = 1.0 - max(VALUES)
     scale = (max(VALUES) - zero) / np.iinfo(np.uint8).max
     fraction = np.array([1.0 - np.array(VALUES), VALUES])
@@ -55,7 +50,7 @@ def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
         level[z] = table[here.view(np.uint8), thin]
         before, here = here, behind
     span = float(two[1] - two[0])
-    return Levels(level, float(two[0]) + zero * span, scale * span)
+    return level, float(two[0]) + zero * span, scale * span
 
 
 BYTES_PER_THIN = 8  # bytes of a sample between thick slices, besides its field
@@ -137,11 +132,6 @@ def of_samples(volume: Volume, thin: Thin) -> Volume:
     return volume._replace(values=values, spacing=spacing, origin=origin)
 
 
-def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
-    """Repeat properties of voxels (Z, Y, X, ...) for samples."""
-    return np.repeat(flags, thin.parts, axis=thin.axis)
-
-
 def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
     """Convert cells of light over voxels to cells over samples along the thin axis."""
     if thin.parts == 1:
@@ -217,8 +207,9 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
     # Flows (Y, X, 2) from a slice to the next and back, samples, by the first slice of the pair.
     flows: dict[int, tuple[Plane, Plane]] = {}
     for before in range(first, min(first + GROUP, last + 1)):
-        start = max(0, _first_after(before, parts))
-        end = min(len(found), _first_after(before + 1, parts))
+        # Thin slices at or after a thick one, and before the next
+        start, end = (-((-(2 * n + 1) * parts + 1) // 2) for n in (before, before + 1))
+        start, end = max(0, start), min(len(found), end)
         at = [(n + 0.5) / parts - 0.5 for n in range(start, end)]
         if before < 0 or before == last or slices.span == 0:
             # Beyond the outermost slices there is only a spline.
@@ -229,55 +220,33 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
                 flows[pair] = _flows(slices, pair)
         for pair in [pair for pair in flows if pair < before - 1]:
             del flows[pair]
-        _put_between(slices, found[start:end], at, before, flows)
-
-
-def _put_between(
-    slices: _Slices,
-    found: Floats,
-    at: list[float],
-    before: int,
-    flows: dict[int, tuple[Plane, Plane]],
-) -> None:
-    """Write thin slices at some positions between a thick one and the next."""
-    on, back = flows[before]
-    _, back_before = flows.get(before - 1, (None, None))
-    on_next, _ = flows.get(before + 1, (None, None))
-    paths = (
-        _Path(on, back, _flow_mismatch(on, back_before), is_back=False),
-        _Path(back, on, _flow_mismatch(back, on_next), is_back=True),
-    )
-    # Bound the spline's error between two slices: small where differences do not grow
-    fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
-    for middle in (before, before + 1):
-        a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
-        np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
-        np.maximum(second, np.abs(b + d - 2 * c), out=second)
-    fourth, second = _smooth(fourth), _smooth(second)
-    growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
-    trust = _fit(slices, np.asarray(fourth * growth**GROWTH), UNSURE)
-    for n, place in enumerate(at):
-        share = trust
-        total = trust * _spline_at(slices, place)
-        for path in paths:
-            between, apart = _along(slices, before, place - before, path)
-            fit = _fit(slices, _smooth(apart), 1.0)
-            share = share + fit
-            total += fit * between
-        found[n] = total / share
-
-
-def _flow_mismatch(way: Plane, other: Plane | None) -> Plane:
-    """Return how much the flow from a slice differs from the flow to it, given negated."""
-    if other is None:
-        return np.zeros_like(way)
-    most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
-    return _smooth(np.clip(way + other, -most, most))
-
-
-def _first_after(slice_: int, count: int) -> int:
-    """Return the index of the first thin slice at or after a thick one."""
-    return -((-(2 * slice_ + 1) * count + 1) // 2)
+        on, back = flows[before]
+        others = flows.get(before - 1, (None, None))[1], flows.get(before + 1, (None, None))[0]
+        paths = []  # how flows from a slice differ from those to it, given negated
+        for way, opposite, other in ((on, back, others[0]), (back, on, others[1])):
+            turn = np.zeros_like(way)
+            if other is not None:
+                most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
+                turn = _smooth(np.clip(way + other, -most, most))
+            paths.append(_Path(way, opposite, turn, is_back=way is back))
+        # Bound the spline's error between two slices: small where differences do not grow
+        fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
+        for middle in (before, before + 1):
+            a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
+            np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
+            np.maximum(second, np.abs(b + d - 2 * c), out=second)
+        fourth, second = _smooth(fourth), _smooth(second)
+        growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
+        trust = _fit(slices, np.asarray(fourth * growth**GROWTH), UNSURE)
+        for n, place in enumerate(at, start):
+            share = trust
+            total = trust * _spline_at(slices, place)
+            for path in paths:
+                between, apart = _along(slices, before, place - before, path)
+                fit = _fit(slices, _smooth(apart), 1.0)
+                share = share + fit
+                total += fit * between
+            found[n] = total / share
 
 
 def _spline_at(slices: _Slices, at: float) -> Plane:
