@@ -7,8 +7,7 @@ import pytest
 
 from resample.colors import from_srgb
 from resample_volume.classification.labels import Labels, Rule, parse_rules
-from resample_volume.classification.regions import Region, RegionTransfer
-from resample_volume.classification.transfer import from_points
+from resample_volume.classification.transfer import Region, RegionTransfer, from_points
 from resample_volume.data.values import Bricks
 from resample_volume.files.source import read_labels
 from resample_volume.files.zarr import Single

@@ -9,8 +9,14 @@ import pytest
 from resample.colors import from_srgb
 from resample.types import Floats
 from resample_volume.classification.presets import PRESETS, load_transfer
-from resample_volume.classification.regions import Faded, Region, RegionTransfer
-from resample_volume.classification.transfer import MOST_OPAQUE, from_points, tabulated
+from resample_volume.classification.transfer import (
+    MOST_OPAQUE,
+    Faded,
+    Region,
+    RegionTransfer,
+    from_points,
+    tabulated,
+)
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import classify, steepness
 
@@ -126,7 +132,7 @@ def test_many_values_are_looked_at_in_chunks(
 ) -> None:
     value, slope = rng.uniform(0, 255, 99), rng.uniform(0, 50, 99).astype(np.float32)
     whole = one(BOX, SOFT).classify(value, slope, BYTE, 1.0)
-    monkeypatch.setattr("resample_volume.classification.regions.CHUNK", 10)
+    monkeypatch.setattr("resample_volume.classification.transfer.CHUNK", 10)
     for left, right in zip(one(BOX, SOFT).classify(value, slope, BYTE, 1.0), whole, strict=True):
         np.testing.assert_array_equal(left, right)
 

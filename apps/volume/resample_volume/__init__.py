@@ -58,32 +58,14 @@ _HOMES = {
     "view": "viewing",
 }
 
+# fmt: off
 __all__ = [
-    "Annotations",
-    "Appearance",
-    "ImagePlane",
-    "IsoSurface",
-    "Light",
-    "Orbit",
-    "Scene",
-    "SceneMesh",
-    "TransferFunction",
-    "Volume",
-    "XRay",
-    "animate",
-    "annotate",
-    "as_volume",
-    "load_transfer",
-    "measure",
-    "open",
-    "open_volume",
-    "picture",
-    "read_mesh",
-    "rectilinear",
-    "render",
-    "scene_mesh",
+    "Annotations", "Appearance", "ImagePlane", "IsoSurface", "Light", "Orbit", "Scene", "SceneMesh",
+    "TransferFunction", "Volume", "XRay", "animate", "annotate", "as_volume", "load_transfer",
+    "measure", "open", "open_volume", "picture", "read_mesh", "rectilinear", "render", "scene_mesh",
     "view",
 ]
+# fmt: on
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)

@@ -19,9 +19,8 @@ from resample.profiles.named import OneOf
 from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample_volume.classification.automatic import BRIGHT, levels
 from resample_volume.classification.labels import MOST_RULES, Labels
-from resample_volume.classification.presets import Window, transfer_for
+from resample_volume.classification.presets import BRIGHT, Window, levels, transfer_for
 from resample_volume.classification.transfer import Transfer
 from resample_volume.classification.value_statistics import Survey, survey
 from resample_volume.data.recordings import how

@@ -1,5 +1,6 @@
 """Convert volumes of other libraries: VTK, PyVista, SimpleITK, nibabel, xarray, yt."""
 
+from collections.abc import Callable
 from os import PathLike
 from typing import Any
 
@@ -218,7 +219,7 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
     # Find the converter of an object of a known library
     every = type(given).__mro__
     homes = {kind.__module__.partition(".")[0] for kind in every}
-    taker = None
+    taker: Callable[[Any, Any, str], Volume] | None = None
     if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
         taker = of_dataset
     elif "SimpleITK" in homes or "nibabel" in homes:

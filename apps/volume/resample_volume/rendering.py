@@ -35,9 +35,8 @@ from resample_volume.appearance import (
     settled,
     transfer_of,
 )
-from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Transfer
+from resample_volume.classification.presets import LEVELS
+from resample_volume.classification.transfer import Faded, Transfer
 from resample_volume.classification.value_statistics import survey
 from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
 from resample_volume.data.values import as_array, as_arrays, is_streamed

@@ -317,11 +317,10 @@ class Scene(AnyScene):
 def merged(volume: Volume, per: int) -> Volume:
     """Downsample a volume by means over blocks of voxels, without missing values."""
     shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
-    values, colors = (
-        None if part is None else _means(part, per) for part in (volume.values, volume.colors)
-    )
-    origin, spacing = volume.origin + shift, per * volume.spacing
-    return volume._replace(values=values, colors=colors, spacing=spacing, origin=origin)
+    values, colors = _means(volume.values, per), volume.colors
+    colors = None if colors is None else _means(colors, per)
+    place = {"spacing": per * volume.spacing, "origin": volume.origin + shift}
+    return volume._replace(values=values, colors=colors, **place)
 
 
 def _means(values: NDArray[Any], per: int) -> NDArray[Any]:

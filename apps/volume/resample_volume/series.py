@@ -14,8 +14,7 @@ from resample_volume.appearance import (
     settled,
     transfer_of,
 )
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Windowed
+from resample_volume.classification.transfer import Faded, Windowed
 from resample_volume.classification.value_statistics import Survey, survey, without_padding
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks

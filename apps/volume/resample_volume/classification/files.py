@@ -17,8 +17,14 @@ from pydantic import (
 
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of, toml_of
-from resample_volume.classification.regions import Region, RegionTransfer
-from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
+from resample_volume.classification.transfer import (
+    Color,
+    Region,
+    RegionTransfer,
+    Transfer,
+    TransferFunction,
+    from_points,
+)
 
 
 def _share(number: float) -> float:

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
-from resample_volume.classification.regions import Faded, RegionTransfer
-from resample_volume.classification.transfer import Materials, Transfer, TransferFunction
+from resample_volume.classification.transfer import (
+    Faded,
+    Materials,
+    RegionTransfer,
+    Transfer,
+    TransferFunction,
+)
 from resample_volume.classification.value_statistics import findings, survey, without_padding
 from resample_volume.data.values import as_array, slabs
 from resample_volume.types import Volume

@@ -25,43 +25,23 @@ SKY, ROSE = (0.55, 0.7, 0.85), (0.9, 0.55, 0.5)
 
 BONE: list[Point] = [(350.0, RUST, 0.35), (600.0, IVORY, 0.7), (1500.0, WHITE, 0.95)]
 
+# fmt: off
 POINTS: dict[str, list[Point]] = {
     # Bone in translucent flesh: the default for CT.
-    "ct": [
-        (-350.0, FLESH, 0.0),
-        (-150.0, FLESH, 0.02),
-        (60.0, FLESH, 0.03),
-        (150.0, MUSCLE, 0.06),
-        *BONE,
-    ],
+    "ct": [(-350.0, FLESH, 0.0), (-150.0, FLESH, 0.02), (60.0, FLESH, 0.03), (150.0, MUSCLE, 0.06),
+           *BONE],
     "bone": [(150.0, RUST, 0.0), *BONE],
-    "soft-tissue": [
-        (-160.0, FAT, 0.0),
-        (-90.0, FAT, 0.06),
-        (-20.0, FAT, 0.08),
-        (30.0, MUSCLE, 0.35),
-        (120.0, FLESH, 0.45),
-        *BONE,
-    ],
+    "soft-tissue": [(-160.0, FAT, 0.0), (-90.0, FAT, 0.06), (-20.0, FAT, 0.08),
+                    (30.0, MUSCLE, 0.35), (120.0, FLESH, 0.45), *BONE],
     "muscle": [(0.0, MUSCLE, 0.0), (40.0, MUSCLE, 0.5), (120.0, ROSE, 0.6), *BONE[1:]],
     "skin": [(-400.0, FLESH, 0.0), (-200.0, FLESH, 0.6), (0.0, FLESH, 0.9)],
-    "lung": [
-        (-880.0, SKY, 0.0),
-        (-820.0, SKY, 0.03),
-        (-650.0, SKY, 0.05),
-        (-500.0, ROSE, 0.2),
-        (-400.0, ROSE, 0.25),
-        (-250.0, ROSE, 0.0),
-    ],
-    "vessels": [
-        (120.0, BLOOD, 0.0),
-        (200.0, BLOOD, 0.4),
-        (400.0, ROSE, 0.7),
-        (550.0, IVORY, 0.75),
-        (1500.0, WHITE, 0.95),
-    ],
+    "lung": [(-880.0, SKY, 0.0), (-820.0, SKY, 0.03), (-650.0, SKY, 0.05), (-500.0, ROSE, 0.2),
+             (-400.0, ROSE, 0.25), (-250.0, ROSE, 0.0)],
+    "vessels": [(120.0, BLOOD, 0.0), (200.0, BLOOD, 0.4), (400.0, ROSE, 0.7), (550.0, IVORY, 0.75),
+                (1500.0, WHITE, 0.95)],
     "metal": [(METAL - 300.0, STEEL, 0.0), (METAL, STEEL, 0.9)],
 }
+# fmt: on
 
 
 LUNG, LUNG_VEIL = (-930.0, -550.0), 0.05  # HU where lungs have their peak, and their opacity
@@ -206,18 +186,10 @@ def survey(volume: Volume) -> Survey:
     first, last = ends(rest.value, rest.number, most, STRAY_GAP)
     bulk = rest.between(first, last)
     kept = int(rest.number.sum())
-    return Survey(
-        float(levels.value[0]),
-        float(levels.value[-1]),
-        float(bulk.value[0]),
-        float(bulk.value[-1]),
-        tuple(padding),
-        total - kept,
-        kept - int(bulk.number.sum()),
-        infinite,
-        units_of(volume, bulk),
-        bulk,
-    )
+    least, greatest, low, high = map(float, (*levels.value[[0, -1]], *bulk.value[[0, -1]]))
+    counts = (total - kept, kept - int(bulk.number.sum()), infinite)
+    units = units_of(volume, bulk)
+    return Survey(least, greatest, low, high, tuple(padding), *counts, units, bulk)
 
 
 def findings(known: Survey) -> list[str]:

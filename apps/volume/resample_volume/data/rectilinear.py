@@ -97,8 +97,8 @@ def rectilinear(
     require_memory(BYTES_PER_SAMPLE * int(np.prod(sizes)), what)
     for n in changed:
         values = along(values, axes[n], even[n], 2 - n)
-    gaps = {"xyz"[n]: np.diff(axes[n]) for n in changed}
-    low = ", ".join(f"{axis} {gap.min():.4g} to {gap.max():.4g}" for axis, gap in gaps.items())
+    uneven_by = {"xyz"[n]: np.diff(axes[n]) for n in changed}
+    low = ", ".join(f"{axis} {gap.min():.4g} to {gap.max():.4g}" for axis, gap in uneven_by.items())
     capped = ", not finer than memory and sense allow" if any(a.is_capped for a in even) else ""
     spacing = " x ".join(f"{step:.4g}" for step in steps)
     note = (

@@ -74,7 +74,7 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
     Indices (N,) come in the order of an array or of the painter's bricks. A contiguous volume of
     these types is passed as it is; others are converted some planes at a time.
     """
-    from resample_volume.kernels.gradients import BRICK
+    from resample_volume.kernels.voxels import BRICK
 
     if values.dtype in AS_THEY_ARE and values.flags.c_contiguous:
         yield PlaneRange(slice(0, index.size), _frozen(values), 0)
@@ -330,10 +330,10 @@ def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
     sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
     found = []
     for volume, size in zip(volumes, sizes, strict=True):
-        if is_streamed(volume) and (memory := bricks_of(volume).memory) is not None:
-            share = memory * size // sum(sizes)
-            volume = with_bricks(volume, replace(bricks_of(volume).anew(), memory=share))
-        found.append(as_array(volume))
+        bricks: Any = volume.values
+        if is_streamed(volume) and bricks.memory is not None:
+            bricks = replace(bricks.anew(), memory=bricks.memory * size // sum(sizes))
+        found.append(as_array(with_bricks(volume, bricks)))
     return found
 
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from resample.outofcore.passes import memoized
 from resample.types import Doubles, Floats, Indices
-from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (
     DataRange,
+    Faded,
     Transfer,
     evaluated,
     extinction,
@@ -101,8 +101,7 @@ def classify(
     if whole.needs_gradient or labels is not None:
         thickness = extinction(opacity, unit)
     else:
-        shown = value if kept.size == count else value[kept]
-        thickness = np.empty(shown.size, np.float32)
+        shown, thickness = value[kept], np.empty(kept.size, np.float32)
 
         def thick(values: NDArray[Any], data_range: DataRange) -> Floats:
             return extinction(whole.classify(values, None, data_range, 0.0)[1], unit)
@@ -155,7 +154,7 @@ def lattice_of(volume: Volume) -> Doubles:
 
 def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
     """Return gradients (N, 3) of voxels by flat index, data units per scene unit."""
-    from resample_volume.kernels.gradients import find_gradients
+    from resample_volume.kernels.voxels import find_gradients
 
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)  # from slopes per voxel
     slope, is_smooth = np.empty((voxel.size, 3), np.float32), gradient == "sobel"
@@ -171,7 +170,7 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
     """Return scene positions (N, 3) of voxels by flat index (N,), z slowest."""
-    from resample_volume.kernels.gradients import place
+    from resample_volume.kernels.voxels import place
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)
@@ -191,7 +190,7 @@ def visible_with_slopes(
 
     They may be visible at some slope, and come in the order of the painter's bricks.
     """
-    from resample_volume.kernels.gradients import brick_order
+    from resample_volume.kernels.voxels import brick_order
 
     volume = as_array(volume)
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
