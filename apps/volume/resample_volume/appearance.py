@@ -65,9 +65,8 @@ class XRay:
 
     mu_water: float = MU_WATER  # attenuation of water per scene unit, mm
     window: Window | None = None  # None: 0 to about the greatest along the volume's own axes
-    added: float | None = (
-        None  # offset to Hounsfield units; None: as the volume says, or guessed from its values
-    )
+    # Offset to Hounsfield units; None: as the volume says, or guessed from its values.
+    added: float | None = None
 
     def __post_init__(self) -> None:
         check_numbers(self, "mu_water", "added")
@@ -75,11 +74,11 @@ class XRay:
             raise ValueError(
                 f"mu-water is {self.mu_water:g}; it must be above 0, such as {MU_WATER} per mm"
             )
-        if self.window is not None:
-            pair = doubles_of("window", self.window, "two ascending values")
-            if pair.shape != (2,):
-                raise ValueError(f"window {shortly(self.window)}; give two ascending values")
-        if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
+        if self.window is None:
+            return
+        if doubles_of("window", self.window, "two ascending values").shape != (2,):
+            raise ValueError(f"window {shortly(self.window)}; give two ascending values")
+        if not -math.inf < self.window[0] < self.window[1] < math.inf:
             raise ValueError(f"the window {self.window} of line integrals must ascend")
 
 
@@ -134,9 +133,8 @@ def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
         xray = replace(xray, added=known.units.added)
     if xray.window is not None:
         return xray
-    most = xray.mu_water * _longest(
-        attenuation(volume.values, xray.added), *map(float, volume.spacing)
-    )
+    water = attenuation(volume.values, xray.added)
+    most = xray.mu_water * _longest(water, *map(float, volume.spacing))
     return replace(xray, window=(0.0, max(most, LEAST_WINDOW)))
 
 
@@ -158,9 +156,8 @@ def attenuation(values: NDArray[Any], added: float | None) -> NDArray[Any]:
 def _longest(values: NDArray[Any], x: float, y: float, z: float) -> float:
     """Estimate the greatest integral along lines of voxels with these spacings, scene units."""
     deep, down, across = values.shape
-    along_z, along_y, along_x = (
-        np.zeros(size) for size in ((down, across), (deep, across), (deep, down))
-    )
+    sizes = ((down, across), (deep, across), (deep, down))
+    along_z, along_y, along_x = map(np.zeros, sizes)
     for n, plane in enumerate(values):
         known = np.nan_to_num(plane.astype(np.float64), nan=0.0)
         along_z += known
@@ -175,6 +172,11 @@ BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 Gradient = Literal["central", "sobel"]
 GRADIENT: Gradient = "central"  # if none is asked for
 SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
+EXTRAS = {  # options that not all projections allow, and their fields of a look
+    **{"labels": "labels", "gradient-opacity": "gradient_opacity", "depth-cue": "cue"},
+    **{"mesh": "meshes", "plane": "planes", "surface": "surfaces"},
+    **{"xray": "xray", "invert": "invert"},
+}
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 TWO = "two fractions of the steepest slope, such as (0.1, 0.3)"
 
@@ -275,22 +277,13 @@ class Appearance:
     @property
     def extras(self) -> list[str]:
         """Names of chosen options that not all projections allow."""
-        chosen = {
-            "labels": self.labels,
-            "gradient-opacity": self.gradient_opacity,
-            "depth-cue": self.cue,
-            "mesh": self.meshes or None,
-            "plane": self.planes or None,
-            "surface": self.surfaces or None,
-            "xray": self.xray,
-            "invert": self.invert or None,
-        }
-        return [name for name, choice in chosen.items() if choice is not None]
+        chosen = ((name, getattr(self, field)) for name, field in EXTRAS.items())
+        return [name for name, choice in chosen if choice not in (None, (), False)]
 
     @property
-    def scene_objects(self) -> list[str]:
-        """Names of the objects that rays meet besides the volume."""
-        return [name for name in self.extras if name in SCENE_OBJECTS]
+    def has_objects(self) -> bool:
+        """Whether rays meet objects besides the volume."""
+        return bool(self.meshes or self.planes or self.surfaces)
 
 
 def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
@@ -434,7 +427,7 @@ def decided(
         if is_of_field and len(media) == 1:  # can rays show what the look asks for?
             is_of_field = look.gradient == GRADIENT and (look.labels is None or look.labels.are_few)
             is_of_field = is_of_field and max(map(abs, finite_range(volume.values))) < LARGEST
-        is_of_field = is_of_field or any(look.scene_objects for _, look in media)
+        is_of_field = is_of_field or any(look.has_objects for _, look in media)
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

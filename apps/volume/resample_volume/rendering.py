@@ -176,13 +176,9 @@ class Subject:
 
     @classmethod
     def of(
-        cls,
-        volume: Volume,
-        appearance: Appearance,
-        resampler: Resampler | None = None,
-        *,
+        cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None, *,
         around: Volume | None = None,
-    ) -> "Subject":
+    ) -> "Subject":  # fmt: skip
         """Classify a volume; cameras orbit another one as a whole, or what is visible."""
         resampler = resampler or resampler_for(appearance)
         check_together(resampler, appearance.classification, appearance.extras)
@@ -353,14 +349,9 @@ class Subject:
 
 
 def pictured(
-    media: Sequence[VolumeLayer],
-    viewpoint: Viewpoint,
-    size: tuple[int, int],
-    resampler: Resampler,
-    fit: Fitted = "visible",
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> tuple[Frame, Subject, AnyCamera]:
+    media: Sequence[VolumeLayer], viewpoint: Viewpoint, size: tuple[int, int], resampler: Resampler,
+    fit: Fitted = "visible", threads: int | None = None, progress: Progress | None = None,
+) -> tuple[Frame, Subject, AnyCamera]:  # fmt: skip
     """Return a picture (height, width) of volumes, their scene and the camera."""
     subject = Subject.of_several(media, resampler, "volume" if fit == "volume" else "visible")
     warn_of_nothing(subject, media, resampler.projection)

@@ -93,6 +93,7 @@ class TransferFunction:
     opacity: Doubles  # (K,) 0..1 of a layer that is one `opacity_unit` thick
     opacity_unit: float | None = None  # scene units; None: cube root of a voxel's volume
     normalized: bool = False  # whether values are positions between the data's least and greatest
+    needs_gradient: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name in ("value", "color", "opacity"):
@@ -162,10 +163,6 @@ class TransferFunction:
         if self.value.size == 1:  # NumPy would also give its value to NaN
             opacity = np.where(np.isnan(values), np.nan, opacity)
         return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
-
-    @property
-    def needs_gradient(self) -> bool:
-        return False
 
     def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
@@ -372,14 +369,11 @@ class Windowed:
     span: DataRange
     opacity_unit: float | None = None  # scene units; None: the function's own
     steep: float | None = None  # data units per scene unit, of a full surface; None: the data's
+    normalized: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.opacity_unit is None:
             object.__setattr__(self, "opacity_unit", self.transfer.opacity_unit)
-
-    @property
-    def normalized(self) -> bool:
-        return False
 
     @property
     def needs_gradient(self) -> bool:
@@ -456,6 +450,7 @@ class RegionTransfer:
     regions: tuple[Region, ...]
     opacity_unit: float | None = None  # scene units; None: cube root of a voxel's volume
     normalized: bool = False
+    needs_gradient: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "regions", tuple(self.regions))
@@ -487,16 +482,13 @@ class RegionTransfer:
                         f"for {span[0]:g} to {span[1]:g})"
                     )
 
-    @property
-    def needs_gradient(self) -> bool:
-        return True
-
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
         """Return an upper bound of opacities (N,), for gradients within all regions."""
         place = self._places(np.asarray(values), data_range)
         transparency = np.ones(place.shape)
         for region in self.regions:
-            transparency *= 1 - region.opacity * self._share_by_value(region, place)
+            share = _share(place, region.value, region.softness[0], self._limits)
+            transparency *= 1 - region.opacity * share
         return np.asarray(1 - transparency, np.float32)
 
     def classify(
@@ -517,9 +509,8 @@ class RegionTransfer:
             mixed = np.zeros((*place.shape, 3))
             for region in self.regions:
                 limits = (0.0, 1.0 if self.normalized else math.inf)
-                inside = self._share_by_value(region, place) * _share(
-                    slope, region.gradient, region.softness[1], limits
-                )
+                inside = _share(place, region.value, region.softness[0], self._limits)
+                inside = inside * _share(slope, region.gradient, region.softness[1], limits)
                 share = region.opacity * inside
                 transparency *= 1 - share
                 weight += share
@@ -550,6 +541,10 @@ class RegionTransfer:
                 kept.append(region)
         return replace(self, regions=tuple(kept) or (replace(self.regions[0], opacity=0.0),))
 
+    @property
+    def _limits(self) -> Range:
+        return (0.0, 1.0) if self.normalized else (-math.inf, math.inf)
+
     def _places(self, values: NDArray[Any], data_range: DataRange) -> Doubles:
         """Convert values to the units of the regions."""
         place = values.astype(np.float64)
@@ -559,10 +554,6 @@ class RegionTransfer:
         if not low < high:
             return np.where(np.isnan(place), np.nan, 1.0)
         return np.clip((place - low) / (high - low), 0, 1)
-
-    def _share_by_value(self, region: Region, place: Doubles) -> Doubles:
-        limits = (0.0, 1.0) if self.normalized else (-math.inf, math.inf)
-        return _share(place, region.value, region.softness[0], limits)
 
 
 @dataclass(frozen=True)
@@ -574,6 +565,7 @@ class Faded:
 
     transfer: Transfer
     ramp: Range
+    needs_gradient: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if not 0 <= self.ramp[0] <= self.ramp[1] < np.inf:
@@ -588,10 +580,6 @@ class Faded:
     @property
     def normalized(self) -> bool:
         return self.transfer.normalized
-
-    @property
-    def needs_gradient(self) -> bool:
-        return True
 
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
         return self.transfer.opacities(values, data_range)

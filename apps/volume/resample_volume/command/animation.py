@@ -186,15 +186,10 @@ def shots(
 
 def frame_of(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded, with its annotations and color bars."""
-    height, width = paint.size
-    painted = subject.painter(paint.resampler)(
-        subject.samples_for(camera),
-        camera,
-        height=height,
-        width=width,
-        threads=paint.threads,
-        clip=subject.cuts(camera),
-    )
+    seen, cuts = subject.samples_for(camera), subject.cuts(camera)
+    shape: dict[str, Any] = {"height": paint.size[0], "width": paint.size[1]}
+    resampler = subject.painter(paint.resampler)
+    painted = resampler(seen, camera, **shape, threads=paint.threads, clip=cuts)
     painted, overlay = subject.tone.developed(painted), paint.drawing
     if overlay is not None and overlay.given.is_any:
         painted = annotated(painted, camera, overlay.volume, overlay.given)

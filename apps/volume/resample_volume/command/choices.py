@@ -62,9 +62,8 @@ class ReadOptions(Choices):
     )
     memory: Annotated[str | None, flags.OptionTopic.RESOURCE] = described(
         None,
-        f"{flags.MEMORY}. [default: all free memory; half of it for the voxels of a "
-        "chunked "
-        "volume (OME-Zarr, zarr)]",
+        f"{flags.MEMORY}. [default: all free memory; half of it for the voxels of a chunked volume "
+        "(OME-Zarr, zarr)]",
     )
     level: int | None = described(
         None,
@@ -80,9 +79,8 @@ class ReadOptions(Choices):
 
     scale: str = described(
         "linear",
-        "Scale on which values are shown: linear, log, or symlog:linear=0.01, "
-        "which is linear from -0.01 to 0.01. Transfer functions and windows stay in the "
-        "values' own units.",
+        "Scale on which values are shown: linear, log, or symlog:linear=0.01, which is linear from "
+        "-0.01 to 0.01. Transfer functions and windows stay in the values' own units.",
     )
     time: Annotated[int | None, flags.Hyphen] = described(
         None, "Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
@@ -101,9 +99,8 @@ class Added(Choices):
     also: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = described(
         (),
         "Another file in the scene, placed by its coordinates: pet.nrrd, or "
-        "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
-        "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
-        "up.",
+        "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, units, "
+        "spacing, window and, last, transfer. Where volumes overlap, extinctions add up.",
     )
     channels: Annotated[str | None, TRANSFER] = described(
         None,
@@ -120,13 +117,12 @@ class AppearanceChoices(Choices):
 
     transfer: Annotated[str, TRANSFER, flags.Hyphen] = described(
         "auto",
-        "Transfer function: auto, which adapts to the values; "
-        f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
-        "of values such as 300..900; control points value,color,opacity such as "
-        "'40,red,0 90,white,0.5'; or a .json or .toml file of control points over values, or "
-        "of regions over values and gradients. After a name, :opacity=0.2,low=0.3 makes it "
-        "thinner, color=tomato colors it, gradient=0.1,0.5 keeps only its surfaces. Several "
-        "materials: skin:opacity=0.1+bone.",
+        f"Transfer function: auto, which adapts to the values; {', '.join(PRESETS)}; for CT "
+        f"{', '.join(TISSUES)}; a matplotlib colormap; a range of values such as 300..900; control "
+        "points value,color,opacity such as '40,red,0 90,white,0.5'; or a .json or .toml file of "
+        "control points over values, or of regions over values and gradients. After a name, "
+        ":opacity=0.2,low=0.3 makes it thinner, color=tomato colors it, gradient=0.1,0.5 keeps "
+        "only its surfaces. Several materials: skin:opacity=0.1+bone.",
     )
     window: Annotated[str | None, flags.Hyphen] = described(
         None,
@@ -178,9 +174,8 @@ class AppearanceChoices(Choices):
 
     classify: Literal["auto", "pre", "post"] = described(
         "auto",
-        "Pre: classify voxels, then interpolate colors. Post: interpolate "
-        "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
-        "given.",
+        "Pre: classify voxels, then interpolate colors. Post: interpolate values, then classify, "
+        "which is sharper. Auto: post along rays; pre if a method is given.",
     )
     labels: Annotated[str | None, flags.OptionTopic.SOURCE] = described(
         None, "Volume of integers: the label of each voxel."
@@ -342,9 +337,8 @@ class Beside(Choices):
     )
     mesh: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = described(
         (),
-        "Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
-        ".glb). Needs the order rays and composite or first-hit. Not clipped by --clip; "
-        "--fit visible includes it.",
+        "Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, .glb). Needs the "
+        "order rays and composite or first-hit. Not clipped by --clip; --fit visible includes it.",
     )
     plane: Annotated[tuple[str, ...], flags.Several] = described(
         (),

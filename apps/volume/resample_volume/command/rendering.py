@@ -85,16 +85,11 @@ def _painted_rows(
         bricks.memory = memory
         media.append((with_bricks(volume, bricks), look))
     subject = Subject.of_several(media, scene.resampler, scene.fit)
-    seen, (height, width) = subject.samples_for(scene.camera), scene.size
-    frame = scene.resampler.paint_rows(
-        seen,  # type: ignore[arg-type]  # fields, as was checked
-        scene.camera,
-        rows,
-        height=height,
-        width=width,
-        threads=threads,
-        clip=subject.cuts(scene.camera),
-    )
+    seen: Any = subject.samples_for(scene.camera)  # fields, as was checked
+    shape: dict[str, Any] = {"height": scene.size[0], "width": scene.size[1]}
+    cuts = subject.cuts(scene.camera)
+    given = (seen, scene.camera, rows)
+    frame = scene.resampler.paint_rows(*given, **shape, threads=threads, clip=cuts)
     return subject.tone.developed(frame)
 
 

@@ -468,7 +468,6 @@ def nearest_in_rows(
 
 BRICK = 8  # voxels
 
-Indices = NDArray[np.int64]
 Step = tuple[int, int, int]  # z, y, x
 
 

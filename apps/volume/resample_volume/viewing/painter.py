@@ -1,6 +1,7 @@
 """Pictures of a volume for a page: paint, save and film, pick, slice and measure."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -73,12 +74,11 @@ class VolumeRequest(NamedTuple):
     beside: BesideFilm
     picture: PictureFormat
 
-
-def entry_of(volume: Volume, look: Appearance) -> dict[str, Any]:
-    """Return the name of a volume and the colors that it has, as a page's legend takes them."""
-    points = points_of(transfer_of(volume, look), survey(volume).span)
-    shown = dict.fromkeys(color for _, color, opacity in points if opacity > 0)
-    return {"name": volume.name, "colors": list(shown) or ["#808080"]}
+    @property
+    def view(self) -> dict[str, Any]:
+        """Arguments of the scene's methods."""
+        view, paint, fit = self.choices.viewpoint(), self.resampler, self.choices.fit
+        return {"look": self.layers, "camera": view, "resampler": paint, "fit": fit}
 
 
 def own_look(
@@ -151,8 +151,14 @@ class VolumePainter:
         # The projection from points around the volume's center, scene units, to pixels.
         camera, volume = self._placed_view(request, size, quality)
         view = projection_of(camera.view(), size, centered(volume)[1])
-        legend = {} if quick else {"legend": [entry_of(*layer) for layer in request.layers]}
-        return PagePicture(levels, quick, {"view": view, **legend})
+        told: dict[str, Any] = {"view": view}
+        if not quick:  # a legend of volumes and the colors that they have
+            told["legend"] = entries = []
+            for one, look in request.layers:
+                points = points_of(transfer_of(one, look), survey(one).span)
+                shown = dict.fromkeys(color for _, color, opacity in points if opacity > 0)
+                entries.append({"name": one.name, "colors": list(shown) or ["#808080"]})
+        return PagePicture(levels, quick, told)
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
@@ -176,10 +182,8 @@ class VolumePainter:
         if not request.beside.color_bar:
             return []
         tone = self._scene.tone(request.layers, request.resampler, request.choices.fit)
-        return [
-            bar_of(layer, request.resampler, len(frame.rgba), behind, tone, frame)
-            for layer in request.layers
-        ]
+        words = (request.resampler, len(frame.rgba), behind, tone, frame)
+        return [bar_of(layer, *words) for layer in request.layers]
 
     def _frame(
         self,
@@ -190,12 +194,8 @@ class VolumePainter:
         cancel: Cancel | None = None,
     ) -> Frame:
         """Render the picture for a file of this suffix."""
-        view = request.choices.viewpoint()
-        choices: dict[str, Any] = {"resampler": request.resampler, "fit": request.choices.fit}
-        choices["progress"] = progress_here()
-        frame = self._scene.render(
-            request.layers, view, size=size, quality=quality, cancel=cancel, **choices
-        )
+        watched: dict[str, Any] = {"cancel": cancel, "progress": progress_here()}
+        frame = self._scene.render(size=size, quality=quality, **watched, **request.view)
         marks = request.beside.annotations(request.picture.behind(suffix))
         if not marks.is_any:
             return frame
@@ -238,23 +238,11 @@ class VolumePainter:
         self, request: VolumeRequest, size: Size, quality: Quality = "final"
     ) -> "tuple[AnyCamera, Volume]":
         """Return the camera and the volume placed before it."""
-        return self._scene.placed_view(
-            *(request.layers, request.choices.viewpoint()),
-            size=size,
-            resampler=request.resampler,
-            quality=quality,
-            fit=request.choices.fit,
-        )
+        return self._scene.placed_view(size=size, quality=quality, **request.view)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the voxel at a point, its distance and angle to the last picks."""
-        request = self.parsed(settings)
-        found = self._scene.pick(
-            *(x, y, request.layers, request.choices.viewpoint()),
-            size=size,
-            resampler=request.resampler,
-            fit=request.choices.fit,
-        )
+        found = self._scene.pick(x, y, size=size, **self.parsed(settings).view)
         if found is None:
             self._picks = ()
             return {}
@@ -302,19 +290,12 @@ class VolumePainter:
         request, volume = self.parsed(settings), self.volume
         name, projection = request.choices.transfer, request.resampler.projection
         transfer, span = transfer_of(volume, request.layers[0][1], projection), survey(volume).span
-        points = [
-            (float(value_at(place, volume.scale)), color, opacity)
-            for place, color, opacity in points_of(transfer, span)
-        ]
-        try:  # whether a window spreads the look; others are in data units already
+        placed, by = points_of(transfer, span), volume.scale
+        points = [(float(value_at(at, by)), color, opacity) for at, color, opacity in placed]
+        told = {"points": points, "transfer": spelled(points), "unit": transfer.opacity_unit}
+        told["usual"] = unit_of(named_transfer(name, volume, projection), volume)
+        told["windowed"] = False
+        with suppress(ValueError):  # a window spreads the look, unless it is in data units already
             named_transfer(name, volume, projection, span)
-            is_windowed = True
-        except ValueError:
-            is_windowed = False
-        return {
-            "points": points,
-            "transfer": spelled(points),
-            "unit": transfer.opacity_unit,
-            "usual": unit_of(named_transfer(name, volume, projection), volume),
-            "windowed": is_windowed,
-        }
+            told["windowed"] = True
+        return told

@@ -131,9 +131,9 @@ def shade(
     is_dimmed = len(voxels.reached) > 0  # by shadows and ambient occlusion
     source = replace(light, ambient=0.0) if is_dimmed else light
     lamp = lamp_of(source, viewer_of(eye, view), voxels.gradient)
-    position, own, gradient = (voxels[n].reshape(-1) for n in (0, 1, 3))
+    flat = [part.reshape(-1) for part in (voxels.position, voxels.color, voxels.gradient)]
     color = np.empty(voxels.color.shape, np.float32)
-    shade_voxels(position, own, gradient, lamp, color.reshape(-1))
+    shade_voxels(flat[0], flat[1], flat[2], lamp, color.reshape(-1))
     if is_dimmed:
         everywhere = np.float32(light.ambient) * voxels.color
         color = voxels.reached[:, :1] * color + voxels.reached[:, 1:] * everywhere
