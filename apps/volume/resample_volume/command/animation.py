@@ -134,10 +134,8 @@ def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -
     view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
     depth = (view.rotation @ subject.sphere.center + view.translation)[2]
     voxel = np.cbrt(abs(np.linalg.det(subject.lattice)))
-    viewpoints = flight.viewpoints(
-        float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
-    )
-    return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
+    spacing = float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
+    return [subject.camera(viewpoint, *size) for viewpoint in flight.viewpoints(spacing)]
 
 
 @dataclass(frozen=True)
@@ -148,15 +146,9 @@ class FrameOptions:
     size: tuple[int, int] = (400, 400)  # height and width, px
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
     threads: int | None = None  # frames do not depend on it
-    drawing: "FrameOverlay | None" = None
-
-
-class FrameOverlay(NamedTuple):
-    """Annotations drawn into frames, and color bars beside them."""
-
-    volume: Volume  # around the scene's origin
-    given: Annotations
-    bars: Sequence[Floats]  # (H, B, 4) each
+    drawn: Annotations | None = None  # into frames
+    bars: Sequence[Floats] = ()  # (H, B, 4) color bars beside them
+    volume: Volume | None = None  # around the scene's origin, of the annotations
 
 
 def shots(
@@ -167,15 +159,14 @@ def shots(
     facts: Mapping[str, Any] | None = None,
 ) -> Shots:
     """Return the frames of a volume, and everything that they depend on."""
-    overlay = paint.drawing
     numbers = [np.concatenate([np.ravel(part) for part in each.view()]) for each in cameras]
     job = {
         **(about or {}),
         "size": list(paint.size),
         "background": list(paint.background),
         "resampler": repr(subject.painter(paint.resampler)),
-        **({} if overlay is None else {"drawn": repr(overlay.given)}),
-        **({"bars": fingerprint(*overlay.bars)} if overlay is not None and overlay.bars else {}),
+        **({} if paint.drawn is None else {"drawn": repr(paint.drawn)}),
+        **({"bars": fingerprint(*paint.bars)} if paint.bars else {}),
         **subject.facts(),
         **(facts or {}),
         "cameras": fingerprint(np.stack(numbers)),
@@ -190,11 +181,11 @@ def frame_of(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels
     shape: dict[str, Any] = {"height": paint.size[0], "width": paint.size[1]}
     resampler = subject.painter(paint.resampler)
     painted = resampler(seen, camera, **shape, threads=paint.threads, clip=cuts)
-    painted, overlay = subject.tone.developed(painted), paint.drawing
-    if overlay is not None and overlay.given.is_any:
-        painted = annotated(painted, camera, overlay.volume, overlay.given)
+    painted = subject.tone.developed(painted)
+    if paint.volume is not None and paint.drawn is not None and paint.drawn.is_any:
+        painted = annotated(painted, camera, paint.volume, paint.drawn)
     rgba = painted.rgba
-    for bar in () if overlay is None else overlay.bars:
+    for bar in paint.bars:
         rgba = with_color_bar(rgba, bar, paint.background)
     return screen_levels(rgba, background=paint.background)
 
@@ -255,7 +246,7 @@ def film_of(
     if recording is not None and chunked(recording) is not None:
         recording = None  # one of its volumes is read by itself
     shown, subject = _scene_for(script, paint.size, recording, start_workers)
-    paint = replace(paint, drawing=_overlay(script, shown, subject, paint))
+    paint = overlaid(paint, script.beside, shown, subject)
     cameras = cameras_of(subject, flight, paint.size)
     if missed := slab_missed(shown, subject, cameras[0]):
         say(missed)
@@ -263,17 +254,17 @@ def film_of(
     return ReadyFilm(made, cameras, paint, is_streamed(shown[0][0]), subject.is_of_field)
 
 
-def _overlay(
-    script: Script, shown: Sequence[VolumeLayer], subject: Subject, paint: FrameOptions
-) -> FrameOverlay | None:
-    """Return the annotations and color bars of all frames; None without any."""
-    given, bars = script.beside.annotations(paint.background), list[Floats]()
-    if script.beside.color_bar:
-        inputs.require_values(shown[0][0], "a color bar")
+def overlaid(
+    paint: FrameOptions, beside: BesideFilm, shown: Sequence[VolumeLayer], subject: Subject
+) -> FrameOptions:
+    """Return the options with the annotations and color bars of all frames."""
+    drawn, bars = beside.annotations(paint.background), list[Floats]()
+    if beside.color_bar:
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]
-    is_any = given.is_any or bars
-    return FrameOverlay(subject.placed(shown[0][0]), given, bars) if is_any else None
+    if not (drawn.is_any or bars):
+        return paint
+    return replace(paint, drawn=drawn, bars=bars, volume=subject.placed(shown[0][0]))
 
 
 def _film_of_times(
@@ -295,7 +286,9 @@ def _film_of_times(
         course = Course(len(series), subject, progress)
     known = series.known._replace(levels=NO_LEVELS), look, course.sphere
     first = layers(0)
-    paint = replace(paint, drawing=_overlay(script, first, course[0], paint))
+    if script.beside.color_bar:
+        inputs.require_values(first[0][0], "a color bar")
+    paint = overlaid(paint, script.beside, first, course[0])
     if script.frames is None and isinstance(flight, Flight):
         flight = replace(flight, frames=course.times)
     cameras = cameras_of(course[0], flight, paint.size)
@@ -364,6 +357,8 @@ def _scene_for(
     words = (script.source, script.volume, look, script.added, resampler)
     given = inputs.media(*words, recording=recording, start_workers=start_workers)
     shown = inputs.with_objects(given, objects)
+    if script.beside.color_bar:
+        inputs.require_values(shown[0][0], "a color bar")
     return shown, scene_of(Session(), shown, resampler, look.fit, size)
 
 

@@ -188,18 +188,14 @@ def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     return recording._replace(values=every.values.reshape(shape))
 
 
-def channels_of(source: ReadOptions, name: str, *, streamed: bool) -> Recording:
+def held(source: ReadOptions, name: str, *, streamed: bool = False) -> Recording:
     """Open all times and channels of a name; of a chunked file unread, where `streamed`."""
-    found = open_streamed(*_named(source, name)) if streamed else None
-    return held(source, name) if found is None else changed(source, found)
-
-
-def held(source: ReadOptions, name: str) -> Recording:
-    """Read all times and channels of a name."""
-    allowed = allowed_memory(source)
-    if allowed is not None:
+    place, reader = _named(source, name)
+    if streamed and (found := open_streamed(place, reader)) is not None:
+        return changed(source, found)
+    if (allowed := allowed_memory(source)) is not None:
         allow(allowed)
-    return changed(source, open_recording(*_named(source, name)))
+    return changed(source, open_recording(place, reader))
 
 
 def stored(source: ReadOptions, name: str) -> Recording:
@@ -213,7 +209,7 @@ def stored(source: ReadOptions, name: str) -> Recording:
             values = Single(volume.values)
             found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
             return found._replace(length=volume.length)
-    return channels_of(source, name, streamed=True)
+    return held(source, name, streamed=True)
 
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
@@ -221,12 +217,8 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)
-    of_raw = {
-        "shape": source.shape or "",
-        "dtype": source.dtype or "",
-        "endian": source.endian or "",
-    }
-    told = {name: word for name, word in of_raw.items() if word}
+    given = {name: getattr(source, name) for name in ("shape", "dtype", "endian")}
+    told = {name: word for name, word in given.items() if word}
     if told:
         reader = Raw() if reader is None else reader
         # The reader of raw files, with shape and type from the options
@@ -236,8 +228,7 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
         twice = [name for name in told if getattr(reader, name)]
         if twice:
             raise ValueError(f"give {' and '.join(twice)} once, not to the reader as well")
-        whole = {name: getattr(reader, name) for name in ("shape", "dtype", "endian")} | told
-        reader = replace(reader, shape=whole["shape"], dtype=whole["dtype"], endian=whole["endian"])
+        reader = replace(reader, **told)
     if source.level is not None:
         from resample_volume.files.zarr import Zarr
 
@@ -253,9 +244,9 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
 def changed(source: ReadOptions, found: Opened) -> Opened:
     """Return a volume with the properties that override its file's."""
     if source.spacing is not None:
-        spacing, length = spacing_of(source.spacing)
-        length = length or recordings.unit_of_space(found)
-        found = found._replace(spacing=np.array(spacing), thickness=0.0, length=length)
+        spacing, unit = spacing_of(source.spacing)
+        unit = unit or recordings.unit_of_space(found)
+        found = found._replace(spacing=np.array(spacing), thickness=0.0, length=unit)
     return found if source.units is None else found._replace(units=source.units)
 
 
@@ -421,7 +412,7 @@ def _channels(
         )
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
-    recording = channels_of(source, name, streamed=can_stream(resampler))
+    recording = held(source, name, streamed=can_stream(resampler))
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,24 +47,20 @@ if TYPE_CHECKING:
     from resample_volume.command.choices import BesidePicture
 
 
-class SharedScene(NamedTuple):
-    """The scene that workers paint; each reads the volumes itself."""
-
-    media: Sequence[VolumeLayer]
-    resampler: Resampler
-    fit: Fit
-    camera: AnyCamera
-    size: tuple[int, int]  # height and width, px
-
-
-def painted_by(crew: WorkerPool, scene: SharedScene) -> Frame:
-    """Paint a picture by workers, a band of rows each, bit-identical to this process."""
-    whole = bricks_of(scene.media[0][0]).memory
+def painted_by(
+    crew: WorkerPool,
+    media: Sequence[VolumeLayer],
+    resampler: Resampler,
+    fit: Fit,
+    camera: AnyCamera,
+    size: tuple[int, int],
+) -> Frame:
+    """Paint a picture (height, width) by workers, a band of rows each, bit-identical to here."""
+    whole = bricks_of(media[0][0]).memory
     share = whole if whole is None or not crew.is_local else whole // (1 + crew.tasks)
     share = share if crew.memory is None else min(crew.memory, share or crew.memory)
-    job = partial(_painted_rows, scene, share, crew.threads)
-    bands = spans(scene.size[0], min(crew.tasks, scene.size[0]))
-    frames = list(shared_out(crew.executor, job, bands))
+    job = partial(_painted_rows, media, resampler, fit, camera, size, share, crew.threads)
+    frames = list(shared_out(crew.executor, job, spans(size[0], min(crew.tasks, size[0]))))
     first, counts = frames[0], [frame.statistics for frame in frames]
     film = {
         name: np.concatenate([getattr(frame, name) for frame in frames])
@@ -76,20 +72,20 @@ def painted_by(crew: WorkerPool, scene: SharedScene) -> Frame:
 
 
 def _painted_rows(
-    scene: SharedScene, memory: int | None, threads: int, rows: tuple[int, int]
-) -> Frame:
-    """Read a scene, and paint rows of its picture."""
-    media = []
-    for volume, look in scene.media:
+    media: Sequence[VolumeLayer], resampler: Resampler, fit: Fit, camera: AnyCamera,
+    size: tuple[int, int], memory: int | None, threads: int, rows: tuple[int, int],
+) -> Frame:  # fmt: skip
+    """Read the volumes of a scene, and paint rows of its picture."""
+    own = []
+    for volume, look in media:
         bricks = bricks_of(volume).anew()
         bricks.memory = memory
-        media.append((with_bricks(volume, bricks), look))
-    subject = Subject.of_several(media, scene.resampler, scene.fit)
-    seen: Any = subject.samples_for(scene.camera)  # fields, as was checked
-    shape: dict[str, Any] = {"height": scene.size[0], "width": scene.size[1]}
-    cuts = subject.cuts(scene.camera)
-    given = (seen, scene.camera, rows)
-    frame = scene.resampler.paint_rows(*given, **shape, threads=threads, clip=cuts)
+        own.append((with_bricks(volume, bricks), look))
+    subject = Subject.of_several(own, resampler, fit)
+    seen: Any = subject.samples_for(camera)  # fields, as was checked
+    shape: dict[str, Any] = {"height": size[0], "width": size[1]}
+    cuts = subject.cuts(camera)
+    frame = resampler.paint_rows(seen, camera, rows, **shape, threads=threads, clip=cuts)
     return subject.tone.developed(frame)
 
 
@@ -230,7 +226,7 @@ def to_paint(
         if crew is not None:
             say(f"rows of the picture are shared by {sharing.description}")
             with session.stage("paint", bar="painting"):
-                return painted_by(crew, SharedScene(media, painter, around, eye, size))
+                return painted_by(crew, media, painter, around, eye, size)
         frame = painted_with_bar(painter, seen, eye, size, threads, cuts)
         session.seconds.update(frame.statistics.seconds)
         return subject.tone.developed(frame)

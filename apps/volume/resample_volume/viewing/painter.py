@@ -37,9 +37,9 @@ from resample_volume.classification.transfer import Transfer
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.animation import (
     FrameOptions,
-    FrameOverlay,
     cameras_of,
     flight_of,
+    overlaid,
     shots,
 )
 from resample_volume.command.choices import AppearanceChoices, BesideFilm
@@ -225,12 +225,8 @@ class VolumePainter:
             flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
         subject = Subject.of_several(request.layers, request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
-        given = request.beside.annotations(behind)
-        layers = request.layers if request.beside.color_bar else []
-        bars = [bar_of(one, request.resampler, height, behind, subject.tone) for one in layers]
-        is_any = given.is_any or bars
-        drawn = FrameOverlay(subject.placed(self.volume), given, bars) if is_any else None
-        paint = FrameOptions(request.resampler, (height, width), behind, None, drawn)
+        paint = FrameOptions(request.resampler, (height, width), behind)
+        paint = overlaid(paint, request.beside, request.layers, subject)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 

@@ -159,11 +159,8 @@ class FramedVoxels(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps to the neighbours, scene units
 
 
-def depth_parts(voxels: "Placed | FramedVoxels") -> Parts:
-    """Return the positions of voxels in parts; of most there is one."""
-    if isinstance(voxels, FramedVoxels):
-        return voxels.parts
-    return partial(iter, (voxels.position,))
+# Cells (Z, Y, X) with the visible voxels that count for a camera, and voxels along their sides.
+Counting = tuple[NDArray[np.bool_], int]
 
 
 def shown_by(
@@ -200,23 +197,15 @@ def shown_by(
 
     def placed() -> Iterator[Floats]:
         for place in kept():
-            counted = place
             if counting is not None:
-                cell = _cells_at(place, shape, counting.side)
-                counted = place[counting.cells.reshape(-1)[cell]]
-            position = positions_at(volume, counted)
+                cells, side = counting
+                place = place[cells.reshape(-1)[_cells_at(place, shape, side)]]  # noqa: PLW2901
+            position = positions_at(volume, place)
             yield position[inside(position, lattice, planes, radius)] if len(planes) else position
 
     if is_in_file(volume.values):
         return FramedVoxels(placed, lattice)
     return FramedVoxels(partial(iter, tuple(placed())), lattice)
-
-
-class Counting(NamedTuple):
-    """Cells of a volume with the visible voxels that count for a camera."""
-
-    cells: NDArray[np.bool_]  # (Z, Y, X)
-    side: int  # voxels
 
 
 def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
@@ -247,7 +236,7 @@ def _body(volume: Volume) -> Counting | None:
     sizes = np.bincount(part.ravel())
     sizes[0] = 0
     bodies = (sizes >= LEAST_BODY * sizes.max())[part]
-    return Counting(maximum_filter(bodies, tuple(2 * worn + 3)), step)
+    return maximum_filter(bodies, tuple(2 * worn + 3)), step
 
 
 def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
@@ -265,7 +254,7 @@ def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting |
     is_small[0] = False
     if not 0 < sizes[is_small].sum() <= MOST_LEFT_OUT * sizes.sum():
         return None
-    return Counting(~is_small[part], side)
+    return ~is_small[part], side
 
 
 def corners(volume: Volume) -> Doubles:
@@ -284,7 +273,7 @@ def bounding_sphere(volume: Volume) -> Sphere:
 def sphere_around(voxels: "Placed | FramedVoxels", volume: Volume) -> Sphere:
     """Return the bounding sphere of the visible voxels without outliers, or of the volume."""
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
-    parts = depth_parts(voxels)
+    parts = voxels.parts if isinstance(voxels, FramedVoxels) else partial(iter, (voxels.position,))
     count, low, high = _extent(parts)
     if not count:
         last = np.array(volume.values.shape[::-1]) - 1
@@ -336,7 +325,8 @@ def filling(
     radius that is left free on each side.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
-    kept = _without_strays(depth_parts(shown), voxel)
+    parts = shown.parts if isinstance(shown, FramedVoxels) else partial(iter, (shown.position,))
+    kept = _without_strays(parts, voxel)
     view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
 
     def places() -> Iterator[Floats]:

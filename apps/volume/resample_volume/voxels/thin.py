@@ -192,15 +192,6 @@ class _Slices(NamedTuple):
     grain: Plane  # levels of 255, the same on all slices: straight edges only move across
 
 
-class _Path(NamedTuple):
-    """Flow (Y, X, 2) from a slice to an adjacent one, samples."""
-
-    way: Plane
-    opposite: Plane  # on the adjacent one, back
-    turn: Plane  # as of `_flow_mismatch`
-    is_back: bool  # whether to the slice before
-
-
 def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
     """Write the thin slices of a group of thick ones."""
     last = len(slices.value) - 1
@@ -228,7 +219,7 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
             if other is not None:
                 most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
                 turn = _smooth(np.clip(way + other, -most, most))
-            paths.append(_Path(way, opposite, turn, is_back=way is back))
+            paths.append((way, opposite, turn, way is back))
         # Bound the spline's error between two slices: small where differences do not grow
         fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
         for middle in (before, before + 1):
@@ -242,7 +233,7 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
             share = trust
             total = trust * _spline_at(slices, place)
             for path in paths:
-                between, apart = _along(slices, before, place - before, path)
+                between, apart = _along(slices, before, place - before, *path)
                 fit = _fit(slices, _smooth(apart), 1.0)
                 share = share + fit
                 total += fit * between
@@ -302,11 +293,16 @@ def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
 
 
-def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, Plane]:
-    """Interpolate at 0..1 along the flow between slices; also return how much they differ."""
+def _along(
+    slices: _Slices, before: int, t: float, way: Plane, opposite: Plane, turn: Plane, is_back: bool
+) -> tuple[Plane, Plane]:
+    """Interpolate at 0..1 along the flow between slices; also return how much they differ.
+
+    `way`: flow (Y, X, 2) from a slice to an adjacent one, before it if `is_back`, and `opposite`
+    on that one, back; samples.
+    """
     import cv2
 
-    way, turn, is_back = path.way, path.turn, path.is_back
     height, width = way.shape[:2]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     edge = cv2.BORDER_REPLICATE
@@ -324,7 +320,7 @@ def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, 
     one = _moved(slices, start, right + before_it * here[..., 0], down + before_it * here[..., 1])
     right, down = right + behind_it * here[..., 0], down + behind_it * here[..., 1]
     two = _moved(slices, end, right, down)
-    lost = here + cv2.remap(path.opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    lost = here + cv2.remap(opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
     astray = np.hypot(lost[..., 0], lost[..., 1])
     between = behind_it * one + passed * two
     off = np.abs(one - two) + np.float32(ASTRAY * slices.span) * np.minimum(astray, MOST_ASTRAY)
