@@ -480,15 +480,9 @@ SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
 
 
 def color_bar(
-    transfer: Transfer,
-    data_range: DataRange,
-    height: int,
-    *,
-    title: str = "",
-    steep: float = 1.0,
-    background: Background = bars.BLACK,
-    scale: str = "",
-) -> Floats:
+    transfer: Transfer, data_range: DataRange, height: int, *, title: str = "", steep: float = 1.0,
+    background: Background = bars.BLACK, scale: str = "",
+) -> Floats:  # fmt: skip
     """Draw a transfer function with a scale of data values (H, B, 4), linear, opaque.
 
     Colors lie over a checkerboard: opaque on the left, where faint ones can be told apart, and with
@@ -580,13 +574,9 @@ def bar_of(
 
 
 def with_bar(
-    frame: Frame,
-    volume: Volume,
-    appearance: Appearance,
-    resampler: Resampler,
-    background: Color | None,
-    tone: Tone = AS_IT_IS,
-) -> Frame:
+    frame: Frame, volume: Volume, appearance: Appearance, resampler: Resampler,
+    background: Color | None, tone: Tone = AS_IT_IS,
+) -> Frame:  # fmt: skip
     """Add the bar of a volume to the right of its picture."""
     bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)
     return frame._replace(rgba=bars.with_color_bar(frame.rgba, bar, background))

@@ -91,14 +91,8 @@ def render(
     """
     from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
+    from resample_volume.command import rendering
     from resample_volume.command.inputs import media, require_values, with_objects
-    from resample_volume.command.rendering import (
-        BYTES_PER_PIXEL,
-        annotated_picture,
-        picture_of,
-        report,
-        to_paint,
-    )
 
     size = picture.height_and_width()
     background = picture.behind(output.suffix)
@@ -107,7 +101,7 @@ def render(
     beside.check(output, resampler, size[0])
     objects = beside.scene_objects(look, resampler)
     viewpoint = look.viewpoint()
-    require_picture(size, BYTES_PER_PIXEL)
+    require_picture(size, rendering.BYTES_PER_PIXEL)
     session = Session()
     with worker_pools(sharing, picture.threads) as start_workers:
         check_targets(output, stats)
@@ -116,12 +110,12 @@ def render(
             shown = with_objects(shown, objects)
             if beside.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(
+        scene = rendering.to_paint(
             *(session, shown, resampler, beside.fit(look), viewpoint, size),
             *(picture.threads, sharing, start_workers),
         )
         subject, camera, paint = scene
-        frame = picture_of(scene, shown, resampler.projection)
+        frame = rendering.picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
             if beside.deep is not None:
                 from resample.files.saving import write_deep
@@ -130,12 +124,11 @@ def render(
                 planes = depths(camera, boxed(shown, subject), beside.deep)
                 write_deep(output, slabs(paint, camera, planes))
             else:
-                drawn = annotated_picture(
-                    subject, camera, frame, shown, resampler, beside, background
-                )
+                words = (subject, camera, frame, shown, resampler, beside, background)
+                drawn = rendering.annotated_picture(*words)
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
-        write_json(stats, report(session, frame, subject))
+        write_json(stats, rendering.report(session, frame, subject))
 
 
 @app.command

@@ -42,13 +42,9 @@ class Picked(NamedTuple):
 
 
 def voxels_at(
-    subject: Subject,
-    volume: Volume,
-    camera: AnyCamera,
-    resampler: Resampler,
-    pixels: Doubles,
+    subject: Subject, volume: Volume, camera: AnyCamera, resampler: Resampler, pixels: Doubles,
     level: float = HALF,
-) -> tuple[Indices, Doubles]:
+) -> tuple[Indices, Doubles]:  # fmt: skip
     """Return flat indices (N,) of the voxels behind points, and their transmittance (N,).
 
     `pixels`: (N, 2) right and down, px; centers are at halves. It is the voxel at which the

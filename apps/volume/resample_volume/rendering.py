@@ -17,24 +17,8 @@ from resample.painting.choices import MEASURING, Projection
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import NO_TRIANGLES, Doubles, Frame, LatticeField, Samples, Triangles, View
-from resample_volume.appearance import (
-    AS_IT_IS,
-    BY_DEFAULT,
-    MU_WATER,
-    Appearance,
-    Classification,
-    Tone,
-    VolumeLayer,
-    XRay,
-    attenuation,
-    check_several,
-    check_together,
-    decided,
-    of_voxels,
-    resampler_for,
-    settled,
-    transfer_of,
-)
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, Tone, VolumeLayer
 from resample_volume.classification.presets import LEVELS
 from resample_volume.classification.transfer import Faded, Transfer
 from resample_volume.classification.value_statistics import survey
@@ -89,7 +73,7 @@ def shown_together(
     """Return the voxels of volumes in one scene that are visible when composited."""
     shown = []
     for volume, look in media:
-        shape = transfer_of(volume, look.framing or look.transfer)
+        shape = looks.transfer_of(volume, look.framing or look.transfer)
         radius = resampler.reconstruction.radius
         shown.append(framing.shown_by(volume, shape, clip, radius, resampler.iso))
     coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))
@@ -98,7 +82,7 @@ def shown_together(
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Return the voxels that the transfer function shows, with gradients if needed."""
-    transfer = transfer_of(volume, appearance)
+    transfer = looks.transfer_of(volume, appearance)
     needed = transfer.needs_gradient or appearance.gradient_opacity is not None
     return classify(
         volume,
@@ -117,7 +101,7 @@ def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler
             f"{volume.name} has colors, which need the projection composite; for others "
             f"{how('channel', volume.colors.shape[-1])}"
         )
-    transfer = transfer_of(volume, appearance, projection)
+    transfer = looks.transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
         raise ValueError(
             f"the projection {projection} shows values, which have no color in a transfer function "
@@ -170,7 +154,7 @@ class Subject:
     middle: Doubles  # (3,) former place of the volume's center, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
-    tone: Tone = AS_IT_IS  # of its frames
+    tone: Tone = looks.AS_IT_IS  # of its frames
     # Voxels that are visible, found anew at each call; None: cameras orbit the whole volume.
     seen: "Callable[[], Placed | framing.FramedVoxels] | None" = None
 
@@ -180,13 +164,13 @@ class Subject:
         around: Volume | None = None,
     ) -> "Subject":  # fmt: skip
         """Classify a volume; cameras orbit another one as a whole, or what is visible."""
-        resampler = resampler or resampler_for(appearance)
-        check_together(resampler, appearance.classification, appearance.extras)
-        ((volume, appearance),), resampler = decided([(volume, appearance)], resampler)
+        resampler = resampler or looks.resampler_for(appearance)
+        looks.check_together(resampler, appearance.classification, appearance.extras)
+        ((volume, appearance),), resampler = looks.decided([(volume, appearance)], resampler)
         scene, middle = framing.centered(volume)
         clip = framing.planes(scene, appearance.crop, appearance.cuts)
         scene, projection = as_array(scene), resampler.projection
-        light, tone = appearance.light, AS_IT_IS
+        light, tone = appearance.light, looks.AS_IT_IS
         voxels: Visible
         if light is not None and light.is_blocked and projection in MEASURING:
             raise ValueError(
@@ -194,11 +178,13 @@ class Subject:
                 f"first-hit, not {projection}"
             )
         is_composite = projection is Projection.COMPOSITE
-        if appearance.classification is Classification.POST or not is_composite:
+        if appearance.classification is looks.Classification.POST or not is_composite:
             measured, look, tone = scene, appearance, Tone(is_negative=appearance.invert)
             if projection is Projection.XRAY:  # the field is of attenuations
-                xray = settled(appearance.xray or XRay(MU_WATER * mm_of(scene)), scene)
-                water = attenuation(scene.values, xray.added)
+                xray = looks.settled(
+                    appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene)), scene
+                )
+                water = looks.attenuation(scene.values, xray.added)
                 measured, look = (
                     scene._replace(values=water, units=""),
                     replace(look, transfer=LEVELS),
@@ -241,28 +227,28 @@ class Subject:
         """
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
-        resampler = resampler or BY_DEFAULT
-        check_several(media, resampler)
-        media, resampler = decided(media, resampler)
+        resampler = resampler or looks.BY_DEFAULT
+        looks.check_several(media, resampler)
+        media, resampler = looks.decided(media, resampler)
         moved, scene, middle, clip = placement(media)
-        looks = [look for _, look in moved]
+        each = [look for _, look in moved]
         volumes = as_arrays([volume for volume, _ in moved])
         fields = []
-        meshes = [mesh for look in looks for mesh in look.meshes]
-        for volume, look in zip(volumes, looks, strict=True):
+        meshes = [mesh for look in each for mesh in look.meshes]
+        for volume, look in zip(volumes, each, strict=True):
             transfer = _field_transfer(volume, look, resampler)
             fields.append(gathered(volume, transfer, resampler, look.gradient, look.labels))
             unmoved = volume._replace(origin=volume.origin + middle)
             meshes += _pictures(unmoved, volume.values, look, fields[-1])
-        mesh, light = _placed(tuple(meshes), middle), looks[0].light
+        mesh, light = _placed(tuple(meshes), middle), each[0].light
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
         if fit == "volume":
-            return cls(fields, looks[0], framing.bounding_sphere(scene), middle, clip, mesh)
-        layers = list(zip(volumes, looks, strict=True))
+            return cls(fields, each[0], framing.bounding_sphere(scene), middle, clip, mesh)
+        layers = list(zip(volumes, each, strict=True))
         shown = partial(shown_together, layers, clip, resampler)
         ball = framing.around_both(framing.sphere_around(shown(), scene), mesh.corner)
-        return cls(fields, looks[0], ball, middle, clip, mesh, seen=shown)
+        return cls(fields, each[0], ball, middle, clip, mesh, seen=shown)
 
     def placed(self, volume: Volume) -> Volume:
         """Return one of the volumes, moved around the scene's origin."""
@@ -280,7 +266,7 @@ class Subject:
 
     def painter(self, resampler: Resampler) -> Resampler:
         """Return the renderer that this subject was prepared for; see `decided`."""
-        return resampler if self.is_of_field else of_voxels(resampler)
+        return resampler if self.is_of_field else looks.of_voxels(resampler)
 
     def cuts(self, camera: AnyCamera) -> Doubles:
         """Return planes (M, 4) for the resampler: of the scene, and of a slab across the view."""
@@ -326,7 +312,7 @@ class Subject:
             "voxels": fingerprint(*map(np.asarray, parts)),
             "light": repr(self.appearance.light),
             "depth cue": repr(self.appearance.cue),
-            **({} if self.tone == AS_IT_IS else {"tone": repr(self.tone)}),
+            **({} if self.tone == looks.AS_IT_IS else {"tone": repr(self.tone)}),
             **({} if self.appearance.slab is None else {"slab": self.appearance.slab}),
         }
 

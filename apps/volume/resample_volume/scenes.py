@@ -16,15 +16,8 @@ from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
 from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick
 from resample.types import Frame
-from resample_volume.appearance import (
-    Appearance,
-    Tone,
-    VolumeLayer,
-    XRay,
-    resampler_for,
-    settled,
-    transfer_of,
-)
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, Tone, VolumeLayer, XRay
 from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.values import as_array, values_of
@@ -252,20 +245,14 @@ class Scene(AnyScene):
         return [(self.volume, look)] if isinstance(look, Appearance) else list(look)
 
     def _prepared(
-        self,
-        look: Shown,
-        camera: Spelled,
-        size: tuple[int, int],
-        resampler: Resampler | None,
-        fit: Fit,
-        *,
-        is_preview: bool = False,
-    ) -> tuple[Subject, AnyCamera, Resampler]:
+        self, look: Shown, camera: Spelled, size: tuple[int, int], resampler: Resampler | None,
+        fit: Fit, *, is_preview: bool = False,
+    ) -> tuple[Subject, AnyCamera, Resampler]:  # fmt: skip
         """Return subject, camera and renderer of a picture."""
         if fit not in get_args(Fit):
             raise ValueError(f"fit {fit!r}; known: {', '.join(get_args(Fit))}")
         layers = self._layers(look)
-        paint = resampler or resampler_for(layers[0][1])
+        paint = resampler or looks.resampler_for(layers[0][1])
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
         parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
@@ -293,8 +280,8 @@ class Scene(AnyScene):
             self._coarse[id(volume)] = volume, merged(volume, per)
         coarse = self._coarse[id(volume)][1]
         if paint.projection is Projection.XRAY:
-            look = replace(look, xray=settled(look.xray or XRay(), volume))
-        transfer, labels = transfer_of(volume, look), look.labels
+            look = replace(look, xray=looks.settled(look.xray or XRay(), volume))
+        transfer, labels = looks.transfer_of(volume, look), look.labels
         unit = unit_of(transfer, volume)
         transfer = Windowed(transfer, finite_range(volume.values), unit)
         if labels is not None:  # each that of the block's first voxel

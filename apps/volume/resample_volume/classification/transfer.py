@@ -208,13 +208,10 @@ class TransferTable(NamedTuple):
 
 
 def tabulated(
-    transfer: Transfer,
-    data_range: DataRange,
-    steep: float,
-    unit: float,
+    transfer: Transfer, data_range: DataRange, steep: float, unit: float,
     shape: tuple[int, int] = (64, 4096),
     changed: Callable[[Floats, Floats], tuple[Floats, Floats]] | None = None,
-) -> TransferTable:
+) -> TransferTable:  # fmt: skip
     """Tabulate looks by value (K columns) and slope (G rows), changed by `changed`.
 
     Rows go from 0 to the slope above which looks do not change; `steep` is that of a full surface.

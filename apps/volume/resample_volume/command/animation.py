@@ -99,12 +99,9 @@ class Course:
     """The subject at each time, all times framed alike."""
 
     def __init__(
-        self,
-        times: int,
-        subject: Callable[[int], Subject],
-        progress: Progress | None = None,
+        self, times: int, subject: Callable[[int], Subject], progress: Progress | None = None,
         sphere: Sphere | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.times, self._subject = times, subject
         self._last: tuple[int, Subject] | None = None
         self.marks: list[str] = []
@@ -152,12 +149,9 @@ class FrameOptions:
 
 
 def shots(
-    subject: Subject,
-    cameras: Sequence[AnyCamera],
-    paint: FrameOptions,
-    about: Mapping[str, Any] | None = None,
-    facts: Mapping[str, Any] | None = None,
-) -> Shots:
+    subject: Subject, cameras: Sequence[AnyCamera], paint: FrameOptions,
+    about: Mapping[str, Any] | None = None, facts: Mapping[str, Any] | None = None,
+) -> Shots:  # fmt: skip
     """Return the frames of a volume, and everything that they depend on."""
     numbers = [np.concatenate([np.ravel(part) for part in each.view()]) for each in cameras]
     job = {
@@ -232,13 +226,9 @@ class ReadyFilm(NamedTuple):
 
 
 def film_of(
-    script: Script,
-    recording: Recording | None,
-    flight: Flight | Tour,
-    paint: FrameOptions,
-    about: Mapping[str, Any],
-    start_workers: StartWorkers | None = None,
-) -> ReadyFilm:
+    script: Script, recording: Recording | None, flight: Flight | Tour, paint: FrameOptions,
+    about: Mapping[str, Any], start_workers: StartWorkers | None = None,
+) -> ReadyFilm:  # fmt: skip
     """Read and prepare the scene of a film."""
     times = None if recording is None else inputs.times_of(script.source, recording)
     if times is not None:
@@ -268,13 +258,9 @@ def overlaid(
 
 
 def _film_of_times(
-    script: Script,
-    times: Recording,
-    flight: Flight | Tour,
-    paint: FrameOptions,
-    about: Mapping[str, Any],
-    start_workers: StartWorkers | None,
-) -> ReadyFilm:
+    script: Script, times: Recording, flight: Flight | Tour, paint: FrameOptions,
+    about: Mapping[str, Any], start_workers: StartWorkers | None,
+) -> ReadyFilm:  # fmt: skip
     """A film of a volume that changes over time; see `film_of`."""
     times, ready = _read(script, times, start_workers)
     count = prod(bricks_of(whole(times)).count) if chunked(times) is not None else 0
@@ -363,12 +349,9 @@ def _scene_for(
 
 
 def _frames(
-    script: Script,
-    cameras: Sequence[AnyCamera],
-    paint: FrameOptions,
-    known: TimesStatistics | None,
-    threads: int,
-) -> Frames:
+    script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions,
+    known: TimesStatistics | None, threads: int,
+) -> Frames:  # fmt: skip
     """Return the frames of a script in another process, of times by statistics found before."""
     paint = replace(paint, threads=threads)
     if known is None:

@@ -52,23 +52,17 @@ Found = TypeVar("Found")
 
 
 def opened(
-    source: ReadOptions,
-    name: str,
-    *,
-    streamed: bool = False,
+    source: ReadOptions, name: str, *, streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> Volume:
+) -> Volume:  # fmt: skip
     """Open a volume: a file, a folder or a generated one."""
     return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
 
 
 def opened_of_several(
-    source: ReadOptions,
-    name: str,
-    *,
-    streamed: bool = False,
+    source: ReadOptions, name: str, *, streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> tuple[Volume, Recording | None]:
+) -> tuple[Volume, Recording | None]:  # fmt: skip
     """Open a volume and its recording; the first time is shown if none is chosen."""
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
@@ -316,15 +310,9 @@ def can_stream(resampler: Resampler) -> bool:
 
 
 def media(
-    source: ReadOptions,
-    name: str,
-    look: AppearanceChoices,
-    added: Added,
-    resampler: Resampler,
-    *,
-    recording: Recording | None = None,
-    start_workers: "StartWorkers | None" = None,
-) -> list[VolumeLayer]:
+    source: ReadOptions, name: str, look: AppearanceChoices, added: Added, resampler: Resampler, *,
+    recording: Recording | None = None, start_workers: "StartWorkers | None" = None,
+) -> list[VolumeLayer]:  # fmt: skip
     """Read the volumes of a scene with their looks, each file once; workers scan a store."""
     further = others(added.also, source)
     if added.channels is not None:

@@ -48,13 +48,9 @@ if TYPE_CHECKING:
 
 
 def painted_by(
-    crew: WorkerPool,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    fit: Fit,
-    camera: AnyCamera,
-    size: tuple[int, int],
-) -> Frame:
+    crew: WorkerPool, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fit,
+    camera: AnyCamera, size: tuple[int, int],
+) -> Frame:  # fmt: skip
     """Paint a picture (height, width) by workers, a band of rows each, bit-identical to here."""
     whole = bricks_of(media[0][0]).memory
     share = whole if whole is None or not crew.is_local else whole // (1 + crew.tasks)
@@ -99,12 +95,9 @@ REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
 def scene_of(
-    session: Session,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    fit: Fit = "visible",
+    session: Session, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fit = "visible",
     size: tuple[int, int] = (0, 0),
-) -> Subject:
+) -> Subject:  # fmt: skip
     """Prepare the volumes of a scene for pictures (height, width)."""
     check_memory(media, size)
     if len(media) > 1:
@@ -185,16 +178,10 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
 
 
 def to_paint(
-    session: Session,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    fit: Fitted,
-    viewpoint: Viewpoint,
-    size: tuple[int, int],
-    threads: int | None,
-    sharing: Sharing,
+    session: Session, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fitted,
+    viewpoint: Viewpoint, size: tuple[int, int], threads: int | None, sharing: Sharing,
     start_workers: "StartWorkers",
-) -> tuple[Subject, AnyCamera, Paint]:
+) -> tuple[Subject, AnyCamera, Paint]:  # fmt: skip
     """Prepare volumes to be painted here or by workers: return scene, camera and painter."""
     if sharing.has_workers:
         # Workers can share only rays through chunked volumes.

@@ -18,14 +18,7 @@ from resample.outofcore.bricks import Box, BrickArray, Step, is_known_by_its_end
 from resample.outofcore.passes import PassContext, in_order, threads_at_work
 from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
-from resample_volume.data.scanning import (
-    BrickStats,
-    are_few,
-    count_codes,
-    finite_outside,
-    scanned,
-    step_of,
-)
+from resample_volume.data import scanning
 from resample_volume.types import Volume
 
 REMEDY = "take a smaller or downsampled volume"
@@ -111,13 +104,13 @@ def side_by_side(job: Callable[[slice], None], count: int) -> None:
 class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
-    def load(self, bricks: "Bricks") -> BrickStats | None:
+    def load(self, bricks: "Bricks") -> scanning.BrickStats | None:
         """Return the stored statistics; None if there are none that are valid."""
 
     def state(self) -> str | None:
         """Return the state of the file, to notice changes; None if they may go unnoticed."""
 
-    def keep(self, bricks: "Bricks", found: BrickStats, state: str | None) -> None:
+    def keep(self, bricks: "Bricks", found: scanning.BrickStats, state: str | None) -> None:
         """Store the statistics of a file in a state."""
 
 
@@ -179,13 +172,13 @@ class Bricks(BrickArray):
         return self.statistics.least, self.statistics.greatest
 
     @cached_property
-    def statistics(self) -> BrickStats:
+    def statistics(self) -> scanning.BrickStats:
         """Return statistics of all values; the first call reads each brick."""
         cache = self.statistics_cache
         if cache is not None and (kept := cache.load(self)) is not None:
             return kept
         state = None if cache is None else cache.state()
-        found = scanned(self, None if self.helpers is None else self.helpers())
+        found = scanning.scanned(self, None if self.helpers is None else self.helpers())
         if cache is not None:
             cache.keep(self, found, state)
         return found
@@ -212,7 +205,7 @@ class Bricks(BrickArray):
 
     def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
         """Return finite values (N,) outside the range of a sample, and the number of infinite."""
-        found, infinite = finite_outside([self.statistics.beyond], low, high)
+        found, infinite = scanning.finite_outside([self.statistics.beyond], low, high)
         return found, infinite + self.statistics.infinite
 
     def codes(self) -> NDArray[np.int64]:
@@ -223,7 +216,7 @@ class Bricks(BrickArray):
 
     def unique(self) -> set[int]:
         """Return all whole numbers that occur."""
-        if are_few(self.dtype):
+        if scanning.are_few(self.dtype):
             code = np.flatnonzero(self.codes()).astype(f"u{self.dtype.itemsize}")
             return set(code.view(self.dtype).tolist())
         _ = self.ends  # constant bricks need not be read after that
@@ -272,7 +265,7 @@ class ArrayValues:
         return low, high
 
     def sample(self) -> NDArray[Any]:
-        step = step_of(self.array.size)
+        step = scanning.step_of(self.array.size)
         return self.array[::step, ::step, ::step]
 
     def border(self) -> NDArray[Any]:
@@ -280,12 +273,12 @@ class ArrayValues:
         return np.concatenate(sides)
 
     def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
-        return finite_outside(self.parts(), low, high)
+        return scanning.finite_outside(self.parts(), low, high)
 
     def codes(self) -> NDArray[np.int64]:
         total = np.zeros(1 << (self.dtype.itemsize * 8), np.int64)
         for part in self.parts():
-            total += count_codes(part, of=prod(self.shape))
+            total += scanning.count_codes(part, of=prod(self.shape))
         return total
 
     def unique(self) -> set[int]:

@@ -20,16 +20,8 @@ from resample.progress import Cancel, Progress, progress_here
 from resample.resampler import Resampler
 from resample.scene import Quality
 from resample.types import Floats, Frame
+from resample.view import views
 from resample.view.files import path_file
-from resample.view.views import (
-    KEYFRAMES,
-    PagePicture,
-    Point,
-    Settings,
-    Size,
-    keyframes_as_toml,
-    projection_of,
-)
 from resample_volume.annotations import annotated, bar_of, measure
 from resample_volume.appearance import Appearance, VolumeLayer, named_transfer, transfer_of
 from resample_volume.classification.scales import value_at
@@ -114,7 +106,7 @@ class VolumePainter:
         """Painter of another page, with the same volume and a scene of its own."""
         return VolumePainter(self.volume, self.first, self.others)
 
-    def parsed(self, settings: Settings) -> VolumeRequest:
+    def parsed(self, settings: views.Settings) -> VolumeRequest:
         """Return the request that options make; errors as of the command."""
         look, resampling, beside, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling, self.volume.scale)
@@ -134,7 +126,9 @@ class VolumePainter:
             self._layers = {**dict(before), key: layers}  # replaced whole: picks ask meanwhile
         return VolumeRequest(look, layers, resampler, beside, picture)
 
-    def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
+    def paint(
+        self, settings: views.Settings, size: views.Size, *, quick: bool, cancel: Cancel
+    ) -> views.PagePicture:
         """Render with these options, see `resample.view.views.Painter`."""
         request = self.parsed(settings)
         quality: Quality = "preview" if quick else "final"
@@ -150,7 +144,7 @@ class VolumePainter:
                 right -= bar.shape[1]
         # The projection from points around the volume's center, scene units, to pixels.
         camera, volume = self._placed_view(request, size, quality)
-        view = projection_of(camera.view(), size, centered(volume)[1])
+        view = views.projection_of(camera.view(), size, centered(volume)[1])
         told: dict[str, Any] = {"view": view}
         if not quick:  # a legend of volumes and the colors that they have
             told["legend"] = entries = []
@@ -158,18 +152,18 @@ class VolumePainter:
                 points = points_of(transfer_of(one, look), survey(one).span)
                 shown = dict.fromkeys(color for _, color, opacity in points if opacity > 0)
                 entries.append({"name": one.name, "colors": list(shown) or ["#808080"]})
-        return PagePicture(levels, quick, told)
+        return views.PagePicture(levels, quick, told)
 
-    def check(self, settings: Settings) -> None:
+    def check(self, settings: views.Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""
         self.parsed(settings).choices.viewpoint()
 
-    def save(self, settings: Settings, size: Size, path: Path) -> None:
+    def save(self, settings: views.Settings, size: views.Size, path: Path) -> None:
         """Write the picture as the command does."""
         behind = self.parsed(settings).picture.behind(path.suffix)
         write_frame(path, self.frame(settings, size, path.suffix), 8, behind)
 
-    def frame(self, settings: Settings, size: Size, suffix: str = ".png") -> Frame:
+    def frame(self, settings: views.Settings, size: views.Size, suffix: str = ".png") -> Frame:
         """Render as the command does for a file of this suffix, without background."""
         request = self.parsed(settings)
         frame, behind = self._frame(request, size, suffix), request.picture.behind(suffix)
@@ -186,13 +180,9 @@ class VolumePainter:
         return [bar_of(layer, *words) for layer in request.layers]
 
     def _frame(
-        self,
-        request: VolumeRequest,
-        size: Size,
-        suffix: str,
-        quality: Quality = "final",
+        self, request: VolumeRequest, size: views.Size, suffix: str, quality: Quality = "final",
         cancel: Cancel | None = None,
-    ) -> Frame:
+    ) -> Frame:  # fmt: skip
         """Render the picture for a file of this suffix."""
         watched: dict[str, Any] = {"cancel": cancel, "progress": progress_here()}
         frame = self._scene.render(size=size, quality=quality, **watched, **request.view)
@@ -202,7 +192,7 @@ class VolumePainter:
         camera, volume = self._placed_view(request, size)
         return annotated(frame, camera, volume, marks)
 
-    def beside(self, rival: str, settings: Settings, size: Size) -> PagePicture:
+    def beside(self, rival: str, settings: views.Settings, size: views.Size) -> views.PagePicture:
         """Render with VTK, see `resample.view.views.Comparing`."""
         if rival != VTK:
             raise ValueError(f"{rival!r:.40} is not known; a page can compare with {VTK}")
@@ -210,18 +200,21 @@ class VolumePainter:
         camera, volume = self._placed_view(request, size)
         self._vtk = self._vtk or registry.load("peers", VTK)()
         light = self._vtk.picture(volume, request.layers[0][1], request.resampler, camera, size)
-        return PagePicture(screen_levels(light, background=request.picture.behind(".png")), False)
+        return views.PagePicture(
+            screen_levels(light, background=request.picture.behind(".png")), False
+        )
 
-    def keyframes(self, cameras: Sequence[str], settings: Settings) -> str:
+    def keyframes(self, cameras: Sequence[str], settings: views.Settings) -> str:
         """Return a file of cameras around the volume, see `resample.view.views.Filming`."""
-        return keyframes_as_toml(cameras, settings)
+        return views.keyframes_as_toml(cameras, settings)
 
     def film(
-        self, settings: Settings, size: Size, keyframes: str, path: Path, progress: Progress
-    ) -> None:
+        self, settings: views.Settings, size: views.Size, keyframes: str, path: Path,
+        progress: Progress,
+    ) -> None:  # fmt: skip
         """Write a film through keyframes as `animate` does, see `resample.view.views.Filming`."""
         request, (width, height) = self.parsed(settings), size
-        with path_file(KEYFRAMES, keyframes) as file:
+        with path_file(views.KEYFRAMES, keyframes) as file:
             flight = flight_of(str(file), None, RATE, request.choices.viewpoint())
         subject = Subject.of_several(request.layers, request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
@@ -231,12 +224,14 @@ class VolumePainter:
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 
     def _placed_view(
-        self, request: VolumeRequest, size: Size, quality: Quality = "final"
+        self, request: VolumeRequest, size: views.Size, quality: Quality = "final"
     ) -> "tuple[AnyCamera, Volume]":
         """Return the camera and the volume placed before it."""
         return self._scene.placed_view(size=size, quality=quality, **request.view)
 
-    def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
+    def pick(
+        self, settings: views.Settings, size: views.Size, x: float, y: float
+    ) -> dict[str, Any]:
         """Return the voxel at a point, its distance and angle to the last picks."""
         found = self._scene.pick(x, y, size=size, **self.parsed(settings).view)
         if found is None:
@@ -256,12 +251,9 @@ class VolumePainter:
         return told
 
     def slice(
-        self,
-        size: Size,
-        plane: str,
-        voxel: tuple[int, int, int],
+        self, size: views.Size, plane: str, voxel: tuple[int, int, int],
         window: tuple[float, float] | None,
-    ) -> PagePicture:
+    ) -> views.PagePicture:  # fmt: skip
         """Return a slice, see `resample.view.views.Slicing`."""
         found = {one.name: one for one in slice_planes(self.volume)}.get(plane)
         if found is None:
@@ -271,15 +263,15 @@ class VolumePainter:
             raise ValueError(f"voxel {voxel} of {count}; give indices from 0")
         levels = slice_levels(self.volume, found, voxel[found.across], size, window)
         value = float(value_at(self.volume.values[voxel[::-1]], self.volume.scale))
-        return PagePicture(levels, False, {"value": f"{value:.6g}"})
+        return views.PagePicture(levels, False, {"value": f"{value:.6g}"})
 
-    def measure(self, start: Point, end: Point) -> dict[str, Any]:
+    def measure(self, start: views.Point, end: views.Point) -> dict[str, Any]:
         """Return values along a line, see `resample.view.views.Slicing`."""
         distance, along = profile(self.volume, start, end)
         values = [value if np.isfinite(value) else None for value in along.tolist()]
         return {"distance": distance, "unit": unit_of_space(self.volume), "values": values}
 
-    def tell(self, settings: Settings, what: str) -> dict[str, Any]:
+    def tell(self, settings: views.Settings, what: str) -> dict[str, Any]:
         """`points` of the look, see `resample.view.views.Knowing`."""
         if what != "points":
             raise ValueError(f"{what!r:.40} is not known; a page can ask for points")

@@ -312,13 +312,9 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
 
 
 def filling(
-    orbit: Orbit,
-    sphere: Sphere,
-    shown: "Placed | FramedVoxels",
-    size: tuple[int, int],
-    corner: Doubles = NO_CORNERS,
-    around: float = 0.0,
-) -> Orbit:
+    orbit: Orbit, sphere: Sphere, shown: "Placed | FramedVoxels", size: tuple[int, int],
+    corner: Doubles = NO_CORNERS, around: float = 0.0,
+) -> Orbit:  # fmt: skip
     """Zoom and pan an orbit so that everything visible fills the picture (height, width).
 
     Vertices of meshes, `corner` (N, 3), are framed, too. `around` is the fraction of the sphere's

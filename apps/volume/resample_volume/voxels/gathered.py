@@ -104,12 +104,9 @@ class Gathered(NamedTuple):
 
 
 def gathered(
-    volume: Volume,
-    transfer: Transfer,
-    resampler: Resampler,
-    gradient: str,
+    volume: Volume, transfer: Transfer, resampler: Resampler, gradient: str,
     labels: "Labels | None" = None,
-) -> Gathered:
+) -> Gathered:  # fmt: skip
     """Prepare a volume as a field on its lattice, with its look by value and slope."""
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
@@ -232,13 +229,9 @@ def lit_lattice(
 
 
 def with_shadows(
-    fields: Sequence[Gathered],
-    volumes: Sequence[Volume],
-    scene: Volume,
-    resampler: Resampler,
-    clip: Doubles,
-    light: Light,
-) -> list[Gathered]:
+    fields: Sequence[Gathered], volumes: Sequence[Volume], scene: Volume, resampler: Resampler,
+    clip: Doubles, light: Light,
+) -> list[Gathered]:  # fmt: skip
     """Add shadows and ambient occlusion by all fields of a scene, outside clip planes."""
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]

@@ -111,12 +111,9 @@ def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far:
 
 
 def shade(
-    voxels: Voxels,
-    light: Light | None,
-    eye: Sequence[float] | Doubles | None = None,
-    *,
+    voxels: Voxels, light: Light | None, eye: Sequence[float] | Doubles | None = None, *,
     view: Sequence[float] | Doubles | None = None,
-) -> Samples:
+) -> Samples:  # fmt: skip
     """Shade voxels: return samples with the light that they send to the viewer.
 
     Shading is two-sided; a voxel without gradient is shaded as if it faced the light. The viewer is
@@ -409,12 +406,9 @@ def field_transmittance(
 
 
 def _moved(
-    values: NDArray[Any],
-    of: tuple[Volume, int],
-    to: tuple[Volume, int],
-    grid: tuple[int, ...],
+    values: NDArray[Any], of: tuple[Volume, int], to: tuple[Volume, int], grid: tuple[int, ...],
     mode: str,
-) -> NDArray[Any]:
+) -> NDArray[Any]:  # fmt: skip
     """Interpolate one volume's cell values at the cells of another; `mode`: beyond its border."""
     (given, per), (wanted, other) = of, to
     to_cell = np.linalg.inv(per * lattice_of(given))

@@ -54,13 +54,9 @@ class Voxels(NamedTuple):
 
 
 def classify(
-    volume: Volume,
-    transfer: Transfer,
-    *,
-    gradient: str | None = "central",
-    gradient_opacity: tuple[float, float] | None = None,
-    labels: "Labels | None" = None,
-) -> Voxels:
+    volume: Volume, transfer: Transfer, *, gradient: str | None = "central",
+    gradient_opacity: tuple[float, float] | None = None, labels: "Labels | None" = None,
+) -> Voxels:  # fmt: skip
     """Apply a transfer function, and return the visible voxels.
 
     Values in a file are read in chunks. `gradient` is one of `GRADIENTS`: central differences, or
