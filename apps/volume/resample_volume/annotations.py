@@ -19,14 +19,8 @@ from resample.measuring import color_bars as bars
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats, Frame, View
-from resample_volume.appearance import (
-    AS_IT_IS,
-    Appearance,
-    Tone,
-    VolumeLayer,
-    negative,
-    transfer_of,
-)
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, Tone, VolumeLayer
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.transfer import (
     DataRange,
@@ -559,7 +553,7 @@ def bar_of(
         value = np.zeros(1) if frame.value is None else frame.value
         extent = 0.0, float(value[np.isfinite(value)].max(initial=0.0))
     else:
-        transfer = transfer_of(volume, appearance, resampler.projection)
+        transfer = looks.transfer_of(volume, appearance, resampler.projection)
         extent = survey(volume).span
         if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
             extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
@@ -567,7 +561,7 @@ def bar_of(
         # Displayed colors with black and white swapped, over black.
         value = np.linspace(*extent, 256)
         color, opacity = transfer.classify(value, None, extent, 0.0)
-        swapped = to_srgb(negative(color * opacity[:, np.newaxis]))
+        swapped = to_srgb(looks.negative(color * opacity[:, np.newaxis]))
         transfer = TransferFunction(value, swapped, np.ones(value.size))
     behind = background or (0.0, 0.0, 0.0)
     return color_bar(transfer, extent, height, title=volume.name, background=behind, scale=scale)
@@ -575,7 +569,7 @@ def bar_of(
 
 def with_bar(
     frame: Frame, volume: Volume, appearance: Appearance, resampler: Resampler,
-    background: Color | None, tone: Tone = AS_IT_IS,
+    background: Color | None, tone: Tone = looks.AS_IT_IS,
 ) -> Frame:  # fmt: skip
     """Add the bar of a volume to the right of its picture."""
     bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)

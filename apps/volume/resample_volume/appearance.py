@@ -301,22 +301,6 @@ def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
-class SceneObjects(NamedTuple):
-    """Objects that rays meet besides the volume."""
-
-    meshes: "tuple[SceneMesh, ...]"
-    planes: "tuple[ImagePlane, ...]"
-    surfaces: "tuple[IsoSurface, ...]"
-
-    def within(self, span: tuple[float, float]) -> "SceneObjects":
-        """Return a copy; planes without a window get one of these values."""
-        return self._replace(planes=tuple(plane.within(span) for plane in self.planes))
-
-    def beside(self, look: Appearance) -> Appearance:
-        """Return the look with these objects."""
-        return replace(look, **self._asdict()) if any(self) else look
-
-
 def transfer_of(
     volume: Volume,
     look: Appearance | Transfer | str,

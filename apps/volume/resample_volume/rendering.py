@@ -24,7 +24,7 @@ from resample_volume.classification.transfer import Faded, Transfer
 from resample_volume.classification.value_statistics import survey
 from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
 from resample_volume.data.values import as_array, as_arrays, is_streamed
-from resample_volume.types import Placed, Volume
+from resample_volume.types import Volume
 from resample_volume.voxels import framing
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import (
@@ -156,7 +156,7 @@ class Subject:
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
     tone: Tone = looks.AS_IT_IS  # of its frames
     # Voxels that are visible, found anew at each call; None: cameras orbit the whole volume.
-    seen: "Callable[[], Placed | framing.FramedVoxels] | None" = None
+    seen: "Callable[[], Voxels | framing.FramedVoxels] | None" = None
 
     @classmethod
     def of(
@@ -207,7 +207,7 @@ class Subject:
             ball = framing.bounding_sphere(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
-        def shown() -> Placed | framing.FramedVoxels:
+        def shown() -> Voxels | framing.FramedVoxels:
             """Return the visible voxels, for cameras to fit."""
             if not isinstance(voxels, Gathered):
                 return voxels

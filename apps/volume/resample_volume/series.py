@@ -8,12 +8,8 @@ import numpy as np
 
 from resample.painting.choices import Projection
 from resample.types import Doubles
-from resample_volume.appearance import (
-    Appearance,
-    XRay,
-    settled,
-    transfer_of,
-)
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, XRay
 from resample_volume.classification.transfer import Faded, Windowed
 from resample_volume.classification.value_statistics import Survey, survey, without_padding
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
@@ -111,9 +107,9 @@ class Series:
         together = self.all()
         if projection is Projection.XRAY:
             xray = look.xray or XRay()
-            every = [settled(xray, volume, self.known) for volume in self]
+            every = [looks.settled(xray, volume, self.known) for volume in self]
             look = replace(look, xray=max(every, key=lambda one: one.window or (0.0, 0.0)))
-        transfer = transfer_of(together, look, projection)
+        transfer = looks.transfer_of(together, look, projection)
         if look.gradient_opacity is not None:
             transfer = Faded(transfer, look.gradient_opacity)
         span, steep = finite_range(together.values), None
@@ -124,7 +120,7 @@ class Series:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing
         if framing is not None:
-            framing = Windowed(transfer_of(together, framing), span)
+            framing = Windowed(looks.transfer_of(together, framing), span)
         return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
 
     def __iter__(self) -> Iterator[Volume]:

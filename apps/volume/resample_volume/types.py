@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.calling import constructed
-from resample.types import Doubles, Floats
+from resample.types import Doubles
 
 VOXEL, UNKNOWN = "voxel", "unknown"  # scene units of files without spacing, or without unit
 ASSUMED = {
@@ -90,15 +90,3 @@ class Recording(NamedTuple):
     thickness: float = 0.0
     length: str = ""
     looks: tuple[ChannelLook, ...] = ()  # of its channels, if the file has some
-
-
-class Placed(Protocol):
-    """Protocol of anything on a lattice."""
-
-    @property
-    def position(self) -> Floats:
-        """(N, 3) scene units."""
-
-    @property
-    def lattice(self) -> Doubles:
-        """(3, 3) columns are the steps to the neighbours, scene units."""

@@ -109,8 +109,12 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     low, high = known.span
     if not low < high or not known.levels.value.size:
         return from_points([(0.0, SAND, 0.5)])
-    if volume.values.dtype.kind == "f" and is_signed(known):
-        return _signed(known)
+    # Do values spread to both sides of zero, around which most are?
+    limit, smaller = max(-low, high), min(-low, high)
+    if volume.values.dtype.kind == "f" and smaller >= OTHER_SIDE * limit:
+        near = known.levels.share(-NEAR_ZERO * limit, NEAR_ZERO * limit)
+        if near >= 0.5 * known.levels.share(low, high):
+            return _signed(known)
     some = _codes(values_of(volume.values).sample(), known)
     if not some.size:  # the rest lies between the samples
         some = _codes(known.levels.value, known)
@@ -157,16 +161,6 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     points = [(start, CLAY, 0.0), (typical, CLAY, FAINT), (end, CLAY, FAINT)]
     points += [(max(end, v), c, max(o, FAINT)) for v, c, o in _points(dense)]
     return from_points(points, normalized=True)
-
-
-def is_signed(known: Survey) -> bool:
-    """Return whether values spread to both sides of zero, around which most are."""
-    limit, smaller = max(-known.low, known.high), min(-known.low, known.high)
-    if smaller < OTHER_SIDE * limit or not known.levels.value.size:
-        return False
-    return known.levels.share(-NEAR_ZERO * limit, NEAR_ZERO * limit) >= 0.5 * known.levels.share(
-        known.low, known.high
-    )
 
 
 def _signed(known: Survey) -> TransferFunction:

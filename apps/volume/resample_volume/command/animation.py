@@ -306,10 +306,13 @@ def _scenes(
     script: Script, series: Series, look: Appearance, resampler: Resampler
 ) -> tuple[Callable[[int], list[VolumeLayer]], Callable[[int], Subject]]:
     """Return functions of a time: the volumes of a script, all under one look, and their scene."""
-    objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
+    objects = script.beside.scene_objects(script.appearance, resampler)
+    if objects:
+        spanned = (plane.within(series.known.span) for plane in objects["planes"])
+        objects = {**objects, "planes": tuple(spanned)}
     if script.appearance.labels is not None:
         look = replace(look, labels=script.appearance.labels_of(series[0]))
-    own = objects.beside(look)
+    own = replace(look, **objects)
     further = inputs.beside(
         inputs.others(script.added.also, script.source), script.appearance, resampler
     )

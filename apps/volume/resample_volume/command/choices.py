@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
     from resample_volume.annotations import Annotations
-    from resample_volume.appearance import Appearance, SceneObjects
+    from resample_volume.appearance import Appearance
     from resample_volume.classification.labels import Labels
     from resample_volume.rendering import Fitted
     from resample_volume.types import Volume
@@ -365,25 +365,23 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
-        """Read meshes and planes for a renderer that shows them."""
-        from resample_volume.appearance import (
-            Classification,
-            SceneObjects,
-            check_together,
-        )
+    def scene_objects(
+        self, look: AppearanceChoices, resampler: "Resampler"
+    ) -> dict[str, tuple[Any, ...]]:
+        """Read planes, surfaces and meshes for a renderer that shows them: fields of a look."""
+        from resample_volume.appearance import Classification, check_together
 
         given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
         names = [name for name, texts in given.items() if texts]
         if not names:
-            return SceneObjects((), (), ())
+            return {}
         from resample_volume.image_planes import ImagePlane
         from resample_volume.meshes import IsoSurface, read_mesh
 
         check_together(resampler, Classification(look.classify), names)
-        planes = tuple(ImagePlane.of(text) for text in self.plane)
-        surfaces = tuple(IsoSurface.of(text) for text in self.surface)
-        return SceneObjects(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
+        planes, surfaces = map(ImagePlane.of, self.plane), map(IsoSurface.of, self.surface)
+        found = {"planes": tuple(planes), "surfaces": tuple(surfaces)}
+        return {**found, "meshes": tuple(map(read_mesh, self.mesh))}
 
 
 class BesideFilm(Beside):

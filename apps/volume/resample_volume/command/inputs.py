@@ -1,7 +1,7 @@
 """Open volumes named on the command line."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from math import prod
@@ -20,7 +20,7 @@ from resample.outofcore.passes import PassContext
 from resample.painting.choices import Projection
 from resample.progress import told
 from resample.resampler import Resampler
-from resample_volume.appearance import Appearance, SceneObjects, VolumeLayer
+from resample_volume.appearance import Appearance, VolumeLayer
 from resample_volume.classification.presets import BETWEEN, PRESETS
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.value_statistics import (
@@ -148,16 +148,6 @@ def with_memory(
     return volume
 
 
-def announced(volume: Volume) -> Volume:
-    """Print how a volume is read if that is brick by brick, and return it."""
-    if is_streamed(volume):
-        values = bricks_of(volume)
-        size = " x ".join(map(str, values.shape[::-1]))
-        limit = "" if values.memory is None else f", within {amount(values.memory)} of memory"
-        say(f"{volume.name}: {size} voxels are read brick by brick ({prod(values.count)}){limit}")
-    return volume
-
-
 def levels(source: ReadOptions, name: str) -> list[dict[str, Any]]:
     """Return the levels of a multiscale file, otherwise none; see `Streamer.levels`."""
     return levels_of(*_named(source, name))
@@ -245,16 +235,11 @@ def changed(source: ReadOptions, found: Opened) -> Opened:
 
 
 def prepared(
-    source: ReadOptions,
-    name: str,
-    *,
-    streamed: bool = False,
+    source: ReadOptions, name: str, *, streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> Volume:
+) -> Volume:  # fmt: skip
     """Open a volume, remove its padding and print its statistics."""
-    return padding_removed(
-        announced(opened(source, name, streamed=streamed, start_workers=start_workers))
-    )
+    return padding_removed(opened(source, name, streamed=streamed, start_workers=start_workers))
 
 
 def note_assumed(found: Volume | Recording) -> None:
@@ -266,7 +251,10 @@ def note_assumed(found: Volume | Recording) -> None:
 def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
     if is_streamed(volume):
-        count = prod(bricks_of(volume).count)
+        values = bricks_of(volume)
+        size, count = " x ".join(map(str, values.shape[::-1])), prod(values.count)
+        limit = "" if values.memory is None else f", within {amount(values.memory)} of memory"
+        say(f"{volume.name}: {size} voxels are read brick by brick ({count}){limit}")
         with progress_bar("scanning bricks", count) as progress, told(progress):
             survey(volume)
     known = survey(volume)
@@ -348,10 +336,12 @@ def beside(
     return found
 
 
-def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[VolumeLayer]:
-    """Add meshes and planes to the look of the first volume."""
+def with_objects(
+    shown: list[VolumeLayer], objects: Mapping[str, tuple[Any, ...]]
+) -> list[VolumeLayer]:
+    """Add meshes, planes and surfaces to the look of the first volume."""
     (volume, look), *others = shown
-    return [(volume, objects.beside(look)), *others]
+    return [(volume, replace(look, **objects)), *others]
 
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
@@ -427,7 +417,7 @@ def _channels(
         if word != HIDDEN:
             volume = recordings.volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
-            volume = padding_removed(announced(volume))
+            volume = padding_removed(volume)
             is_color = word not in PRESETS and is_color_like(word)
             transfer = f"auto:color={word}" if is_color else word
             own = look if not found else _alone(look, transfer, look.window)

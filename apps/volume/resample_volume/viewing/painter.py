@@ -120,7 +120,7 @@ class VolumePainter:
             with memoizing(self._found):
                 first = own_look(look, self.volume, self.first, resampler)
                 others = [(one, own_look(bare, one, own, resampler)) for one, own in self.others]
-            first = beside.scene_objects(look, resampler).beside(first)
+            first = replace(first, **beside.scene_objects(look, resampler))
             layers = [(self.volume, first), *others]
             before = list(self._layers.items())[1 - MOST_COMPARED :]
             self._layers = {**dict(before), key: layers}  # replaced whole: picks ask meanwhile

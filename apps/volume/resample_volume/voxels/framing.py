@@ -20,7 +20,7 @@ from resample_volume.classification.transfer import Transfer, visible_places
 from resample_volume.classification.value_statistics import ends, survey
 from resample_volume.data.scanning import step_of
 from resample_volume.data.values import SHARE, slabs, values_of
-from resample_volume.types import Placed, Volume
+from resample_volume.types import Volume
 from resample_volume.voxels.shading import along
 from resample_volume.voxels.visible import Voxels, finite_range, lattice_of, positions_at
 
@@ -270,7 +270,7 @@ def bounding_sphere(volume: Volume) -> Sphere:
     return Sphere(center, float(np.linalg.norm(corner - center, axis=1).max()))
 
 
-def sphere_around(voxels: "Placed | FramedVoxels", volume: Volume) -> Sphere:
+def sphere_around(voxels: Voxels | FramedVoxels, volume: Volume) -> Sphere:
     """Return the bounding sphere of the visible voxels without outliers, or of the volume."""
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
     parts = voxels.parts if isinstance(voxels, FramedVoxels) else partial(iter, (voxels.position,))
@@ -312,7 +312,7 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
 
 
 def filling(
-    orbit: Orbit, sphere: Sphere, shown: "Placed | FramedVoxels", size: tuple[int, int],
+    orbit: Orbit, sphere: Sphere, shown: Voxels | FramedVoxels, size: tuple[int, int],
     corner: Doubles = NO_CORNERS, around: float = 0.0,
 ) -> Orbit:  # fmt: skip
     """Zoom and pan an orbit so that everything visible fills the picture (height, width).

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample import types
 from resample.memory.mapped import array_like, is_in_file
 from resample.outofcore.passes import DIGIT, counts_by_digit, memo_of, memoized, ranked
 from resample.painting.choices import MAXIMA, MEASURING, Projection
@@ -14,23 +15,7 @@ from resample.painting.rays import bricks_to_next, thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
 from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
-from resample.types import (
-    UNBLOCKED,
-    UNBOUNDED,
-    UNKNOWN,
-    UNMEASURED,
-    UNTINTED,
-    BlockLevels,
-    Bounds,
-    Classifier,
-    Doubles,
-    Flags,
-    Floats,
-    LatticeField,
-    Reached,
-    SplineField,
-    Tint,
-)
+from resample.types import Doubles, Flags, Floats
 from resample_volume.classification.transfer import (
     Transfer,
     TransferTable,
@@ -86,8 +71,8 @@ UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 class Gathered(NamedTuple):
     """A volume as a field on its lattice."""
 
-    spline: SplineField
-    bounds: Bounds  # data units
+    spline: types.SplineField
+    bounds: types.Bounds  # data units
     known: Flags  # as of `LatticeField`
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first voxel
@@ -95,12 +80,12 @@ class Gathered(NamedTuple):
     steepest: float  # data units per scene unit, approximate greatest gradient
     visible: int  # visible voxels, regardless of labels
     each: int = 1  # looks side by side in the table: of voxels, and of labels
-    tint: Tint = UNTINTED
-    reached: Reached = UNBLOCKED
+    tint: types.Tint = types.UNTINTED
+    reached: types.Reached = types.UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
-    cells: NDArray[np.uint64] = UNKNOWN  # as of `LatticeField`
-    apart: Flags = UNMEASURED  # as of `LatticeField`
-    levels: BlockLevels = UNBOUNDED  # as of `LatticeField`
+    cells: NDArray[np.uint64] = types.UNKNOWN  # as of `LatticeField`
+    apart: Flags = types.UNMEASURED  # as of `LatticeField`
+    levels: types.BlockLevels = types.UNBOUNDED  # as of `LatticeField`
 
 
 def gathered(
@@ -127,7 +112,7 @@ def gathered(
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
     spline, bounds, known = _on_lattice(volume, sharpness, thin, two, is_within=is_within)
-    levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
+    levels, is_whole = types.UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
     columns, steep, span = COLUMNS, 1.0, data_range[1] - data_range[0]
@@ -150,14 +135,14 @@ def gathered(
     looks, beside = tables[0]._replace(table=table), len(tables)
     if labels is not None:
         known = numbered(known, labels.numbers, volume.values)
-    tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
+    tint = types.UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
         looks, beside, values = _of_either(looks, two), 2, volume.values
         known = numbered(known, lambda at: 1 + (values[at] == two[1]).astype(np.uint8), values)
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
-    cells, apart = UNKNOWN, UNMEASURED
+    cells, apart = types.UNKNOWN, types.UNMEASURED
     if is_composite and resampler.iso is None:
         ends = looks.low, looks.high
         cells = visible_cells(spline, bounds, thickest(looks.table, beside), ends)
@@ -218,14 +203,14 @@ def _of_either(looks: TransferTable, two: Doubles) -> TransferTable:
 
 def lit_lattice(
     field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
-) -> LatticeField:
+) -> types.LatticeField:
     """Shade a field for a viewer (4,); `cue`: near, far and dimmed, as of `Classifier`."""
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
-    classifier = Classifier(*field.table, lamp, *cue)
+    classifier = types.Classifier(*field.table, lamp, *cue)
     same = ("spline", "bounds", "known", "lattice", "origin", "reached", "tint", "cells", "apart")
     parts = {name: getattr(field, name) for name in (*same, "levels")}
-    return LatticeField(classifier=classifier, classifiers=field.each, **parts)
+    return types.LatticeField(classifier=classifier, classifiers=field.each, **parts)
 
 
 def with_shadows(
@@ -274,12 +259,12 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 
 def _on_lattice(
     volume: Volume, sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
-) -> tuple[SplineField, Bounds, Flags]:
+) -> tuple[types.SplineField, types.Bounds, Flags]:
     """Return the field of values, its bounds, and which are known, if not all."""
     # Surfaces of samples with colors lie where the color changes, not where the field does.
     values, is_cut = volume.values, two.size == 2 and volume.colors is None
     is_cut = is_cut and thin.parts == 1 and sharpness == 1
-    memo: dict[Any, tuple[SplineField, Bounds, Flags]] = memo_of(values)
+    memo: dict[Any, tuple[types.SplineField, types.Bounds, Flags]] = memo_of(values)
     key = (_on_lattice, id(values), sharpness, thin, is_cut, is_within)
     if key in memo:
         return memo[key]
@@ -302,11 +287,11 @@ def _on_lattice(
     if known.size and not is_cut:  # of voxels, repeated for samples
         inner = known.reshape([count + 2 * PAD for count in values.shape])[(slice(PAD, -PAD),) * 3]
         known = np.pad(np.repeat(inner, thin.parts, thin.axis), PAD, "edge").ravel()
-    return memo.setdefault(key, (spline, Bounds(least, greatest), known))
+    return memo.setdefault(key, (spline, types.Bounds(least, greatest), known))
 
 
 @memoized(lambda values: values)
-def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
+def _levels(values: NDArray[np.generic], is_least: bool) -> types.BlockLevels:
     """Return the bounds of maxima or minima of a field, once per volume."""
     return levels_of_samples(values, is_least)
 

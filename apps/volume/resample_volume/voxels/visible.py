@@ -15,17 +15,8 @@ from resample_volume.classification.transfer import (
     extinction,
     visible_places,
 )
+from resample_volume.data import values as stored
 from resample_volume.data.recordings import linear_colors
-from resample_volume.data.values import (
-    Stored,
-    as_array,
-    kernel_layers,
-    require_beside,
-    require_memory,
-    side_by_side,
-    slabs,
-    values_of,
-)
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:
@@ -82,13 +73,15 @@ def classify(
         slopes = None if length is None else length[share]
         color[share], opacity[share] = whole.classify(value[share], slopes, data_range, steep)
 
-    side_by_side(look, count)
+    stored.side_by_side(look, count)
     if volume.colors is not None:
         color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[place])
     if labels is not None:
         color, opacity = labels.applied(place, color, opacity)
     kept = np.flatnonzero(opacity > 0)
-    require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
+    stored.require_memory(
+        BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels"
+    )
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
         slope = slope if gradient is None else slope[kept]
@@ -105,7 +98,7 @@ def classify(
         def find(share: slice) -> None:
             thickness[share] = evaluated(thick, shown[share], data_range)
 
-        side_by_side(find, shown.size)
+        stored.side_by_side(find, shown.size)
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
@@ -137,9 +130,9 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
 
 
 @memoized(lambda values: values)
-def finite_range(values: Stored) -> DataRange:
+def finite_range(values: stored.Stored) -> DataRange:
     """Return the least and greatest finite value; (0, 1) if there is none."""
-    low, high = values_of(values).range()
+    low, high = stored.values_of(values).range()
     return (low, high) if low <= high else (0.0, 1.0)
 
 
@@ -154,13 +147,13 @@ def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
 
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)  # from slopes per voxel
     slope, is_smooth = np.empty((voxel.size, 3), np.float32), gradient == "sobel"
-    for voxels, near, first in kernel_layers(np.asarray(volume.values), voxel):
+    for voxels, near, first in stored.kernel_layers(np.asarray(volume.values), voxel):
         place, found = voxel[voxels] - first if first else voxel[voxels], slope[voxels]
 
         def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:
             find_gradients(near, place[share], to_scene, is_smooth, found[share])
 
-        side_by_side(fill, place.size)
+        stored.side_by_side(fill, place.size)
     return slope
 
 
@@ -175,7 +168,7 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
     def find(share: slice) -> None:
         place(voxel[share], shape, lattice, origin, position[share])
 
-    side_by_side(find, voxel.size)
+    stored.side_by_side(find, voxel.size)
     return position
 
 
@@ -188,16 +181,18 @@ def visible_with_slopes(
     """
     from resample_volume.kernels.voxels import brick_order
 
-    volume = as_array(volume)
+    volume = stored.as_array(volume)
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
     parts = []
     start = count = 0
-    for chunk in slabs(volume.values):
+    for chunk in stored.slabs(volume.values):
         value = chunk.reshape(-1)
         index = visible_places(transfer, value, data_range)
         parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
-        require_beside(volume.values, size * count, f"{volume.name} with {count} visible voxels")
+        stored.require_beside(
+            volume.values, size * count, f"{volume.name} with {count} visible voxels"
+        )
     place, found = map(np.concatenate, zip(*parts, strict=True))
     order = np.empty(place.size, np.int64)
     brick_order(place, volume.values.shape, order)
