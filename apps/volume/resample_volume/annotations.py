@@ -465,10 +465,6 @@ def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) ->
 SUBROWS = 8  # sub-rows per px over which colors are averaged, so that no step is missed
 FAIR = 2  # the same where colors also vary across
 PURE = 0.3  # share of a bar that shows opaque colors
-FORMS: tuple[bars.Form, bars.Form] = (
-    "curve",
-    "plane",
-)  # of functions of values, and of gradients too
 GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
 
@@ -484,7 +480,7 @@ def color_bar(
     `steep` is the slope of a full surface (`voxels.visible.steepness`); 1 shows fractions.
     """
     bars.check_height(height)
-    by, form = scale_named(scale), FORMS[transfer.needs_gradient]
+    by, form = scale_named(scale), "plane" if transfer.needs_gradient else "curve"
     page = bars.BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
     ink = bars.ink_on(background)
     axes = bars.blank(page, background)

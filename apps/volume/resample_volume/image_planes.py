@@ -48,9 +48,7 @@ class ImagePlane:
     # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d, whose window
     # is on the volume's scale
     where: Where
-    window: tuple[float, float] | None = (
-        None  # values at both ends of the colors; None: robust range
-    )
+    window: tuple[float, float] | None = None  # values of the first and last color; None: robust
     colors: str = "gray"  # gray: linear in displayed levels; or a matplotlib colormap
     opacity: float = 1.0
 

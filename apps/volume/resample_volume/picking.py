@@ -25,12 +25,7 @@ if TYPE_CHECKING:
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
 Indices = NDArray[np.int64]
-PICKED_BY_PROJECTION = {
-    Projection.COMPOSITE: 0,
-    Projection.MAXIMUM: 1,
-    Projection.MINIMUM: 2,
-    Projection.FIRST_HIT: 3,
-}
+PICKED = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.MINIMUM, Projection.FIRST_HIT)
 
 
 class Picked(NamedTuple):
@@ -60,7 +55,7 @@ def voxels_at(
     )
 
     voxels, projection, view = subject.voxels, resampler.projection, camera.view()
-    if projection not in PICKED_BY_PROJECTION or not isinstance(voxels, Voxels | Gathered):
+    if projection not in PICKED or not isinstance(voxels, Voxels | Gathered):
         raise ValueError(
             f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
             "maximum, minimum or first-hit, the last three along rays"
@@ -98,7 +93,7 @@ def voxels_at(
             voxels.each,
             *voxels.table,
             np.ascontiguousarray(np.linalg.inv(voxels.lattice).T),
-            PICKED_BY_PROJECTION[projection],
+            PICKED.index(projection),
             float(resampler.iso or 0.0),
         )
         pick_in_field(field, rays, level, voxel, kept)
@@ -138,11 +133,9 @@ def picked(volume: Volume, voxel: int) -> Picked:
     """Return position and value of a voxel, by its flat index."""
     place = np.unravel_index(voxel, volume.values.shape)
     index = np.array(place[::-1], np.float64)
-    return Picked(
-        (int(place[0]), int(place[1]), int(place[2])),
-        float(value_at(volume.values[place], volume.scale)),
-        np.asarray(volume.origin + lattice_of(volume) @ index),
-    )
+    value = float(value_at(volume.values[place], volume.scale))
+    z, y, x = map(int, place)
+    return Picked((z, y, x), value, np.asarray(volume.origin + lattice_of(volume) @ index))
 
 
 def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> "PickingRays":
@@ -155,20 +148,16 @@ def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: floa
     first = np.full(len(pixels), view.near if view.perspective else -np.inf)
     last = np.full(len(pixels), view.far)
     size = np.array(scene.values.shape[::-1])
-    for axis in range(3):  # what is inside is positive
-        _cut(first, last, origin[:, axis] + reach, speed[:, axis])
-        _cut(first, last, size[axis] - 1 + reach - origin[:, axis], -speed[:, axis])
-    for plane in clip:
-        _cut(first, last, eye @ plane[:3] + plane[3], direction @ plane[:3])
+    # Clip to depths where linear functions are positive, as they are inside
+    inside = [*(origin + reach).T, *(size - 1 + reach - origin).T]
+    inside += [eye @ plane[:3] + plane[3] for plane in clip]
+    growth = [*speed.T, *-speed.T, *(direction @ plane[:3] for plane in clip)]
+    for at, per in zip(inside, growth, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            where = -at / per
+        np.maximum(first, where, out=first, where=per > 0)
+        np.minimum(last, where, out=last, where=per < 0)
+        last[(per == 0) & (at < 0)] = -np.inf
     length = np.linalg.norm(direction, axis=1)
     arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
     return PickingRays(*(np.ascontiguousarray(array, np.float64) for array in arrays))
-
-
-def _cut(first: Doubles, last: Doubles, at: Doubles, per: Doubles) -> None:
-    """Clip rays to depths where a linear function is positive."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        where = -at / per
-    np.maximum(first, where, out=first, where=per > 0)
-    np.minimum(last, where, out=last, where=per < 0)
-    last[(per == 0) & (at < 0)] = -np.inf

@@ -84,13 +84,9 @@ def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Return the voxels that the transfer function shows, with gradients if needed."""
     transfer = looks.transfer_of(volume, appearance)
     needed = transfer.needs_gradient or appearance.gradient_opacity is not None
-    return classify(
-        volume,
-        transfer,
-        gradient=appearance.gradient if needed or appearance.light is not None else None,
-        gradient_opacity=appearance.gradient_opacity,
-        labels=appearance.labels,
-    )
+    gradient = appearance.gradient if needed or appearance.light is not None else None
+    fading, labels = appearance.gradient_opacity, appearance.labels
+    return classify(volume, transfer, gradient=gradient, gradient_opacity=fading, labels=labels)
 
 
 def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler) -> Transfer:
@@ -185,20 +181,16 @@ class Subject:
                     appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene)), scene
                 )
                 water = looks.attenuation(scene.values, xray.added)
-                measured, look = (
-                    scene._replace(values=water, units=""),
-                    replace(look, transfer=LEVELS),
-                )
+                measured = scene._replace(values=water, units="")
+                look = replace(look, transfer=LEVELS)
                 tone = Tone(xray.mu_water, xray.window, appearance.invert)
             transfer = _field_transfer(measured, look, resampler)
             voxels = gathered(measured, transfer, resampler, look.gradient, look.labels)
             if light is not None and light.is_blocked:
                 (voxels,) = with_shadows([voxels], [scene], scene, resampler, clip, light)
         else:
-            voxels = framing.keep(
-                visible_voxels(scene, appearance), clip, resampler.reconstruction.radius
-            )
-            voxels = framing.faced(voxels, clip)
+            voxels, radius = visible_voxels(scene, appearance), resampler.reconstruction.radius
+            voxels = framing.faced(framing.keep(voxels, clip, radius), clip)
             if light is not None and light.is_blocked:
                 voxels = voxels._replace(reached=voxel_transmittance(voxels, light))
         pictures = _pictures(volume, scene.values, appearance, voxels)
@@ -344,12 +336,9 @@ def pictured(
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
         viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
     camera = subject.camera(viewpoint, *size)
-    seen, cuts = subject.samples_for(camera), subject.cuts(camera)
-    paint = subject.painter(resampler)
-    frame = paint(
-        *(seen, camera), height=size[0], width=size[1], threads=threads, progress=progress,
-        clip=cuts,
-    )  # fmt: skip
+    paint, seen = subject.painter(resampler), subject.samples_for(camera)
+    given: dict[str, Any] = {"height": size[0], "width": size[1], "clip": subject.cuts(camera)}
+    frame = paint(seen, camera, threads=threads, progress=progress, **given)
     return subject.tone.developed(frame), subject, camera
 
 
@@ -396,12 +385,9 @@ def painted_with_bar(
     threads: int | None = None, clip: Doubles | None = None,
 ) -> Frame:  # fmt: skip
     """Paint a picture (height, width), with a progress bar on a terminal if it takes long."""
-    height, width = size
+    shape: dict[str, Any] = {"height": size[0], "width": size[1]}
     with progress_bar("painting") as progress:
-        return resampler(
-            *(seen, camera), height=height, width=width, threads=threads, progress=progress,
-            clip=clip,
-        )  # fmt: skip
+        return resampler(seen, camera, **shape, threads=threads, progress=progress, clip=clip)
 
 
 Painter = Callable[[AnyCamera], Frame]

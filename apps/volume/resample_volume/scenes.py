@@ -116,18 +116,13 @@ class Scene(AnyScene):
         """
         height, width = shape_of(size)
         with self._rendering(quality, cancel) as is_preview, memoizing(self._found):
-            subject, eye, paint = self._prepared(
-                look, camera, size, resampler, fit, is_preview=is_preview
-            )
+            words = (look, camera, size, resampler, fit)
+            subject, eye, paint = self._prepared(*words, is_preview=is_preview)
             per = PER if is_preview else 1
-            frame = paint(
-                subject.samples_for(eye),
-                Shrunk(eye, per) if is_preview else eye,
-                height=-(-height // per),
-                width=-(-width // per),
-                progress=progress,
-                clip=subject.cuts(eye),
-            )
+            seen, cuts = subject.samples_for(eye), subject.cuts(eye)
+            shape: dict[str, Any] = {"height": -(-height // per), "width": -(-width // per)}
+            view = Shrunk(eye, per) if is_preview else eye
+            frame = paint(seen, view, **shape, progress=progress, clip=cuts)
             frame = subject.tone.developed(frame)
         if is_preview:
             frame = enlarged_frame(frame, per, (height, width))
@@ -295,10 +290,8 @@ class Scene(AnyScene):
         )
         slab = None if look.section is None or look.section.normal else look.slab
         pictures = tuple(settled_plane(plane, volume) for plane in look.planes)
-        return coarse, replace(
-            look, transfer=transfer, labels=labels, crop=None, clip=cuts, slab=slab,
-            planes=pictures,
-        )  # fmt: skip
+        look = replace(look, transfer=transfer, labels=labels, planes=pictures)
+        return coarse, replace(look, crop=None, clip=cuts, slab=slab)
 
 
 def merged(volume: Volume, per: int) -> Volume:

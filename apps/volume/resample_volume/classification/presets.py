@@ -173,15 +173,9 @@ def _signed(known: Survey) -> TransferFunction:
     typical = size[order][np.searchsorted(total, total[-1] / 2)]
     start = limit * float(np.clip(NOISE * typical / 0.6745 / limit, LEAST_START, MOST_START))
     soon = start + RAMP[1][0] * (limit - start)
+    below = [(-limit, COLD, RAMP[2][2]), (-soon, COOL, RAMP[1][2]), (-start, COOL, 0.0)]
     return from_points(
-        [
-            (-limit, COLD, RAMP[2][2]),
-            (-soon, COOL, RAMP[1][2]),
-            (-start, COOL, 0.0),
-            (start, WARM, 0.0),
-            (soon, WARM, RAMP[1][2]),
-            (limit, HOT, RAMP[2][2]),
-        ]
+        [*below, (start, WARM, 0.0), (soon, WARM, RAMP[1][2]), (limit, HOT, RAMP[2][2])]
     )
 
 

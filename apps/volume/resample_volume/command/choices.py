@@ -365,9 +365,7 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def scene_objects(
-        self, look: AppearanceChoices, resampler: "Resampler"
-    ) -> dict[str, tuple[Any, ...]]:
+    def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> dict[str, Any]:
         """Read planes, surfaces and meshes for a renderer that shows them: fields of a look."""
         from resample_volume.appearance import Classification, check_together
 

@@ -336,9 +336,7 @@ def beside(
     return found
 
 
-def with_objects(
-    shown: list[VolumeLayer], objects: Mapping[str, tuple[Any, ...]]
-) -> list[VolumeLayer]:
+def with_objects(shown: list[VolumeLayer], objects: Mapping[str, Any]) -> list[VolumeLayer]:
     """Add meshes, planes and surfaces to the look of the first volume."""
     (volume, look), *others = shown
     return [(volume, replace(look, **objects)), *others]

@@ -49,16 +49,12 @@ def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStat
     codes = [part.codes for part, _ in found if part.codes is not None]
     every = [found[0][1][0], found[-1][1][1]]  # below and above; then those around
     every += [np.concatenate([sides[n] for _, sides in found]) for n in range(2, 6)]
-    return BrickStats(
-        least,
-        greatest,
-        sum(part.infinite for part, _ in found),
-        sum(part.missing for part, _ in found),
-        some,
-        np.concatenate([side.ravel() for side in every]),
-        _outliers(bricks, (least, greatest), some, context),
-        np.sum(codes, axis=0) if codes else None,
-    )
+    infinite = sum(part.infinite for part, _ in found)
+    missing = sum(part.missing for part, _ in found)
+    border = np.concatenate([side.ravel() for side in every])
+    beyond = _outliers(bricks, (least, greatest), some, context)
+    total = np.sum(codes, axis=0) if codes else None
+    return BrickStats(least, greatest, infinite, missing, some, border, beyond, total)
 
 
 def _scan_layers(

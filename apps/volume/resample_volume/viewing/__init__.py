@@ -8,11 +8,10 @@ from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample.view.widgets import Viewer
-    from resample_volume.viewing.painter import VolumePainter
-    from resample_volume.viewing.volumes import picture, volume_view
+    from resample_volume.viewing.volumes import VolumePainter, picture, volume_view
 
 __all__ = ["VolumePainter", "picture", "suits", "view", "volume_view"]
-HOMES = {"VolumePainter": "painter", "picture": "volumes", "volume_view": "volumes"}
+HOMES = dict.fromkeys(("VolumePainter", "picture", "volume_view"), "volumes")
 __getattr__ = attributes(__name__, HOMES)
 
 

@@ -233,9 +233,7 @@ def numbered(known: Flags, numbers: Callable[[slice], Flags], values: NDArray[np
 
 
 SKIPPED = 2  # slices next to a voxel that do not shadow it, so that surfaces are fully lit
-FINEST = (
-    320  # cells along the longest side of the grid of light; of larger volumes, voxels share cells
-)
+FINEST = 320  # cells along the longest side of the grid of light; in larger ones, voxels share them
 COARSE = 128  # the same for ambient light, which varies slowly
 AROUND = 32  # directions of ambient light
 REACH = 0.12  # of the visible diagonal: matter farther away occludes no ambient light

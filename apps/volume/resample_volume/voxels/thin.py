@@ -245,12 +245,8 @@ def _spline_at(slices: _Slices, at: float) -> Plane:
     first = int(np.floor(at))
     t = at - first
     u = 1.0 - t
-    weight = (
-        u**3 / 6,
-        (3 * t**3 - 6 * t * t + 4) / 6,
-        (3 * u**3 - 6 * u * u + 4) / 6,
-        t**3 / 6,
-    )
+    inner = (3 * t**3 - 6 * t * t + 4) / 6, (3 * u**3 - 6 * u * u + 4) / 6
+    weight = (u**3 / 6, *inner, t**3 / 6)
     planes = (slices.coefficient[_mirrored(first + n, slices)] for n in range(-1, 3))
     found = np.asarray(sum(np.float32(w) * p for w, p in zip(weight, planes, strict=True)))
     if not slices.is_within:
