@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -315,7 +315,7 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
     """Return the picture with annotations; camera and volume share a scene."""
     view, corner = camera.view(), corners(volume)
     height, width = frame.depth.shape
-    size = type_size(height, width)
+    size = max(9, round(0.035 * min(height, width)))  # of letters, px
     lines, arms = [], []
     if given.box:  # its edges: corners whose numbers differ in one bit
         pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
@@ -359,7 +359,7 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
                 seen = frame.depth[np.isfinite(frame.depth)]
                 depth = float(np.median(seen)) if seen.size else math.inf
             per_unit /= depth
-        _put_bar(rgba, per_unit, volume, given)
+        _put_bar(rgba, per_unit, size, volume, given)
     return drawn._replace(rgba=rgba)
 
 
@@ -369,10 +369,9 @@ def round_length(most: float) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
 
 
-def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) -> None:
+def _put_bar(rgba: Floats, per_unit: float, size: int, volume: Volume, given: Annotations) -> None:
     """Draw a scale bar in the lower right corner, with its length above."""
     height, width = rgba.shape[:2]
-    size = type_size(height, width)
     if not per_unit > 0:
         return
     length = round_length(BAR * width / per_unit)
@@ -401,11 +400,6 @@ def letters(text: str, size: int) -> Floats:
     font.set_text(text, 0.0)
     font.draw_glyphs_to_bitmap(antialiased=True)
     return np.asarray(font.get_image(), np.float32) / np.float32(255)
-
-
-def type_size(height: int, width: int) -> int:
-    """Return the font size for a picture, px."""
-    return max(9, round(0.035 * min(height, width)))
 
 
 def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool = False) -> None:
@@ -480,7 +474,7 @@ def color_bar(
     `steep` is the slope of a full surface (`voxels.visible.steepness`); 1 shows fractions.
     """
     bars.check_height(height)
-    by, form = scale_named(scale), "plane" if transfer.needs_gradient else "curve"
+    by, form = scale_named(scale), cast("bars.Form", ("curve", "plane")[transfer.needs_gradient])
     page = bars.BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
     ink = bars.ink_on(background)
     axes = bars.blank(page, background)

@@ -280,11 +280,6 @@ class Appearance:
         chosen = ((name, getattr(self, field)) for name, field in EXTRAS.items())
         return [name for name, choice in chosen if choice not in (None, (), False)]
 
-    @property
-    def has_objects(self) -> bool:
-        """Whether rays meet objects besides the volume."""
-        return bool(self.meshes or self.planes or self.surfaces)
-
 
 def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
     """Return objects of a kind; one is given as such, or in a list; some may be texts for it."""
@@ -411,7 +406,9 @@ def decided(
         if is_of_field and len(media) == 1:  # can rays show what the look asks for?
             is_of_field = look.gradient == GRADIENT and (look.labels is None or look.labels.are_few)
             is_of_field = is_of_field and max(map(abs, finite_range(volume.values))) < LARGEST
-        is_of_field = is_of_field or any(look.has_objects for _, look in media)
+        is_of_field = is_of_field or any(
+            look.meshes or look.planes or look.surfaces for _, look in media
+        )
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

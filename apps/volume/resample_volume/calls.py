@@ -135,7 +135,11 @@ def render(
             pairs = list(volume)
     if not options:
         looks = [Appearance(look) if isinstance(look, str) else look for _, look in pairs]
-        media = [_layer(as_volume(one), look) for (one, _), look in zip(pairs, looks, strict=True)]
+        volumes = [as_volume(one) for one, _ in pairs]
+        media = [
+            (without_padding(one, survey(one)), own)
+            for one, own in zip(volumes, looks, strict=True)
+        ]
         paint = resampler or resampler_for(media[0][1])
         wanted = "a Resampler, or None for the one that suits the look"
         check_kind("resampler", paint, Resampler, wanted)
@@ -159,11 +163,10 @@ def render(
             scene = opened(source, str(one))
         else:
             scene = scaled(changed(source, as_volume(one)), source.scale)
-        if isinstance(each, Appearance):
-            media.append(_layer(scene, each))
-            continue
-        named = look if each == "auto" else look.model_copy(update={"transfer": each})
-        media.append(_layer(scene, named.appearance(scene, paint)))
+        if isinstance(each, str):
+            named = look if each == "auto" else look.model_copy(update={"transfer": each})
+            each = named.appearance(scene, paint)  # noqa: PLW2901
+        media.append((without_padding(scene, survey(scene)), each))
     media = with_objects(media, beside.scene_objects(look, paint))
     if isinstance(view, Orbit) and look.model_fields_set & {"fov", "up"}:
         view = replace(view, fov=look.fov, up=look.up)
@@ -222,11 +225,6 @@ def animate(
             name = str(Path(folder) / "volume.nrrd")
             write_volume(Path(name), as_volume(volume, "volume"))
         run("volume", "animate", name, output=Path(output), **_spelled(given))
-
-
-def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:
-    """Return a volume without its padding, and its look."""
-    return without_padding(volume, survey(volume)), look
 
 
 def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from resample.files.saving import screen_levels
 from resample.lazy import installed_version
 from resample.measuring.color_bars import with_color_bar
 from resample.memory import available_memory, bytes_of
+from resample.painting.choices import Projection
 from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, told
 from resample.resampler import Resampler
@@ -292,7 +293,9 @@ def _read(
     """Return the times, streamed or as one array, and how streamed times are read."""
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if chunked(times) is not None and not (is_alone and inputs.can_stream(resampler)):
+    if chunked(times) is not None and not (
+        is_alone and resampler.projection is Projection.COMPOSITE
+    ):
         times = inputs.read_as_whole(times, script.source)
     if chunked(times) is not None:
         count, *_, deep, down, across = times.values.shape

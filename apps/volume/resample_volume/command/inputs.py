@@ -292,11 +292,6 @@ def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Ot
     return [(name, own.model_copy(update=memory), look) for name, own, look in map(_other, texts)]
 
 
-def can_stream(resampler: Resampler) -> bool:
-    """Return whether a look needs no array of a volume's values."""
-    return resampler.projection is Projection.COMPOSITE
-
-
 def media(
     source: ReadOptions, name: str, look: AppearanceChoices, added: Added, resampler: Resampler, *,
     recording: Recording | None = None, start_workers: "StartWorkers | None" = None,
@@ -307,7 +302,7 @@ def media(
         first = _channels(source, name, look, added.channels, resampler)
         return first + beside(further, look, resampler)
     if recording is None:
-        is_streamed = can_stream(resampler)
+        is_streamed = resampler.projection is Projection.COMPOSITE
         try:
             volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
         except recordings.SeveralChannelsError:
@@ -330,7 +325,7 @@ def beside(
     """Read the further volumes with their looks."""
     found = []
     for name, source, own in further:
-        volume = prepared(source, name, streamed=can_stream(resampler))
+        volume = prepared(source, name, streamed=resampler.projection is Projection.COMPOSITE)
         alone = _alone(look, own.get("transfer", "auto"), own.get("window"))
         found.append((volume, alone.appearance(volume, resampler)))
     return found
@@ -388,7 +383,7 @@ def _channels(
         )
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
-    recording = held(source, name, streamed=can_stream(resampler))
+    recording = held(source, name, streamed=resampler.projection is Projection.COMPOSITE)
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]

@@ -48,8 +48,7 @@ from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
     lattice_of,
-    steep_between,
-    steep_rank,
+    steep_of,
     steepness,
     unit_of,
 )
@@ -371,10 +370,9 @@ def _steepness_of(
             total += counts_by_digit(length.astype(np.float32).view(np.uint32), prefix, digit)
         return total
 
-    first, share = steep_rank(count)
-    bits = ranked([first, min(first + 1, count - 1)], counts, 2)
-    low, high = np.array(bits, np.uint32).view(np.float32).tolist()
-    return steep_between(low, high, share)
+    return steep_of(
+        count, lambda at: np.array(ranked(at, counts, 2), np.uint32).view(np.float32).tolist()
+    )
 
 
 def _visible_places(

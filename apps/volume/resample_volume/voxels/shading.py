@@ -344,7 +344,7 @@ def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
     index = np.rint((voxels.position - voxels.position[0]) @ to_index.T).astype(np.int64)[:, ::-1]
     index = index - index.min(axis=0)
     size = index.max(axis=0) + 1
-    per = _per_cell(size)
+    per = math.ceil(max(size) / FINEST)  # voxels along the sides of a cell
     grid = _grid_of(size, per)
     depth, densest = voxels.extinction.astype(np.float64), float(voxels.extinction.max())
     if per > 1 and densest > 0:
@@ -376,11 +376,11 @@ def field_transmittance(
     `clip` (M, 4) cut away takes no light.
     """
     size, lattice = np.array(scene.values.shape), lattice_of(scene)
-    per = _per_cell(size)
+    per = math.ceil(max(size) / FINEST)
     total, pers = np.zeros(_grid_of(size, per), np.float32), []
     for volume, extinctions in parts:
         coarser = per * np.cbrt(abs(np.linalg.det(lattice) / np.linalg.det(lattice_of(volume))))
-        pers.append(max(_per_cell(volume.values.shape), round(coarser)))
+        pers.append(max(math.ceil(max(volume.values.shape) / FINEST), round(coarser)))
         # Mean optical depths of cells, outside of what planes cut away
         thick, first = np.zeros(_grid_of(np.array(volume.values.shape), pers[-1]), np.float32), 0
         for part in extinctions:
@@ -422,11 +422,6 @@ def _moved(
             values.astype(np.float32), matrix[::-1, ::-1], start[::-1], grid, order=1, mode=mode
         )
     )
-
-
-def _per_cell(size: NDArray[np.int64] | tuple[int, ...]) -> int:
-    """Return the samples per side of a cell of light, for a volume's size."""
-    return math.ceil(max(size) / FINEST)
 
 
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:

@@ -1,5 +1,6 @@
 """Classify voxels: apply the transfer function, leave transparent voxels out."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -106,21 +107,15 @@ def steepness(length: Floats | None) -> float:
     """Return the gradient length of a full surface, of lengths (N,); 0 without any."""
     if length is None or not length.size:
         return 0.0
-    first, share = steep_rank(length.size)
-    last = min(first + 1, length.size - 1)
-    ordered = np.partition(length, [first, last])
-    return steep_between(float(ordered[first]), float(ordered[last]), share)
+    return steep_of(length.size, lambda ranks: np.partition(length, ranks)[ranks].tolist())
 
 
-def steep_rank(count: int) -> tuple[int, float]:
-    """Return the rank of a full surface among ascending lengths, and the fraction to the next."""
+def steep_of(count: int, lengths_at: Callable[[list[int]], list[float]]) -> float:
+    """Return the length of a full surface, interpolated between two ranks of ascending lengths."""
     place = (count - 1) * STEEP / 100
-    return int(place), place - int(place)
-
-
-def steep_between(low: float, high: float, share: float) -> float:
-    """Interpolate the length of a full surface between two."""
-    return low if low == high else low + share * (high - low)
+    first = int(place)
+    low, high = lengths_at([first, min(first + 1, count - 1)])
+    return low if low == high else low + (place - first) * (high - low)
 
 
 def unit_of(transfer: Transfer, volume: Volume) -> float:
