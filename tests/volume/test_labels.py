@@ -102,7 +102,7 @@ def test_rules_are_read() -> None:
 @pytest.mark.parametrize(
     ("rule", "match"),
     [
-        ("liver:hidden", "rule 'liver:hidden': 'liver' is no label; give label:color=tomato"),
+        ("liver:hidden", "rule 'liver:hidden': 'liver' is not a label; give label:color=tomato"),
         ("1", "rule '1': it changes nothing; give label:color"),
         ("1:", "it changes nothing"),
         ("1:colour=red", "'colour=red' is unknown; give label:color"),

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -276,14 +276,10 @@ def annotate(
     ----------
     frame
         From `render`; not changed.
-    camera
-        As passed to `render`.
-    volume
-        The rendered volume.
+    camera, volume, appearance
+        As passed to `render`; an orbiting camera depends on the appearance.
     shown
         Which annotations to draw; hidden lines are removed.
-    appearance
-        As passed to `render`; an orbiting camera depends on it.
 
     Raises
     ------
@@ -474,7 +470,8 @@ def color_bar(
     `steep` is the slope of a full surface (`voxels.visible.steepness`); 1 shows fractions.
     """
     bars.check_height(height)
-    by, form = scale_named(scale), cast("bars.Form", ("curve", "plane")[transfer.needs_gradient])
+    by = scale_named(scale)
+    form: bars.Form = "plane" if transfer.needs_gradient else "curve"
     page = bars.BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
     ink = bars.ink_on(background)
     axes = bars.blank(page, background)

@@ -233,39 +233,27 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         middle = corner.mean(axis=0)
         after = np.roll(corner, -1, axis=0)
         patches = [np.array([middle, middle, *pair]) for pair in zip(corner, after, strict=True)]
-    area = sum(math.prod(_lengths(patch)) for patch in patches)
-    per = min(FINEST, math.sqrt(MOST / max(area, 1e-9)))  # vertices per voxel
-    steps = np.maximum(1, np.ceil(per * np.array(list(map(_lengths, patches))) - 1e-6))
+    # Measure the patches, whose corners are first, right, down and both, down and to the right
+    lengths = []
+    for first, right, down, both in patches:
+        sides = (down - first, both - right, right - first, both - down)
+        near, far, top, bottom = (float(np.linalg.norm(side)) for side in sides)
+        lengths.append((max(near, far), max(top, bottom)))
+    per = min(FINEST, math.sqrt(MOST / max(sum(map(math.prod, lengths)), 1e-9)))  # per voxel
+    steps = np.maximum(1, np.ceil(per * np.array(lengths) - 1e-6)).astype(int)
     deepest = int(steps[:, 0].max())
     places, faces, start = [], [], 0
-    for patch, (_, across) in zip(patches, steps.astype(int).tolist(), strict=True):
-        place, face = _patch(patch, (deepest, across))
-        places.append(place)
-        faces.append(face + start)
-        start += len(place)
+    for (first, right, down, both), across in zip(patches, steps[:, 1].tolist(), strict=True):
+        v = np.linspace(0, 1, deepest + 1)[:, np.newaxis, np.newaxis]
+        u = np.linspace(0, 1, across + 1)[np.newaxis, :, np.newaxis]
+        place = (1 - v) * ((1 - u) * first + u * right) + v * ((1 - u) * down + u * both)
+        number = start + np.arange(place.size // 3).reshape(deepest + 1, across + 1)
+        a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
+        c, d = number[1:, :-1].ravel(), number[1:, 1:].ravel()
+        places.append(place.reshape(-1, 3))
+        faces += [np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]
+        start += number.size
     return np.concatenate(places), np.concatenate(faces)
-
-
-def _lengths(patch: Doubles) -> tuple[float, float]:
-    """Return its greatest lengths down and right, voxels."""
-    first, right, down, both = patch
-    deep = max(np.linalg.norm(down - first), np.linalg.norm(both - right))
-    wide = max(np.linalg.norm(right - first), np.linalg.norm(both - down))
-    return float(deep), float(wide)
-
-
-def _patch(patch: Doubles, steps: tuple[int, int]) -> tuple[Doubles, NDArray[np.int64]]:
-    """Return vertices and triangles between four corners: first, right, down and both."""
-    down, right = (np.linspace(0, 1, count + 1) for count in steps)
-    v, u = (part[..., np.newaxis] for part in np.meshgrid(down, right, indexing="ij"))
-    place = (1 - v) * ((1 - u) * patch[0] + u * patch[1]) + v * ((1 - u) * patch[2] + u * patch[3])
-    number = np.arange(v.size).reshape(steps[0] + 1, steps[1] + 1)
-    a, b, c, d = (
-        part.ravel()
-        for part in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:])
-    )
-    face = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
-    return place.reshape(-1, 3), face
 
 
 def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneMesh:

@@ -373,8 +373,8 @@ def warn_of_nothing(subject: Subject, media: Sequence[VolumeLayer], projection: 
         return
     elif subject.is_empty:
         warn(
-            f"nothing of {volume.name} is visible; its values are {least:g} to {greatest:g}, of "
-            "which the transfer function, a crop or a cut shows none"
+            f"nothing of {volume.name} is visible: the transfer function, a crop or a cut hides "
+            f"all of its values, {least:g} to {greatest:g}"
         )
     elif least == greatest and look.transfer == "auto" and volume.values.size > 1:
         warn(f"all values of {volume.name} are {least:g}: nothing can be told apart")

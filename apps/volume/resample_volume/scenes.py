@@ -91,12 +91,8 @@ class Scene(AnyScene):
         look
             Look of the voxels, or the name of a transfer function; or layers (volume, look) that
             are shown together, this volume first.
-        camera
+        camera, size, resampler, progress
             As of `render`.
-        size
-            Width and height, px.
-        resampler
-            Renderer; None: the one that suits the look.
         quality
             `preview` merges 2 × 2 × 2 voxels (4 × 4 × 4 of large volumes) and 2 × 2 pixels, and
             keeps opacity per length. Its statistics have `is_preview` set.
@@ -104,8 +100,6 @@ class Scene(AnyScene):
             What an orbiting camera looks at: the whole volume, or its visible part.
         cancel
             Cancels the picture from another thread.
-        progress
-            Called with the fraction of the work done, 0 to 1.
 
         Raises
         ------

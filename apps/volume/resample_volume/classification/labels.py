@@ -106,7 +106,7 @@ def _rule(text: str) -> tuple[int, Rule]:
     try:
         label = int(name)
     except ValueError:
-        raise ValueError(f"{name!r} is no label; {FORM}") from None
+        raise ValueError(f"{name!r} is not a label; {FORM}") from None
     if not changes.strip():
         raise ValueError(f"it changes nothing; {FORM}")
     color, opacity = None, 1.0

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -33,48 +34,45 @@ def described(default: Any, text: str, **limits: Any) -> Any:
     return Field(default, description=text, **limits)
 
 
+optional, off, several = (partial(described, default) for default in (None, False, ()))
+
+
 class ReadOptions(Choices):
     """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
     about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    reader: str | None = described(
-        None, "Name of the reader, such as raw:offset=512. [default: the one for the file's suffix]"
+    reader: str | None = optional(
+        "Name of the reader, such as raw:offset=512. [default: the one for the file's suffix]"
     )
-    shape: str | None = described(
-        None,
+    shape: str | None = optional(
         "Size of a raw file's grid along x, y, z, and number of times: "
-        "256x256x128. [default: from the header or the file's name]",
+        "256x256x128. [default: from the header or the file's name]"
     )
-    dtype: str | None = described(
-        None,
+    dtype: str | None = optional(
         "Data type of a raw file: uint8, int16, >i2 (big-endian) ... "
-        "[default: from the header or the file's name]",
+        "[default: from the header or the file's name]"
     )
-    endian: Literal["little", "big"] | None = described(
-        None, "Byte order of a raw file. [default: little]"
+    endian: Literal["little", "big"] | None = optional(
+        "Byte order of a raw file. [default: little]"
     )
-    spacing: Annotated[str | None, flags.Hyphen] = described(
-        None,
+    spacing: Annotated[str | None, flags.Hyphen] = optional(
         "Distances between voxels along x, y and z, such as 1,1,1.4 or "
-        "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]",
+        "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]"
     )
-    memory: Annotated[str | None, flags.OptionTopic.RESOURCE] = described(
-        None,
+    memory: Annotated[str | None, flags.OptionTopic.RESOURCE] = optional(
         f"{flags.MEMORY}. [default: all free memory; half of it for the voxels of a chunked volume "
-        "(OME-Zarr, zarr)]",
+        "(OME-Zarr, zarr)]"
     )
-    level: int | None = described(
-        None,
+    level: int | None = optional(
         "Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
         "levels info lists. [default: 0]",
         ge=0,
     )
-    units: Literal["hu", "hu+1024", "none"] | None = described(
-        None,
+    units: Literal["hu", "hu+1024", "none"] | None = optional(
         "Units of the values: Hounsfield units, these plus 1024, or others. "
-        "[default: those in the file, or guessed from the values]",
+        "[default: those in the file, or guessed from the values]"
     )
 
     scale: str = described(
@@ -82,11 +80,11 @@ class ReadOptions(Choices):
         "Scale on which values are shown: linear, log, or symlog:linear=0.01, which is linear from "
         "-0.01 to 0.01. Transfer functions and windows stay in the values' own units.",
     )
-    time: Annotated[int | None, flags.Hyphen] = described(
-        None, "Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
+    time: Annotated[int | None, flags.Hyphen] = optional(
+        "Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
     )
-    channel: Annotated[int | None, flags.Hyphen] = described(
-        None, "Index of the channel, from 0. [default: all, if these are colors; otherwise 0]"
+    channel: Annotated[int | None, flags.Hyphen] = optional(
+        "Index of the channel, from 0. [default: all, if these are colors; otherwise 0]"
     )
 
 
@@ -96,16 +94,14 @@ class Added(Choices):
     heading: ClassVar[str] = "Further volumes"
     about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    also: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = described(
-        (),
+    also: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = several(
         "Another file in the scene, placed by its coordinates: pet.nrrd, or "
         "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, units, "
-        "spacing, window and, last, transfer. Where volumes overlap, extinctions add up.",
+        "spacing, window and, last, transfer. Where volumes overlap, extinctions add up."
     )
-    channels: Annotated[str | None, TRANSFER] = described(
-        None,
+    channels: Annotated[str | None, TRANSFER] = optional(
         "Appearance of each channel of the file: a color, a transfer function or "
-        "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2.",
+        "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
     )
 
 
@@ -124,14 +120,12 @@ class AppearanceChoices(Choices):
         ":opacity=0.2,low=0.3 makes it thinner, color=tomato colors it, gradient=0.1,0.5 keeps "
         "only its surfaces. Several materials: skin:opacity=0.1+bone.",
     )
-    window: Annotated[str | None, flags.Hyphen] = described(
-        None,
+    window: Annotated[str | None, flags.Hyphen] = optional(
         "Window of values that auto, gray, bone, vessels, surfaces and colormaps "
         "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
-        "integrals. [default: all values but padding and outliers]",
+        "integrals. [default: all values but padding and outliers]"
     )
-    opacity_unit: float | None = described(
-        None,
+    opacity_unit: float | None = optional(
         "Length in scene units to which opacities refer. [default: a voxel's size]",
         gt=0,
         allow_inf_nan=False,
@@ -159,17 +153,16 @@ class AppearanceChoices(Choices):
         gt=0,
         allow_inf_nan=False,
     )
-    shadows: Annotated[bool, Lit] = described(False, "Cast shadows; needs --light.")
-    ambient_occlusion: Annotated[bool, Lit] = described(
-        False, "Dim ambient light where the surroundings are dense."
+    shadows: Annotated[bool, Lit] = off("Cast shadows; needs --light.")
+    ambient_occlusion: Annotated[bool, Lit] = off(
+        "Dim ambient light where the surroundings are dense."
     )
     gradient: Literal["central", "sobel"] = described(
         "central", "How gradients, and so normals, are computed."
     )
-    gradient_opacity: str | None = described(
-        None,
+    gradient_opacity: str | None = optional(
         "Fade homogeneous regions: opacity rises between these fractions of the "
-        "steepest gradient, such as 0.1,0.5.",
+        "steepest gradient, such as 0.1,0.5."
     )
 
     classify: Literal["auto", "pre", "post"] = described(
@@ -177,36 +170,33 @@ class AppearanceChoices(Choices):
         "Pre: classify voxels, then interpolate colors. Post: interpolate values, then classify, "
         "which is sharper. Auto: post along rays; pre if a method is given.",
     )
-    labels: Annotated[str | None, flags.OptionTopic.SOURCE] = described(
-        None, "Volume of integers: the label of each voxel."
+    labels: Annotated[str | None, flags.OptionTopic.SOURCE] = optional(
+        "Volume of integers: the label of each voxel."
     )
-    label: Annotated[tuple[str, ...], flags.Several] = described(
-        (), "Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."
+    label: Annotated[tuple[str, ...], flags.Several] = several(
+        "Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."
     )
-    crop: Annotated[str | None, flags.Hyphen] = described(
-        None, "Crop to ranges along x, y, z: 64:192,:,10: in voxels."
+    crop: Annotated[str | None, flags.Hyphen] = optional(
+        "Crop to ranges along x, y, z: 64:192,:,10: in voxels."
     )
-    clip: Annotated[tuple[str, ...], flags.Several] = described(
-        (),
+    clip: Annotated[tuple[str, ...], flags.Several] = several(
         "Clip by a plane through the center, keep the side the normal points to: "
-        "1,0,-1, or 1,0,-1,20 shifted by 20 scene units.",
+        "1,0,-1, or 1,0,-1,20 shifted by 20 scene units."
     )
-    slab: Annotated[str | None, flags.Hyphen] = described(
-        None,
+    slab: Annotated[str | None, flags.Hyphen] = optional(
         "Show only a slab: offset,thickness such as 20,10, in scene units along "
-        "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction.",
+        "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction."
     )
-    mu_water: float | None = described(
-        None,
+    mu_water: float | None = optional(
         "Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
         gt=0,
         allow_inf_nan=False,
     )
-    invert: Annotated[bool, flags.Switch] = described(
-        False, "Invert projections of values, so that bones are black."
+    invert: Annotated[bool, flags.Switch] = off(
+        "Invert projections of values, so that bones are black."
     )
-    depth_cue: float | None = described(
-        None, "Fraction of the light lost at the far end. [default: 0]", ge=0, le=1
+    depth_cue: float | None = optional(
+        "Fraction of the light lost at the far end. [default: 0]", ge=0, le=1
     )
 
     def of_voxels(self) -> "AppearanceChoices":
@@ -323,33 +313,30 @@ class Beside(Choices):
     heading: ClassVar[str] = "Annotations and objects"
     about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    axes: Annotated[bool, flags.Switch] = described(
-        False, "Draw the scene's axes x, y and z at the volume's corner."
+    axes: Annotated[bool, flags.Switch] = off(
+        "Draw the scene's axes x, y and z at the volume's corner."
     )
-    box: Annotated[bool, flags.Switch] = described(
-        False, "Draw the edges of the volume's bounding box, with hidden lines removed."
+    box: Annotated[bool, flags.Switch] = off(
+        "Draw the edges of the volume's bounding box, with hidden lines removed."
     )
-    cube: Annotated[bool, flags.Switch] = described(
-        False, "Draw an orientation cube: R L A P S I for patients, otherwise +X -X and so on."
+    cube: Annotated[bool, flags.Switch] = off(
+        "Draw an orientation cube: R L A P S I for patients, otherwise +X -X and so on."
     )
-    scale_bar: Annotated[bool, flags.Switch] = described(
-        False, "Draw a scale bar of a round length; in perspective it holds at the volume's center."
+    scale_bar: Annotated[bool, flags.Switch] = off(
+        "Draw a scale bar of a round length; in perspective it holds at the volume's center."
     )
-    mesh: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = described(
-        (),
+    mesh: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = several(
         "Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, .glb). Needs the "
-        "order rays and composite or first-hit. Not clipped by --clip; --fit visible includes it.",
+        "order rays and composite or first-hit. Not clipped by --clip; --fit visible includes it."
     )
-    plane: Annotated[tuple[str, ...], flags.Several] = described(
-        (),
+    plane: Annotated[tuple[str, ...], flags.Several] = several(
         "Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
         "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
-        "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip.",
+        "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip."
     )
-    surface: Annotated[tuple[str, ...], flags.Several] = described(
-        (),
+    surface: Annotated[tuple[str, ...], flags.Several] = several(
         "Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
-        "needs, and the extra vtk; not clipped by --clip.",
+        "needs, and the extra vtk; not clipped by --clip."
     )
 
     @property
@@ -385,8 +372,8 @@ class Beside(Choices):
 class BesideFilm(Beside):
     """The same, plus a color bar."""
 
-    color_bar: Annotated[bool, flags.Switch] = described(
-        False, "Add a bar to the right: colors, opacities and values."
+    color_bar: Annotated[bool, flags.Switch] = off(
+        "Add a bar to the right: colors, opacities and values."
     )
 
     def check_bar(self, output: "Path", height: int) -> None:
@@ -400,14 +387,13 @@ class BesideFilm(Beside):
 class BesidePicture(BesideFilm):
     """The same, plus options of a single picture."""
 
-    zoom_in: Annotated[bool, flags.Switch] = described(
-        False,
+    zoom_in: Annotated[bool, flags.Switch] = off(
         "Zoom and pan so that everything visible fills the picture, and print "
         "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
-        "in space, what is visible fills most of it.",
+        "in space, what is visible fills most of it."
     )
-    deep: int | None = described(
-        None, "Write a deep .exr with this many slabs of depth instead of one layer.", ge=1, le=1024
+    deep: int | None = optional(
+        "Write a deep .exr with this many slabs of depth instead of one layer.", ge=1, le=1024
     )
 
     def fit(self, look: AppearanceChoices) -> "Fitted":
