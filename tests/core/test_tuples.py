@@ -13,7 +13,7 @@ from resample_texture.command.choices import BetweenProjections
 from resample_volume import Volume, load_transfer
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.command.inputs import _other
-from resample_volume.editing import spelled
+from resample_volume.classification.transfer import spelled
 from resample_volume.files.texts import sizes_of, three_numbers
 from resample_volume.image_planes import ImagePlane, Section
 from resample_volume.voxels.framing import planes

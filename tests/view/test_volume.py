@@ -26,7 +26,7 @@ from resample_volume.classification.transfer import spread
 from resample_volume.cli import app
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
-from resample_volume.editing import MOST, points_of, spelled
+from resample_volume.classification.transfer import MOST, points_of, spelled
 from resample_volume.viewing import VolumePainter, picture, suits, volume_view, volumes
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served

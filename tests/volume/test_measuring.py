@@ -6,7 +6,7 @@ import pytest
 from resample.view.views import Settings
 from resample_volume import measure
 from resample_volume.inputs import as_volume
-from resample_volume.picking import picked
+from resample_volume.scenes import picked
 from resample_volume.viewing import VolumePainter
 from resample_volume.voxels.visible import lattice_of
 

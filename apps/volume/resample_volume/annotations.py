@@ -30,9 +30,8 @@ from resample_volume.classification.transfer import (
 )
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.recordings import unit_of_space
-from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
-from resample_volume.types import Volume
+from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 
 if TYPE_CHECKING:

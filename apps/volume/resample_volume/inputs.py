@@ -125,34 +125,25 @@ def of_dataset(given: Any, part: Any, name: str) -> Volume:
     if not (given.IsA("vtkDataSet") or given.IsA("vtkCompositeDataSet")):
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")
     wanted = ArrayQuery(str(part), "", "")
-    if given.IsA("vtkImageData"):
-        values, is_of_cells = _values(given, wanted, name)
-        known = image_header(given, np.uint8, None, name, is_of_cells=is_of_cells)
-        return Volume(values, known.spacing, known.origin, known.direction, name)
-    if given.IsA("vtkRectilinearGrid"):
-        from vtkmodules.util.numpy_support import vtk_to_numpy
-
-        values, is_of_cells = _values(given, wanted, name)
-        axes = (given.GetXCoordinates(), given.GetYCoordinates(), given.GetZCoordinates())
-        x, y, z = (middles(vtk_to_numpy(axis), of_cells=is_of_cells) for axis in axes)
-        return rectilinear(values, x, y, z, name)
-    if absent := missing("readers", "vtu"):
-        raise ValueError(f"{name} is a grid of cells; {absent}")
-    return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
-
-
-def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[NDArray[Any], bool]:
-    """Return values (Z, Y, X) or (Z, Y, X, C) of an array, and whether they are of cells."""
+    if not (given.IsA("vtkImageData") or given.IsA("vtkRectilinearGrid")):
+        if absent := missing("readers", "vtu"):
+            raise ValueError(f"{name} is a grid of cells; {absent}")
+        return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    arrays = arrays_of(grid)
+    arrays = arrays_of(given)
     names = [named for named, _ in arrays]
-    chosen = choose(names, wanted, name)
-    points = points_along(grid)
+    chosen, points = choose(names, wanted, name), points_along(given)
     shape = cells_between(points) if chosen.is_of_cells else points
     check_shape(shape, name)
     values = vtk_to_numpy(arrays[names.index(chosen)][1])  # holds a reference to VTK's memory
-    return values.reshape(*shape[::-1], *values.shape[1:]), chosen.is_of_cells
+    values = values.reshape(*shape[::-1], *values.shape[1:])
+    if given.IsA("vtkImageData"):
+        known = image_header(given, np.uint8, None, name, is_of_cells=chosen.is_of_cells)
+        return Volume(values, known.spacing, known.origin, known.direction, name)
+    axes = (given.GetXCoordinates(), given.GetYCoordinates(), given.GetZCoordinates())
+    x, y, z = (middles(vtk_to_numpy(axis), of_cells=chosen.is_of_cells) for axis in axes)
+    return rectilinear(values, x, y, z, name)
 
 
 TAKEN = (

@@ -12,22 +12,25 @@ from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.outofcore.passes import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
+from resample.profiles.reconstruction import footprint_table
 from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
-from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick
-from resample.types import Frame
+from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick, lines_of
+from resample.types import Doubles, Frame, View
 from resample_volume import appearance as looks
 from resample_volume.appearance import Appearance, Tone, VolumeLayer, XRay
+from resample_volume.classification.scales import value_at
 from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.values import as_array, values_of
 from resample_volume.image_planes import settled as settled_plane
 from resample_volume.inputs import as_volume
-from resample_volume.picking import Picked, picked, voxels_at
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
-from resample_volume.types import Volume
+from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import centered, planes
-from resample_volume.voxels.visible import finite_range, unit_of
+from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.thin import SAME, of_samples, voxels_of
+from resample_volume.voxels.visible import Voxels, finite_range, lattice_of, unit_of
 
 KEPT = 4  # looks whose samples are cached
 MERGED = 2  # voxels per side that a preview merges
@@ -123,15 +126,9 @@ class Scene(AnyScene):
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
     def placed_view(
-        self,
-        look: Shown = "auto",
-        camera: Spelled = None,
-        *,
-        size: tuple[int, int] = (400, 400),
-        resampler: Resampler | None = None,
-        quality: Quality = "final",
-        fit: Fit = "volume",
-    ) -> tuple[AnyCamera, Volume]:
+        self, look: Shown = "auto", camera: Spelled = None, *, size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None, quality: Quality = "final", fit: Fit = "volume",
+    ) -> tuple[AnyCamera, Volume]:  # fmt: skip
         """Return the camera of a picture, and the volume as placed before it.
 
         Parameters
@@ -148,14 +145,9 @@ class Scene(AnyScene):
         return self._prepared(look, None, (1, 1), resampler, fit)[0].tone
 
     def sample_ids(
-        self,
-        look: Shown = "auto",
-        camera: Spelled = None,
-        *,
-        size: tuple[int, int] = (400, 400),
-        resampler: Resampler | None = None,
-        fit: Fit = "volume",
-    ) -> NDArray[np.int32]:
+        self, look: Shown = "auto", camera: Spelled = None, *, size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None, fit: Fit = "volume",
+    ) -> NDArray[np.int32]:  # fmt: skip
         """Return the voxels at which the opacity of pixels passes one half.
 
         Parameters
@@ -308,3 +300,136 @@ def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
     with np.errstate(invalid="ignore"):
         mean = total / known
     return np.asarray(np.rint(mean).astype(values.dtype) if values.dtype.kind in "iu" else mean)
+
+
+HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
+
+Indices = NDArray[np.int64]
+PICKED = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.MINIMUM, Projection.FIRST_HIT)
+
+
+def voxels_at(
+    subject: Subject, volume: Volume, camera: AnyCamera, resampler: Resampler, pixels: Doubles,
+    level: float = HALF,
+) -> tuple[Indices, Doubles]:  # fmt: skip
+    """Return flat indices (N,) of the voxels behind points, and their transmittance (N,).
+
+    `pixels`: (N, 2) right and down, px; centers are at halves. It is the voxel at which the
+    accumulated opacity exceeds the level; in a field, the one around the point where the ray
+    reaches the level, the surface, a more opaque plane, or its extreme; -1 if there is none.
+    """
+    from resample.engine.rays.coefficients import bundled
+    from resample_volume.kernels.voxels import (
+        PickedField,
+        SplattedVoxels,
+        pick_in_field,
+        pick_voxels,
+    )
+
+    voxels, projection, view = subject.voxels, resampler.projection, camera.view()
+    if projection not in PICKED or not isinstance(voxels, Voxels | Gathered):
+        raise ValueError(
+            f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
+            "maximum, minimum or first-hit, the last three along rays"
+        )
+    scene = subject.placed(volume)
+    reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
+    thin = voxels.thin if isinstance(voxels, Gathered) else SAME
+    samples = of_samples(scene, thin)
+    rays = _rays(view, samples, pixels, subject.cuts(camera), reach)
+    voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
+    if isinstance(voxels, Voxels):
+        lattice, (width, height, deep) = lattice_of(scene), scene.values.shape[::-1]
+        place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T
+        x, y, z = np.rint(place).astype(np.int64).T
+        thickness = np.zeros(scene.values.size, np.float32)
+        thickness[(z * height + y) * width + x] = voxels.extinction
+        toward, kernel = view.rotation[2], resampler.reconstruction
+        x_deeper, y_deeper, z_deeper = (toward @ lattice).tolist()
+        splatted = SplattedVoxels(
+            thickness,
+            (width, height, deep),
+            float(toward @ scene.origin + view.translation[2]),
+            (x_deeper, y_deeper, z_deeper),
+            footprint_table(kernel).values,
+            float(kernel.radius),
+        )
+        pick_voxels(splatted, rays, level, voxel, kept)
+    else:
+        depth, shown = _on_planes(subject, volume, view, pixels, level)
+        rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
+        coefficient: Any = bundled(voxels.spline.coefficient)
+        field = PickedField(
+            voxels.spline._replace(coefficient=coefficient),
+            voxels.known,
+            voxels.each,
+            *voxels.table,
+            np.ascontiguousarray(np.linalg.inv(voxels.lattice).T),
+            PICKED.index(projection),
+            float(resampler.iso or 0.0),
+        )
+        pick_in_field(field, rays, level, voxel, kept)
+        voxel = voxels_of(voxel, scene.values.shape, thin)
+        is_plane = (voxel < 0) & np.isfinite(depth)
+        voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
+    return voxel, kept
+
+
+def _on_planes(
+    subject: Subject, volume: Volume, view: View, pixels: Doubles, level: float
+) -> tuple[Doubles, Indices]:
+    """Return depths (N,) at which rays meet planes of values, or inf, and the voxels there."""
+    depth, voxel = np.full(len(pixels), np.inf), np.full(len(pixels), -1, np.int64)
+    eye, way = lines_of(view, pixels)
+    eye, to_lattice = eye + subject.middle, np.linalg.inv(lattice_of(volume)).T
+    shape = volume.values.shape
+    for plane in subject.appearance.planes:
+        if plane.opacity <= level:
+            continue
+        *numbers, distance = settled_plane(plane, volume).numbers
+        normal = np.array(numbers)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = (distance - eye @ normal) / (way @ normal)
+            place = (eye + at[:, np.newaxis] * way - volume.origin) @ to_lattice
+            is_nearer = (at >= view.near) & (at < np.minimum(depth, view.far))
+        near = np.flatnonzero(is_nearer & np.isfinite(place).all(axis=1))
+        x, y, z = np.floor(place[near] + 0.5).astype(np.int64).T
+        inside = (x >= 0) & (y >= 0) & (z >= 0) & (x < shape[2]) & (y < shape[1]) & (z < shape[0])
+        near, found = near[inside], (z[inside] * shape[1] + y[inside]) * shape[2] + x[inside]
+        is_known = np.isfinite(volume.values.reshape(-1)[found])
+        depth[near[is_known]], voxel[near[is_known]] = at[near[is_known]], found[is_known]
+    return depth, voxel
+
+
+def picked(volume: Volume, voxel: int) -> Picked:
+    """Return position and value of a voxel, by its flat index."""
+    place = np.unravel_index(voxel, volume.values.shape)
+    index = np.array(place[::-1], np.float64)
+    value = float(value_at(volume.values[place], volume.scale))
+    z, y, x = map(int, place)
+    return Picked((z, y, x), value, np.asarray(volume.origin + lattice_of(volume) @ index))
+
+
+def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> Any:
+    """Return the rays of pixels, clipped to a volume's box and to planes."""
+    from resample_volume.kernels.voxels import PickingRays
+
+    eye, direction = lines_of(view, pixels)
+    to_lattice = np.linalg.inv(lattice_of(scene)).T
+    origin, speed = (eye - scene.origin) @ to_lattice, direction @ to_lattice
+    first = np.full(len(pixels), view.near if view.perspective else -np.inf)
+    last = np.full(len(pixels), view.far)
+    size = np.array(scene.values.shape[::-1])
+    # Clip to depths where linear functions are positive, as they are inside
+    inside = [*(origin + reach).T, *(size - 1 + reach - origin).T]
+    inside += [eye @ plane[:3] + plane[3] for plane in clip]
+    growth = [*speed.T, *-speed.T, *(direction @ plane[:3] for plane in clip)]
+    for at, per in zip(inside, growth, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            where = -at / per
+        np.maximum(first, where, out=first, where=per > 0)
+        np.minimum(last, where, out=last, where=per < 0)
+        last[(per == 0) & (at < 0)] = -np.inf
+    length = np.linalg.norm(direction, axis=1)
+    arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
+    return PickingRays(*(np.ascontiguousarray(array, np.float64) for array in arrays))

@@ -46,12 +46,9 @@ def slice_planes(volume: Volume) -> tuple[SlicePlane, ...]:
 
 
 def slice_levels(
-    volume: Volume,
-    plane: SlicePlane,
-    at: int,
-    size: tuple[int, int],
+    volume: Volume, plane: SlicePlane, at: int, size: tuple[int, int],
     window: tuple[float, float] | None = None,
-) -> NDArray[np.uint8]:
+) -> NDArray[np.uint8]:  # fmt: skip
     """Return levels (h, w, 3 or 4) of slice `at`, fit into a size (width, height) in px."""
     import cv2
 

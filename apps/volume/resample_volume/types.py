@@ -90,3 +90,11 @@ class Recording(NamedTuple):
     thickness: float = 0.0
     length: str = ""
     looks: tuple[ChannelLook, ...] = ()  # of its channels, if the file has some
+
+
+class Picked(NamedTuple):
+    """A picked voxel."""
+
+    voxel: tuple[int, int, int]  # index into the values: z, y, x
+    value: float  # data units
+    position: Doubles  # (3,) scene units

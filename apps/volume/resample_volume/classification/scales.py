@@ -76,11 +76,10 @@ class LogScale:
 
         low, high = self.value(np.array(span)).tolist()
         found: dict[float, float] = {}
-        for mantissas in MANTISSAS:
-            # Positions of round values in the range.
-            least = low if self.linear is None else self.linear
-            largest = max(abs(low), abs(high))
-            powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)
+        ends = (low if self.linear is None else self.linear, max(abs(low), abs(high)))
+        first, last = (math.floor(math.log10(end)) for end in ends)
+        for mantissas in MANTISSAS:  # positions of round values in the range
+            powers = range(first, last + 1)
             above = [float(f"{m:g}e{power}") for power in powers for m in mantissas]
             every = above if self.linear is None else [*(-one for one in above), 0.0, *above]
             inside = [one for one in every if low <= one <= high]
@@ -151,9 +150,7 @@ def on_scale(transfer: Transfer, scale: str) -> Transfer:
         return transfer
     if isinstance(transfer, Materials):
         return replace(transfer, parts=tuple(on_scale(part, scale) for part in transfer.parts))
-    if isinstance(transfer, TransferFunction):
-        if transfer.value.size == 1:
-            return transfer
+    if isinstance(transfer, TransferFunction) and transfer.value.size > 1:
         places = [by.place(float(value), "the look's value") for value in transfer.value]
         return replace(transfer, value=np.array(places))
     if isinstance(transfer, Faded):

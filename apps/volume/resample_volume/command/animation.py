@@ -337,11 +337,9 @@ def _frame_over(
 
 
 def _scene_for(
-    script: Script,
-    size: Size,
-    recording: Recording | None = None,
+    script: Script, size: Size, recording: Recording | None = None,
     start_workers: StartWorkers | None = None,
-) -> tuple[list[VolumeLayer], Subject]:
+) -> tuple[list[VolumeLayer], Subject]:  # fmt: skip
     """Read the volumes of a script, and prepare their scene for frames (height, width)."""
     look = script.appearance
     resampler = look.renderer(script.resampling, script.source.scale)

@@ -230,11 +230,9 @@ def report(session: Session, frame: Frame, subject: Subject) -> dict[str, Any]:
 
 
 def check_memory(
-    media: Sequence[VolumeLayer],
-    size: tuple[int, int],
-    subject: Subject | None = None,
+    media: Sequence[VolumeLayer], size: tuple[int, int], subject: Subject | None = None,
     fit: Fit = "visible",
-) -> None:
+) -> None:  # fmt: skip
     """Reject a picture that does not fit in memory, and log (DEBUG) what it needs."""
     volumes = [volume for volume, _ in media]
     if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):

@@ -90,14 +90,9 @@ def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: floa
 
 @kernel
 def _meet(
-    splatted: SplattedVoxels,
-    rays: PickingRays,
-    n: int,
-    axis: int,
-    k: int,
-    waiting: Waiting,
+    splatted: SplattedVoxels, rays: PickingRays, n: int, axis: int, k: int, waiting: Waiting,
     count: int,
-) -> int:
+) -> int:  # fmt: skip
     """Queue the voxels of slice k across an axis whose kernels ray n meets."""
     origin, direction, size = _vector(rays.origin, n), _vector(rays.direction, n), splatted.size
     one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -185,13 +180,9 @@ def _pick_voxel(
 
 @parallel_kernel
 def pick_voxels(
-    counter: Counter,
-    splatted: SplattedVoxels,
-    rays: PickingRays,
-    level: float,
-    voxel: Indices,
+    counter: Counter, splatted: SplattedVoxels, rays: PickingRays, level: float, voxel: Indices,
     kept: Doubles,
-) -> None:
+) -> None:  # fmt: skip
     """Find voxels (N,) where absorbed light exceeds a level, and transmittances."""
     waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
@@ -268,13 +259,9 @@ def _in_field(looked: PickedField, rays: PickingRays, n: int, level: float) -> F
 
 @parallel_kernel
 def pick_in_field(
-    counter: Counter,
-    looked: PickedField,
-    rays: PickingRays,
-    level: float,
-    voxel: Indices,
+    counter: Counter, looked: PickedField, rays: PickingRays, level: float, voxel: Indices,
     kept: Doubles,
-) -> None:
+) -> None:  # fmt: skip
     """Return `pick_voxels` for a field: voxels around which it is found."""
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):

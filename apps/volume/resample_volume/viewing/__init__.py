@@ -1,6 +1,7 @@
 """Volumes for `resample-volume view`: pages, notebook widgets and pictures."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,15 +69,11 @@ def suits(names: Sequence[str]) -> bool:
     from resample_volume.files.generated import GENERATED
     from resample_volume.files.source import find_reader
 
-    if len(names) != 1:
-        return False
-    (name,) = names
-    if is_address(name):
+    if len(names) != 1 or is_address(names[0]):
+        return len(names) == 1
+    if not Path(names[0]).exists():
+        return names[0].partition(":")[0] in GENERATED
+    with suppress(ValueError, OSError):
+        find_reader(Path(names[0]))
         return True
-    if not Path(name).exists():
-        return name.partition(":")[0] in GENERATED
-    try:
-        find_reader(Path(name))
-    except (ValueError, OSError):
-        return False
-    return True
+    return False

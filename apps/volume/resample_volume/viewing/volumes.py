@@ -31,7 +31,7 @@ from resample_volume.appearance import Appearance, VolumeLayer, named_transfer, 
 from resample_volume.calls import render
 from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named, value_at
-from resample_volume.classification.transfer import Transfer
+from resample_volume.classification.transfer import Transfer, points_of, spelled
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.animation import (
     FrameOptions,
@@ -44,12 +44,10 @@ from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm
 from resample_volume.command.inputs import media, of_first_channel, prepared
 from resample_volume.data.recordings import SeveralChannelsError, unit_of_space
 from resample_volume.data.values import as_array
-from resample_volume.editing import points_of, spelled
-from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.slicing import profile, slice_levels, slice_planes
-from resample_volume.types import Volume
+from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of, unit_of
 
@@ -309,11 +307,9 @@ KINDS: Sequence[views.Settings] = (  # with kernels of their own
 
 
 def volume_view(
-    name: str,
-    source: ReadOptions | None = None,
-    begin: Sequence[Any] = (),
+    name: str, source: ReadOptions | None = None, begin: Sequence[Any] = (),
     added: Added | None = None,
-) -> FileView:
+) -> FileView:  # fmt: skip
     """Return what pages show of a volume and of those added to it, with first options."""
     first, source = painter_of(name, source or ReadOptions(), begin, added or Added())
     volume, is_own = first.volume, first.first is None

@@ -341,11 +341,9 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
 
 
 def _steepness_of(
-    volume: Volume,
-    visible_of: Callable[[NDArray[Any]], NDArray[np.int64]],
-    gradient: str,
+    volume: Volume, visible_of: Callable[[NDArray[Any]], NDArray[np.int64]], gradient: str,
     count: int,
-) -> float:
+) -> float:  # fmt: skip
     """Return `steepness` of visible voxels; of values in a file not all gradients are held."""
 
     def parts() -> Iterator[NDArray[np.int64]]:
@@ -376,11 +374,8 @@ def _steepness_of(
 
 
 def _visible_places(
-    transfer: Transfer,
-    data_range: tuple[float, float],
-    resampler: Resampler,
-    value: NDArray[Any],
-) -> NDArray[np.int64]:
+    transfer: Transfer, data_range: tuple[float, float], resampler: Resampler, value: NDArray[Any],
+) -> NDArray[np.int64]:  # fmt: skip
     """Return which of values (N,) are visible."""
     if resampler.iso is not None:
         return np.flatnonzero(value >= resampler.iso)
