@@ -18,7 +18,7 @@ from resample_volume.classification.transfer import (
     tabulated,
 )
 from resample_volume.types import Volume
-from resample_volume.voxels.visible import classify, steepness
+from resample_volume.voxels.visible import classify, max_gradient
 
 RED, BLUE, WHITE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 BYTE = (0.0, 255.0)
@@ -318,9 +318,9 @@ def test_constant_data_are_tabulated_over_a_range_that_is_none() -> None:
 
 
 def test_a_full_surface_is_the_99th_percentile() -> None:
-    assert steepness(np.arange(101, dtype=np.float32)) == 99
-    assert steepness(np.empty(0, np.float32)) == 0
-    assert steepness(None) == 0
+    assert max_gradient(np.arange(101, dtype=np.float32)) == 99
+    assert max_gradient(np.empty(0, np.float32)) == 0
+    assert max_gradient(None) == 0
 
 
 @pytest.mark.parametrize("transfer", [one(BOX), Faded(from_points([(0, RED, 1.0)]), (3.0, 9.0))])

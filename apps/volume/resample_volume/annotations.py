@@ -466,7 +466,7 @@ def color_bar(
 
     Colors lie over a checkerboard: opaque on the left, where faint ones can be told apart, and with
     opacity as a curve on the right. Functions of value and gradient are drawn over both axes.
-    `steep` is the slope of a full surface (`voxels.visible.steepness`); 1 shows fractions.
+    `steep` is the slope of a full surface (`voxels.visible.max_gradient`); 1 shows fractions.
     """
     bars.check_height(height)
     by = scale_named(scale)

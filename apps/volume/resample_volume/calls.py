@@ -134,12 +134,11 @@ def render(
                 raise ValueError(PAIRS)
             pairs = list(volume)
     if not options:
-        looks = [Appearance(look) if isinstance(look, str) else look for _, look in pairs]
-        volumes = [as_volume(one) for one, _ in pairs]
-        media = [
-            (without_padding(one, survey(one)), own)
-            for one, own in zip(volumes, looks, strict=True)
-        ]
+        media = []
+        for one, each in pairs:
+            scene = as_volume(one)
+            whole = each if isinstance(each, Appearance) else Appearance(each)
+            media.append((without_padding(scene, survey(scene)), whole))
         paint = resampler or resampler_for(media[0][1])
         wanted = "a Resampler, or None for the one that suits the look"
         check_kind("resampler", paint, Resampler, wanted)
@@ -147,7 +146,7 @@ def render(
     from resample_volume.command.inputs import changed, opened, with_objects
     from resample_volume.command.rendering import annotated_picture
 
-    look, resampling, beside, source, form = _chosen("render", options)
+    look, resampling, extras, source, form = _chosen("render", options)
     own, first = look.model_fields_set - set(CAMERA), pairs[0][1]
     if own and any(isinstance(each, Appearance) for _, each in pairs):
         raise ValueError(f"an Appearance is a whole look; leave {', '.join(sorted(own))} out")
@@ -163,18 +162,18 @@ def render(
             scene = opened(source, str(one))
         else:
             scene = scaled(changed(source, as_volume(one)), source.scale)
-        if isinstance(each, str):
+        if not isinstance(each, Appearance):
             named = look if each == "auto" else look.model_copy(update={"transfer": each})
             each = named.appearance(scene, paint)  # noqa: PLW2901
         media.append((without_padding(scene, survey(scene)), each))
-    media = with_objects(media, beside.scene_objects(look, paint))
+    media = with_objects(media, extras.scene_objects(look, paint))
     if isinstance(view, Orbit) and look.model_fields_set & {"fov", "up"}:
         view = replace(view, fov=look.fov, up=look.up)
-    if beside.zoom_in or camera is not None or "fit" in look.model_fields_set:
-        fit = "picture" if beside.zoom_in else look.fit
+    if extras.zoom_in or camera is not None or "fit" in look.model_fields_set:
+        fit = "picture" if extras.zoom_in else look.fit
     frame, subject, eye = pictured(media, view, shape, paint, fit, form.threads, progress)
     behind = form.behind(".exr")  # transparent unless a background is given
-    return annotated_picture(subject, eye, frame, media, paint, beside, behind).over(behind)
+    return annotated_picture(subject, eye, frame, media, paint, extras, behind).over(behind)
 
 
 def animate(
@@ -248,9 +247,9 @@ def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
 def _chosen(call: str, options: Mapping[str, Any]) -> "list[Any]":
     """Return the models of options that a picture has."""
     from resample.command.settings import PictureFormat, Resampling, chosen
-    from resample_volume.command.choices import AppearanceChoices, BesidePicture, ReadOptions
+    from resample_volume.command.choices import AppearanceChoices, PictureExtras, ReadOptions
 
-    models: list[type[Choices]] = [AppearanceChoices, Resampling, BesidePicture, ReadOptions]
+    models: list[type[Choices]] = [AppearanceChoices, Resampling, PictureExtras, ReadOptions]
     models.append(PictureFormat)
     known = {field for model in models for field in model.model_fields} - {"bits", "deep"}
     return chosen(understood(call, _spelled(options), sorted(known)), models)

@@ -15,7 +15,12 @@ from resample_volume.classification.value_statistics import Survey, survey, with
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
 from resample_volume.types import Recording, Volume
-from resample_volume.voxels.visible import finite_range, lattice_of, steepness, visible_with_slopes
+from resample_volume.voxels.visible import (
+    finite_range,
+    lattice_of,
+    max_gradient,
+    visible_with_slopes,
+)
 
 if TYPE_CHECKING:
     from resample_volume.files.zarr import Chunked
@@ -115,7 +120,9 @@ class Series:
         span, steep = finite_range(together.values), None
         if transfer.needs_gradient:
             found = (visible_with_slopes(each, transfer, span, look.gradient)[2] for each in self)
-            steep = max((steepness(np.linalg.norm(slope, axis=1)) for slope in found), default=0.0)
+            steep = max(
+                (max_gradient(np.linalg.norm(slope, axis=1)) for slope in found), default=0.0
+            )
         if steep is not None or transfer.normalized:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing

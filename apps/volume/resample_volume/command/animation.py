@@ -40,7 +40,7 @@ from resample_volume.annotations import Annotations, annotated, bar_of
 from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
 from resample_volume.command import inputs
-from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
+from resample_volume.command.choices import Added, AppearanceChoices, FilmExtras, ReadOptions
 from resample_volume.command.rendering import scene_of, slab_missed
 from resample_volume.data.values import bricks_of, is_streamed
 from resample_volume.rendering import Subject
@@ -205,7 +205,7 @@ class Script(NamedTuple):
     source: ReadOptions
     appearance: AppearanceChoices
     added: Added
-    beside: BesideFilm
+    extras: FilmExtras
     resampling: Resampling
     frames: int | None  # that are asked for
 
@@ -237,7 +237,7 @@ def film_of(
     if recording is not None and chunked(recording) is not None:
         recording = None  # one of its volumes is read by itself
     shown, subject = _scene_for(script, paint.size, recording, start_workers)
-    paint = overlaid(paint, script.beside, shown, subject)
+    paint = overlaid(paint, script.extras, shown, subject)
     cameras = cameras_of(subject, flight, paint.size)
     if missed := slab_missed(shown, subject, cameras[0]):
         say(missed)
@@ -246,11 +246,11 @@ def film_of(
 
 
 def overlaid(
-    paint: FrameOptions, beside: BesideFilm, shown: Sequence[VolumeLayer], subject: Subject
+    paint: FrameOptions, extras: FilmExtras, shown: Sequence[VolumeLayer], subject: Subject
 ) -> FrameOptions:
     """Return the options with the annotations and color bars of all frames."""
-    drawn, bars = beside.annotations(paint.background), list[Floats]()
-    if beside.color_bar:
+    drawn, bars = extras.annotations(paint.background), list[Floats]()
+    if extras.color_bar:
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]
     if not (drawn.is_any or bars):
@@ -273,9 +273,9 @@ def _film_of_times(
         course = Course(len(series), subject, progress)
     known = series.known._replace(levels=NO_LEVELS), look, course.sphere
     first = layers(0)
-    if script.beside.color_bar:
+    if script.extras.color_bar:
         inputs.require_values(first[0][0], "a color bar")
-    paint = overlaid(paint, script.beside, first, course[0])
+    paint = overlaid(paint, script.extras, first, course[0])
     if script.frames is None and isinstance(flight, Flight):
         flight = replace(flight, frames=course.times)
     cameras = cameras_of(course[0], flight, paint.size)
@@ -309,14 +309,14 @@ def _scenes(
     script: Script, series: Series, look: Appearance, resampler: Resampler
 ) -> tuple[Callable[[int], list[VolumeLayer]], Callable[[int], Subject]]:
     """Return functions of a time: the volumes of a script, all under one look, and their scene."""
-    objects = script.beside.scene_objects(script.appearance, resampler)
+    objects = script.extras.scene_objects(script.appearance, resampler)
     if objects:
         spanned = (plane.within(series.known.span) for plane in objects["planes"])
         objects = {**objects, "planes": tuple(spanned)}
     if script.appearance.labels is not None:
         look = replace(look, labels=script.appearance.labels_of(series[0]))
     own = replace(look, **objects)
-    further = inputs.beside(
+    further = inputs.further_layers(
         inputs.others(script.added.also, script.source), script.appearance, resampler
     )
 
@@ -343,11 +343,11 @@ def _scene_for(
     """Read the volumes of a script, and prepare their scene for frames (height, width)."""
     look = script.appearance
     resampler = look.renderer(script.resampling, script.source.scale)
-    objects = script.beside.scene_objects(look, resampler)
+    objects = script.extras.scene_objects(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
     given = inputs.media(*words, recording=recording, start_workers=start_workers)
     shown = inputs.with_objects(given, objects)
-    if script.beside.color_bar:
+    if script.extras.color_bar:
         inputs.require_values(shown[0][0], "a color bar")
     return shown, scene_of(Session(), shown, resampler, look.fit, size)
 

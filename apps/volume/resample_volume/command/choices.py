@@ -307,7 +307,7 @@ class AppearanceChoices(Choices):
         return flags.viewpoint(self.camera, self.fov, self.up)
 
 
-class Beside(Choices):
+class Extras(Choices):
     """Annotations, meshes and planes in the volume's scene."""
 
     heading: ClassVar[str] = "Annotations and objects"
@@ -369,7 +369,7 @@ class Beside(Choices):
         return {**found, "meshes": tuple(map(read_mesh, self.mesh))}
 
 
-class BesideFilm(Beside):
+class FilmExtras(Extras):
     """The same, plus a color bar."""
 
     color_bar: Annotated[bool, flags.Switch] = off(
@@ -384,7 +384,7 @@ class BesideFilm(Beside):
             check_bar(output, height)
 
 
-class BesidePicture(BesideFilm):
+class PictureExtras(FilmExtras):
     """The same, plus options of a single picture."""
 
     zoom_in: Annotated[bool, flags.Switch] = off(

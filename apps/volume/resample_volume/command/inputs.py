@@ -300,7 +300,7 @@ def media(
     further = others(added.also, source)
     if added.channels is not None:
         first = _channels(source, name, look, added.channels, resampler)
-        return first + beside(further, look, resampler)
+        return first + further_layers(further, look, resampler)
     if recording is None:
         is_streamed = resampler.projection is Projection.COMPOSITE
         try:
@@ -309,17 +309,17 @@ def media(
             if resampler.projection is not Projection.COMPOSITE or look.transfer != "auto":
                 raise
             first = _channels(source, name, look, None, resampler)
-            return first + beside(further, look, resampler)
+            return first + further_layers(further, look, resampler)
     else:
         volume = padding_removed(
             scaled(recordings.volume_at(recording, None, source.channel), source.scale)
         )
     if look.labels is None and (count := label_count(volume)):
         note(f"{count} whole numbers in regions, as labels, are drawn as amounts ({LABELS})")
-    return [(volume, look.appearance(volume, resampler)), *beside(further, look, resampler)]
+    return [(volume, look.appearance(volume, resampler)), *further_layers(further, look, resampler)]
 
 
-def beside(
+def further_layers(
     further: list[Other], look: AppearanceChoices, resampler: Resampler
 ) -> list[VolumeLayer]:
     """Read the further volumes with their looks."""

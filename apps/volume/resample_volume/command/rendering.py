@@ -44,7 +44,7 @@ from resample_volume.voxels.gathered import Gathered
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
-    from resample_volume.command.choices import BesidePicture
+    from resample_volume.command.choices import PictureExtras
 
 
 def painted_by(
@@ -148,15 +148,15 @@ def picture_of(
 
 def annotated_picture(
     subject: Subject, camera: AnyCamera, frame: Frame, media: Sequence[VolumeLayer],
-    resampler: Resampler, beside: "BesidePicture", background: Color | None,
+    resampler: Resampler, extras: "PictureExtras", background: Color | None,
 ) -> Frame:  # fmt: skip
     """Draw the annotations of a picture, and a color bar per volume, as far as asked for."""
-    if beside.is_annotated or beside.color_bar:
+    if extras.is_annotated or extras.color_bar:
         from resample_volume.annotations import annotated, with_bar
-    if beside.is_annotated:
-        marks = beside.annotations(background)
+    if extras.is_annotated:
+        marks = extras.annotations(background)
         frame = annotated(frame, camera, subject.placed(media[0][0]), marks)
-    for medium in media if beside.color_bar else ():
+    for medium in media if extras.color_bar else ():
         frame = with_bar(frame, *medium, resampler, background, subject.tone)
     return frame
 

@@ -40,7 +40,7 @@ from resample_volume.command.animation import (
     overlaid,
     shots,
 )
-from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
+from resample_volume.command.choices import Added, AppearanceChoices, FilmExtras, ReadOptions
 from resample_volume.command.inputs import media, of_first_channel, prepared
 from resample_volume.data.recordings import SeveralChannelsError, unit_of_space
 from resample_volume.data.values import as_array
@@ -51,7 +51,7 @@ from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import centered
 from resample_volume.voxels.visible import lattice_of, unit_of
 
-SHOWN = (AppearanceChoices, Resampling, BesideFilm, PictureFormat)  # options that a page changes
+SHOWN = (AppearanceChoices, Resampling, FilmExtras, PictureFormat)  # options that a page changes
 STILL = AppearanceChoices()
 STEERED = ("camera", "fov", "up", "fit")  # options that only move the camera
 MOST_COMPARED = 2  # looks that are kept
@@ -65,7 +65,7 @@ class VolumeRequest(NamedTuple):
     choices: AppearanceChoices
     layers: list[VolumeLayer]  # of the volume and those beside it
     resampler: Resampler
-    beside: BesideFilm
+    extras: FilmExtras
     picture: PictureFormat
 
     @property
@@ -110,23 +110,23 @@ class VolumePainter:
 
     def parsed(self, settings: views.Settings) -> VolumeRequest:
         """Return the request that options make; errors as of the command."""
-        look, resampling, beside, picture = chosen(settings, SHOWN)
+        look, resampling, extras, picture = chosen(settings, SHOWN)
         resampler = look.renderer(resampling, self.volume.scale)
         resampler = self._resamplers.setdefault(resampler, resampler)
         # The look of the voxels is kept while only the camera moves.
         still = {name: getattr(STILL, name) for name in STEERED}
-        key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
+        key = look.model_copy(update=still), resampler, extras.mesh, extras.plane, extras.surface
         layers = self._layers.get(key)
         if layers is None:
             bare = look.model_copy(update={"labels": None, "label": (), "window": None})
             with memoizing(self._found):
                 first = own_look(look, self.volume, self.first, resampler)
                 others = [(one, own_look(bare, one, own, resampler)) for one, own in self.others]
-            first = replace(first, **beside.scene_objects(look, resampler))
+            first = replace(first, **extras.scene_objects(look, resampler))
             layers = [(self.volume, first), *others]
             before = list(self._layers.items())[1 - MOST_COMPARED :]
             self._layers = {**dict(before), key: layers}  # replaced whole: picks ask meanwhile
-        return VolumeRequest(look, layers, resampler, beside, picture)
+        return VolumeRequest(look, layers, resampler, extras, picture)
 
     def paint(
         self, settings: views.Settings, size: views.Size, *, quick: bool, cancel: Cancel
@@ -175,7 +175,7 @@ class VolumePainter:
 
     def _bars(self, request: VolumeRequest, frame: Frame, behind: Color | None) -> list[Floats]:
         """Return the color bars (H, B, 4) of a picture, one per volume, if they are wanted."""
-        if not request.beside.color_bar:
+        if not request.extras.color_bar:
             return []
         tone = self._scene.tone(request.layers, request.resampler, request.choices.fit)
         words = (request.resampler, len(frame.rgba), behind, tone, frame)
@@ -188,7 +188,7 @@ class VolumePainter:
         """Render the picture for a file of this suffix."""
         watched: dict[str, Any] = {"cancel": cancel, "progress": progress_here()}
         frame = self._scene.render(size=size, quality=quality, **watched, **request.view)
-        marks = request.beside.annotations(request.picture.behind(suffix))
+        marks = request.extras.annotations(request.picture.behind(suffix))
         if not marks.is_any:
             return frame
         camera, volume = self._placed_view(request, size)
@@ -221,7 +221,7 @@ class VolumePainter:
         subject = Subject.of_several(request.layers, request.resampler, request.choices.fit)
         behind = request.picture.behind(FILMED) or (0.0, 0.0, 0.0)
         paint = FrameOptions(request.resampler, (height, width), behind)
-        paint = overlaid(paint, request.beside, request.layers, subject)
+        paint = overlaid(paint, request.extras, request.layers, subject)
         cameras = cameras_of(subject, flight, paint.size)
         write_film(path, shots(subject, cameras, paint), RATE, progress=progress)
 

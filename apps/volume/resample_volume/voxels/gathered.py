@@ -48,15 +48,15 @@ from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
     lattice_of,
+    max_gradient,
     steep_of,
-    steepness,
     unit_of,
 )
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
 
-BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface is known
+BYTES_PER_SLOPE = 40  # bytes per voxel, until the max_gradient of a full surface is known
 NOTHING = -1  # in place of an index, see `kernels.voxels`
 BESIDE = 0.1  # fraction of the way between two values that the field of one does not reach
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
@@ -124,7 +124,7 @@ def gathered(
     else:
         count = sum(visible_of(chunk.reshape(-1)).size for chunk in slabs(volume.values))
     if transfer.needs_gradient:
-        steep = _steepness_of(volume, visible_of, gradient, count)
+        steep = _max_gradient_of(volume, visible_of, gradient, count)
     shape = (64 if transfer.needs_gradient else 1, columns)
     table_of = partial(tabulated, transfer, data_range, steep, unit, shape)
     tables = [table_of()]
@@ -340,11 +340,11 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
     return filled, known.reshape(-1)
 
 
-def _steepness_of(
+def _max_gradient_of(
     volume: Volume, visible_of: Callable[[NDArray[Any]], NDArray[np.int64]], gradient: str,
     count: int,
 ) -> float:  # fmt: skip
-    """Return `steepness` of visible voxels; of values in a file not all gradients are held."""
+    """Return `max_gradient` of visible voxels; of values in a file not all gradients are held."""
 
     def parts() -> Iterator[NDArray[np.int64]]:
         """Yield flat indices of the voxels visible themselves, not only by interpolation."""
@@ -356,7 +356,7 @@ def _steepness_of(
     if not is_in_file(volume.values):
         require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
         every = np.concatenate(list(parts()))
-        return steepness(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
+        return max_gradient(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
     if not count:
         return 0.0
 

@@ -67,7 +67,7 @@ def classify(
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     place, value, slope = visible_with_slopes(volume, whole, data_range, gradient)
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    steep, count = steepness(length), value.size
+    steep, count = max_gradient(length), value.size
     color, opacity = np.empty((count, 3), np.float32), np.empty(count, np.float32)
 
     def look(share: slice) -> None:
@@ -103,7 +103,7 @@ def classify(
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
-def steepness(length: Floats | None) -> float:
+def max_gradient(length: Floats | None) -> float:
     """Return the gradient length of a full surface, of lengths (N,); 0 without any."""
     if length is None or not length.size:
         return 0.0
