@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from resample_volume.data.rectilinear import rectilinear
     from resample_volume.files.source import open_volume
     from resample_volume.files.source import open_volume as open  # noqa: A004
-    from resample_volume.image_planes import ImagePlane
     from resample_volume.inputs import as_volume
-    from resample_volume.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
+    from resample_volume.meshes import ImagePlane, IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.scenes import Scene
     from resample_volume.types import Volume
     from resample_volume.viewing import picture, view
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Annotations": "annotations",
     "Appearance": "appearance",
-    "ImagePlane": "image_planes",
+    "ImagePlane": "meshes",
     "IsoSurface": "meshes",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",

@@ -31,8 +31,7 @@ from resample_volume.voxels.visible import GRADIENTS, finite_range
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
-    from resample_volume.image_planes import ImagePlane, Section
-    from resample_volume.meshes import IsoSurface, SceneMesh
+    from resample_volume.meshes import ImagePlane, IsoSurface, SceneMesh, Section
 
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206
 # at 60 keV and 0.0184 at 80 keV.
@@ -252,8 +251,7 @@ class Appearance:
         object.__setattr__(self, "clip", _several_of("clip", self.clip, str))
         for name in ("meshes", "planes", "surfaces"):
             if given := getattr(self, name) or ():
-                from resample_volume.image_planes import ImagePlane
-                from resample_volume.meshes import IsoSurface, SceneMesh
+                from resample_volume.meshes import ImagePlane, IsoSurface, SceneMesh
 
                 own = {"meshes": (SceneMesh,), "planes": (ImagePlane, str)}
                 given = _several_of(name, given, *own.get(name, (IsoSurface, str)))
@@ -265,7 +263,7 @@ class Appearance:
         """Slab to which the picture is limited."""
         if self.slab is None:
             return None
-        from resample_volume.image_planes import Section
+        from resample_volume.meshes import Section
 
         return Section.of(self.slab)
 

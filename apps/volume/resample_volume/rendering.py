@@ -114,8 +114,8 @@ def _pictures(
     """Return planes and isosurfaces of a look as meshes in the volume's scene."""
     if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
-    from resample_volume.image_planes import plane_mesh, surface_mesh
-    from resample_volume.image_planes import settled as settled_plane
+    from resample_volume.meshes import plane_mesh, surface_mesh
+    from resample_volume.meshes import settled as settled_plane
 
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]

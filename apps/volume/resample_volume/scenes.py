@@ -23,8 +23,8 @@ from resample_volume.classification.scales import value_at
 from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.values import as_array, values_of
-from resample_volume.image_planes import settled as settled_plane
 from resample_volume.inputs import as_volume
+from resample_volume.meshes import settled as settled_plane
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
 from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import centered, planes

@@ -225,7 +225,7 @@ class AppearanceChoices(Choices):
             "invert": self.invert or None,
         }
         if self.slab is not None:
-            from resample_volume.image_planes import Section
+            from resample_volume.meshes import Section
 
             Section.of(self.slab)  # raises an error if it is invalid
         extras = [name for name, choice in chosen.items() if choice is not None]
@@ -360,8 +360,7 @@ class Extras(Choices):
         names = [name for name, texts in given.items() if texts]
         if not names:
             return {}
-        from resample_volume.image_planes import ImagePlane
-        from resample_volume.meshes import IsoSurface, read_mesh
+        from resample_volume.meshes import ImagePlane, IsoSurface, read_mesh
 
         check_together(resampler, Classification(look.classify), names)
         planes, surfaces = map(ImagePlane.of, self.plane), map(IsoSurface.of, self.surface)
