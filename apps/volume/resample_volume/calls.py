@@ -112,8 +112,7 @@ def render(
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
-    options: dict[str, Any] = {**given}
-    shape = shape_of(size)
+    options, shape = dict[str, Any](given), shape_of(size)
     shown = choice_meant(appearance, list(Projection)) if isinstance(appearance, str) else ""
     if shown in list(Projection):  # a projection where a look is expected
         appearance, options = "auto", {"projection": shown, **options}
@@ -158,10 +157,9 @@ def render(
         paint = resampler or resampler_for(first)
     media = []
     for one, each in pairs:
-        if isinstance(one, str | PathLike):
-            scene = opened(source, str(one))
-        else:
-            scene = scaled(changed(source, as_volume(one)), source.scale)
+        read = isinstance(one, str | PathLike)
+        scene = opened(source, str(one)) if read else changed(source, as_volume(one))
+        scene = scene if read else scaled(scene, source.scale)
         if not isinstance(each, Appearance):
             named = look if each == "auto" else look.model_copy(update={"transfer": each})
             each = named.appearance(scene, paint)  # noqa: PLW2901
