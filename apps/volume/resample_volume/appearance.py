@@ -19,7 +19,6 @@ from resample.profiles.named import OneOf
 from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample_volume.classification.labels import MOST_RULES, Labels
 from resample_volume.classification.presets import BRIGHT, Window, levels, transfer_for
 from resample_volume.classification.transfer import Transfer
 from resample_volume.classification.value_statistics import Survey, survey
@@ -233,7 +232,6 @@ class Appearance:
                 )
         kinds: dict[str, tuple[type, str]] = {
             "light": (Light, "a Light, or None for colors as they are"),
-            "labels": (Labels, "Labels, such as those of read_labels"),
             "cue": (DepthCue, "a DepthCue"),
             "crop": (str, "ranges of voxels along x, y and z, such as '64:192,:,10:'"),
             "slab": (str, "center and thickness, such as '20,5'"),
@@ -242,6 +240,10 @@ class Appearance:
         for name, (kind, wanted) in kinds.items():
             if getattr(self, name) is not None:
                 check_kind(name, getattr(self, name), kind, wanted)
+        if self.labels is not None:
+            from resample_volume.classification.labels import Labels
+
+            check_kind("labels", self.labels, Labels, "Labels, such as those of read_labels")
         if self.gradient not in list(GRADIENTS):
             raise ValueError(f"gradient {shortly(self.gradient)}; known: {', '.join(GRADIENTS)}")
         if self.gradient_opacity is not None:
@@ -441,6 +443,8 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
                     "fields; leave it out"
                 )
             if look.labels is not None and not look.labels.are_few:
+                from resample_volume.classification.labels import MOST_RULES
+
                 raise ValueError(
                     f"{len(look.labels.rules)} labels of {volume.name} have looks; beside other "
                     f"volumes at most {MOST_RULES} may"

@@ -371,15 +371,12 @@ class Names:
             return self._placed(read_transfer(Path(name)), name)
         base, _, text = name.partition(":")
         transfer = self._base(base)
-        changes: dict[str, str] = {}
         try:
-            for key, given in choices_in(text):
-                if key not in ADJUSTMENTS:
-                    raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
-                changes[key] = given
-            for key in ADJUSTMENTS:
-                if key in changes:
-                    transfer = _adjusted(transfer, key, changes[key])
+            changes = dict(choices_in(text))
+            for key in [key for key in changes if key not in ADJUSTMENTS]:
+                raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
+            for key in filter(changes.__contains__, ADJUSTMENTS):
+                transfer = _adjusted(transfer, key, changes[key])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
         is_placed = base == "auto" and not transfer.normalized

@@ -1,6 +1,6 @@
 """Workers that paint bands of a picture, each of volumes that it reads by itself."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -33,6 +33,7 @@ from resample_volume.rendering import (
     AROUND,
     Fit,
     Fitted,
+    Painter,
     Subject,
     fields_of,
     filled,
@@ -85,8 +86,6 @@ def _painted_rows(
     return subject.tone.developed(frame)
 
 
-Paint = Callable[[AnyCamera], Frame]
-
 BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
 SCANNED = 4  # bytes of temporaries per voxel during the scan
 SCANNED_FLOATS = 18  # the same for values of floating point
@@ -133,7 +132,7 @@ def slab_missed(
 
 
 def picture_of(
-    scene: tuple[Subject, AnyCamera, Paint], media: Sequence[VolumeLayer], projection: Projection
+    scene: tuple[Subject, AnyCamera, Painter], media: Sequence[VolumeLayer], projection: Projection
 ) -> Frame:
     """Paint volumes, as `to_paint` prepared them; warn once if the picture is empty."""
     subject, camera, paint = scene
@@ -181,7 +180,7 @@ def to_paint(
     session: Session, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fitted,
     viewpoint: Viewpoint, size: tuple[int, int], threads: int | None, sharing: Sharing,
     start_workers: "StartWorkers",
-) -> tuple[Subject, AnyCamera, Paint]:  # fmt: skip
+) -> tuple[Subject, AnyCamera, Painter]:  # fmt: skip
     """Prepare volumes to be painted here or by workers: return scene, camera and painter."""
     if sharing.has_workers:
         # Workers can share only rays through chunked volumes.

@@ -58,10 +58,11 @@ def planes(
         start, stop, _ = slice(*numbers).indices(size)
         if start >= stop:
             raise ValueError(f"{where}: {part!r} holds none of the {size} voxels")
-        if start > 0:
-            rows.append(_side(to_index[axis], start - 0.5, volume.origin))
-        if stop < size:
-            rows.append(_side(-to_index[axis], 0.5 - stop, volume.origin))
+        # The index, `row` times p - origin, is at least so much
+        ends = ((to_index[axis], start - 0.5), (-to_index[axis], 0.5 - stop))
+        for (row, least), is_cut in zip(ends, (start > 0, stop < size), strict=True):
+            if is_cut:
+                rows.append(np.append(row, -row @ volume.origin - least) / np.linalg.norm(row))
     rows += [_plane(volume, text, name) for text in clip]
     return np.array(rows, np.float64).reshape(-1, 4)
 
@@ -105,11 +106,6 @@ def faced(voxels: Voxels, planes: Doubles) -> Voxels:
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
     return voxels._replace(gradient=gradient)
-
-
-def _side(axis: Doubles, least: float, origin: Doubles) -> Doubles:
-    """Return the plane where the index, `axis` times p - origin, is at `least`."""
-    return np.append(axis, -axis @ origin - least) / np.linalg.norm(axis)
 
 
 def _plane(volume: Volume, text: str, name: str) -> Doubles:

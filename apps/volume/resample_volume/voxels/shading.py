@@ -13,7 +13,6 @@ from resample.colors import from_srgb
 from resample.memory.mapped import array_like
 from resample.messages import check_numbers
 from resample.types import Doubles, Flags, Floats, Lamp, Reached, Samples, Tint
-from resample_volume.classification.labels import Labels
 from resample_volume.classification.transfer import TransferTable
 from resample_volume.data.recordings import linear_colors
 from resample_volume.data.values import require_memory
@@ -23,6 +22,7 @@ from resample_volume.voxels.visible import Voxels, lattice_of
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Sphere
+    from resample_volume.classification.labels import Labels
 
 FLAT = 1e-6  # of the steepest gradient: smaller ones are rounding and give no normal
 PAD = 2  # voxels by which colors and flags are padded on each side, as coefficients are
@@ -169,7 +169,7 @@ def _vector(name: str, vector: Sequence[float] | Doubles, *, is_unit: bool = Fal
     return np.asarray(array / length)
 
 
-def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint:
+def tint_of(volume: Volume, looks: TransferTable, labels: "Labels | None") -> Tint:
     """Return the colors of a volume that has some; for labels, the colors of their rules.
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
