@@ -174,12 +174,12 @@ class Measured(NamedTuple):
     unit: str  # of the distance: mm, µm, ..., or empty if unknown
 
 
-def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measured:
+def measure(*points: Picked | ArrayLike, volume: Volume | None = None) -> Measured:
     """Measure the distance of two points, or the path along three and the angle at the second.
 
     Parameters
     ----------
-    places
+    points
         Two or three points, from `Scene.pick` or (3,) scene units. A picked point is its voxel's
         center, so picked distances are accurate to a voxel.
     volume
@@ -198,13 +198,13 @@ def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measur
     >>> round(measure((1, 0, 0), (0, 0, 0), (0, 2, 0)).angle)
     90
     """
-    if len(places) not in (2, 3):
-        raise ValueError(f"{len(places)} places; give two for a distance, three for an angle")
+    if len(points) not in (2, 3):
+        raise ValueError(f"{len(points)} points; give two for a distance, three for an angle")
     found = []
-    for given in places:
+    for given in points:
         place = np.asarray(given.position if isinstance(given, Picked) else given, np.float64)
         if place.shape != (3,) or not np.isfinite(place).all():
-            raise ValueError(f"the place {given!r} is not one of 3 finite numbers, scene units")
+            raise ValueError(f"the point {given!r} is not one of 3 finite numbers, scene units")
         found.append(place)
     ways = [after - before for before, after in pairwise(found)]
     lengths = [float(np.linalg.norm(way)) for way in ways]
@@ -212,7 +212,7 @@ def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measur
     if len(ways) == 1:
         return Measured(lengths[0], None, unit)
     if not all(lengths):
-        raise ValueError("two of three places are the same, so there is no angle")
+        raise ValueError("two of three points are the same, so there is no angle")
     back, on = -ways[0] / lengths[0], ways[1] / lengths[1]
     angle = 2 * np.arctan2(np.linalg.norm(back - on), np.linalg.norm(back + on))
     return Measured(sum(lengths), float(np.degrees(angle)), unit)

@@ -430,13 +430,13 @@ def outline(volume: Volume, where: tuple[float, float, float, float]) -> Doubles
                 found.append(corner[n] + share * (corner[other] - corner[n]))
     if len(found) < 3:
         return np.zeros((0, 3))
-    places = np.array(found)
+    points = np.array(found)
     first = np.eye(3)[np.abs(normal).argmin()]
     right = np.cross(normal, first)
     right /= np.linalg.norm(right)
-    from_middle = places - places.mean(axis=0)
+    from_middle = points - points.mean(axis=0)
     angle = np.arctan2(from_middle @ np.cross(normal, right), from_middle @ right)
-    return np.asarray(places[np.argsort(angle)])
+    return np.asarray(points[np.argsort(angle)])
 
 
 FINEST = 8  # vertices per voxel along each axis of a plane, at most
@@ -497,7 +497,7 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
     per = min(FINEST, math.sqrt(MOST / max(sum(map(math.prod, lengths)), 1e-9)))  # per voxel
     steps = np.maximum(1, np.ceil(per * np.array(lengths) - 1e-6)).astype(int)
     deepest = int(steps[:, 0].max())
-    places, faces, start = [], [], 0
+    points, faces, start = [], [], 0
     for (first, right, down, both), across in zip(patches, steps[:, 1].tolist(), strict=True):
         v = np.linspace(0, 1, deepest + 1)[:, np.newaxis, np.newaxis]
         u = np.linspace(0, 1, across + 1)[np.newaxis, :, np.newaxis]
@@ -505,10 +505,10 @@ def _grid(corner: Doubles) -> tuple[Doubles, NDArray[np.int64]]:
         number = start + np.arange(place.size // 3).reshape(deepest + 1, across + 1)
         a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
         c, d = number[1:, :-1].ravel(), number[1:, 1:].ravel()
-        places.append(place.reshape(-1, 3))
+        points.append(place.reshape(-1, 3))
         faces += [np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)]
         start += number.size
-    return np.concatenate(places), np.concatenate(faces)
+    return np.concatenate(points), np.concatenate(faces)
 
 
 def surface_mesh(surface: IsoSurface, volume: Volume, field: Gathered) -> SceneMesh:

@@ -426,10 +426,10 @@ def boxed(shown: Iterable[VolumeLayer], subject: Subject) -> Doubles:
     return np.concatenate([*ends, subject.mesh.corner])
 
 
-def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
+def depths(camera: AnyCamera, points: Doubles, count: int) -> Doubles:
     """Return depths (count + 1,) of the planes between slabs, around points (N, 3)."""
     view = camera.view()
-    depth = places @ view.rotation[2] + view.translation[2]
+    depth = points @ view.rotation[2] + view.translation[2]
     slack = BESIDE * float(np.abs(depth).max())
     first, last = max(float(depth.min()) - slack, view.near), float(depth.max()) + slack
     return np.linspace(first, max(last, first + slack), count + 1)

@@ -90,10 +90,10 @@ def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> tuple[float, Do
     from scipy.ndimage import map_coordinates
 
     ends = np.array([start, end], np.float64)
-    places = (ends - volume.origin) @ np.linalg.inv(lattice_of(volume)).T
-    steps = int(np.ceil(PER_VOXEL * np.abs(places[1] - places[0]).max() - 1e-9))
+    index = (ends - volume.origin) @ np.linalg.inv(lattice_of(volume)).T
+    steps = int(np.ceil(PER_VOXEL * np.abs(index[1] - index[0]).max() - 1e-9))
     share = np.linspace(0, 1, min(MOST, max(2, steps + 1)))[:, np.newaxis]
-    place = (1 - share) * places[0] + share * places[1]
+    place = (1 - share) * index[0] + share * index[1]
     size = np.array(volume.values.shape[::-1])
     found = map_coordinates(
         volume.values, place.T[::-1], output=np.float64, order=1, mode="nearest"

@@ -167,7 +167,7 @@ def shown_by(
     lattice = lattice_of(volume)
     shape = volume.values.shape
 
-    def places() -> Iterator[Indices]:
+    def indices() -> Iterator[Indices]:
         start = 0
         for slab in slabs(volume.values, SHARE):
             value = slab.reshape(-1)
@@ -177,10 +177,10 @@ def shown_by(
             yield start + seen
             start += value.size
 
-    kept: Callable[[], Iterable[Indices]] = places
+    kept: Callable[[], Iterable[Indices]] = indices
     if not is_in_file(volume.values):
         found, count = [], 0
-        for seen in places():
+        for seen in indices():
             found.append(seen)
             count += seen.size
             require_memory(
@@ -235,14 +235,14 @@ def _body(volume: Volume) -> Counting | None:
     return maximum_filter(bodies, tuple(2 * worn + 3)), step
 
 
-def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
+def _main_parts(indices: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
     """Return the large visible parts; None if small ones are too many to be left out."""
     from scipy.ndimage import label
 
     side = -(-max(shape) // CELLS)
     cells = tuple(-(-size // side) for size in shape)
     number = np.zeros(prod(cells), np.int64)
-    for place in places:
+    for place in indices:
         number += np.bincount(_cells_at(place, shape, side), minlength=number.size)
     part, _ = label(number.reshape(cells) > 0, np.ones((3, 3, 3)))
     sizes = np.bincount(part.ravel(), number)
@@ -321,13 +321,13 @@ def filling(
     kept = _without_strays(parts, voxel)
     view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
 
-    def places() -> Iterator[Floats]:
-        """Yield places to the right, below and ahead of the sphere's center."""
+    def offsets() -> Iterator[Floats]:
+        """Yield offsets to the right, below and ahead of the sphere's center."""
         for position in chain(kept(), (corner.astype(np.float32),)):
             away = position - sphere.center.astype(np.float32)
             yield away @ view.rotation.T.astype(np.float32)
 
-    count, low, high = _extent(places)
+    count, low, high = _extent(offsets)
     if not count:
         return orbit
     # The radius of kernels.
@@ -342,7 +342,7 @@ def filling(
     else:
         slope = half / view.focal  # of the rays at the picture's sides
         ends = np.full((2, 2), -np.inf)
-        for place in places():
+        for place in offsets():
             along = place[:, 2] - reach
             for axis in range(2):
                 for n, sign in enumerate((1, -1)):
