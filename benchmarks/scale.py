@@ -157,7 +157,7 @@ def _shared(volume: "Volume", job: Job) -> "Frame":
     from resample.command.settings import Sharing
     from resample.command.workers import at_work
     from resample_volume.appearance import BY_DEFAULT, Appearance
-    from resample_volume.command.rendering import SharedScene, painted_by
+    from resample_volume.command.rendering import painted_by
     from resample_volume.voxels.framing import bounding_sphere, centered
 
     whole, _ = centered(volume)
@@ -165,10 +165,8 @@ def _shared(volume: "Volume", job: Job) -> "Frame":
     with at_work(Sharing(workers=job.workers)) as crew:
         if crew is None:
             raise RuntimeError("there are no workers")
-        scene = SharedScene(
-            [(volume, Appearance(job.look))], BY_DEFAULT, "volume", camera, (SIDE, SIDE)
-        )
-        return painted_by(crew, scene)
+        media = [(volume, Appearance(job.look))]
+        return painted_by(crew, media, BY_DEFAULT, "volume", camera, (SIDE, SIDE))
 
 
 def _busy() -> float:

@@ -230,13 +230,13 @@ def test_editors_know_all_options_of_a_picture() -> None:
     from resample_points.command.choices import CloudOptions, CloudStart
     from resample_points.command.gaussians import GaussianOptions
     from resample_volume.calls import RenderOptions as OfVolumes
-    from resample_volume.command.choices import AppearanceChoices, BesidePicture, ReadOptions
+    from resample_volume.command.choices import AppearanceChoices, PictureExtras, ReadOptions
 
     def options(*models: Any) -> set[str]:
         named = {option_of(model, field) for model in models for field in model.model_fields}
         return {name.replace("-", "_") for name in named}
 
-    of_volumes = options(AppearanceChoices, Resampling, BesidePicture, ReadOptions, PictureFormat)
+    of_volumes = options(AppearanceChoices, Resampling, PictureExtras, ReadOptions, PictureFormat)
     assert set(OfVolumes.__annotations__) ^ of_volumes == {"camera", "size", "bits", "deep", "clim"}
     of_points = options(CloudOptions, GaussianOptions, CloudStart, FrameFormat)
     apart = "clim camera steady size bits also level no_cache eyes deep color_by color_bar range "

@@ -11,11 +11,11 @@ from resample.command.flags import ANGLES, OptionTopic, about
 from resample.messages import choices_in, numbers_in
 from resample_texture.command.choices import BetweenProjections
 from resample_volume import Volume, load_transfer
+from resample_volume.classification.transfer import spelled
 from resample_volume.command.choices import AppearanceChoices
 from resample_volume.command.inputs import _other
-from resample_volume.editing import spelled
 from resample_volume.files.texts import sizes_of, three_numbers
-from resample_volume.image_planes import ImagePlane, Section
+from resample_volume.meshes import ImagePlane, Section
 from resample_volume.voxels.framing import planes
 
 BALL = Volume(np.arange(64.0).reshape(4, 4, 4), np.ones(3), np.zeros(3), np.eye(3), "")
@@ -76,10 +76,12 @@ def test_sizes_of_grids_and_voxels_are_read_with_commas_and_x():
 
 
 def test_settings_of_further_volumes_may_be_tuples():
-    other = _other("pet.nrrd:window=5,10,spacing=1,1,2,time=3,transfer=hot:opacity=0.3")
-    assert other.name == "pet.nrrd"
-    assert (other.source.spacing, other.source.time) == ("1,1,2", 3)
-    assert other.appearance == {"window": "5,10", "transfer": "hot:opacity=0.3"}
+    name, source, look = _other(
+        "pet.nrrd:window=5,10,spacing=1,1,2,time=3,transfer=hot:opacity=0.3"
+    )
+    assert name == "pet.nrrd"
+    assert (source.spacing, source.time) == ("1,1,2", 3)
+    assert look == {"window": "5,10", "transfer": "hot:opacity=0.3"}
     assert choices_in("a=1,2,b=,c") == [("a", "1,2"), ("b", ",c")]
 
 

@@ -22,11 +22,10 @@ from resample.files.saving import screen_levels
 from resample.progress import Cancel
 from resample_volume.appearance import transfer_of
 from resample_volume.classification.presets import load_transfer
-from resample_volume.classification.transfer import spread
+from resample_volume.classification.transfer import MOST, points_of, spelled, spread
 from resample_volume.cli import app
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
-from resample_volume.editing import MOST, points_of, spelled
 from resample_volume.viewing import VolumePainter, picture, suits, volume_view, volumes
 from tests.commands import ended
 from tests.view.conftest import Served, levels, served

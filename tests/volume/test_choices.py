@@ -14,9 +14,8 @@ from resample_volume.appearance import (
     XRay,
     check_together,
 )
-from resample_volume.classification.automatic import LEVELS
 from resample_volume.classification.labels import Rule
-from resample_volume.classification.presets import load_transfer
+from resample_volume.classification.presets import LEVELS, load_transfer
 from resample_volume.classification.transfer import spread
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import opened

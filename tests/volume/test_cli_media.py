@@ -77,10 +77,10 @@ def test_what_cannot_be_shown_with_another_is_one_line(words, complaint, capsys)
 
 def test_what_is_said_of_another_volume_is_read():
     text = "vessel-tree:size=16:channel=0,units=none,window=40/80,transfer=skin:opacity=0.1+bone"
-    (other,) = others([text])
-    assert other.name == "vessel-tree:size=16"
-    assert (other.source.channel, other.source.units) == (0, "none")
-    assert other.appearance == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
+    ((name, source, look),) = others([text])
+    assert name == "vessel-tree:size=16"
+    assert (source.channel, source.units) == (0, "none")
+    assert look == {"window": "40/80", "transfer": "skin:opacity=0.1+bone"}
     assert others(["b.nrrd"]) == [("b.nrrd", ReadOptions(), {})]
 
 

@@ -9,8 +9,7 @@ import pytest
 from resample.measuring.color_bars import ticks_of, with_color_bar
 from resample_volume.annotations import color_bar
 from resample_volume.classification.presets import PRESETS, load_transfer
-from resample_volume.classification.regions import Faded, Region, RegionTransfer
-from resample_volume.classification.transfer import from_points
+from resample_volume.classification.transfer import Faded, Region, RegionTransfer, from_points
 
 BYTE = (0.0, 255.0)
 WHITE, GREEN = (1.0, 1.0, 1.0), (0.0, 1.0, 0.0)

@@ -9,8 +9,7 @@ from resample.files.images import read_image
 from resample_volume import cli
 from resample_volume.appearance import Appearance
 from resample_volume.calls import render
-from resample_volume.classification.automatic import FAINT
-from resample_volume.classification.presets import transfer_for
+from resample_volume.classification.presets import FAINT, transfer_for
 from resample_volume.classification.value_statistics import survey
 from resample_volume.inputs import as_volume
 from resample_volume.rendering import Subject

@@ -11,12 +11,12 @@ from resample.colors import from_srgb, to_srgb
 from resample.painting.choices import Projection
 from resample.profiles.orders import Rays
 from resample.resampler import Resampler
-from resample_volume import image_planes
+from resample_volume import meshes as image_planes
 from resample_volume.appearance import Appearance
 from resample_volume.calls import render
 from resample_volume.classification.transfer import from_points
-from resample_volume.image_planes import ImagePlane, outline, settled
 from resample_volume.inputs import as_volume
+from resample_volume.meshes import ImagePlane, outline, settled
 from resample_volume.rendering import Subject
 from resample_volume.scenes import Scene
 from resample_volume.voxels.shading import DepthCue, Light

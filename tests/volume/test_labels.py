@@ -7,8 +7,7 @@ import pytest
 
 from resample.colors import from_srgb
 from resample_volume.classification.labels import Labels, Rule, parse_rules
-from resample_volume.classification.regions import Region, RegionTransfer
-from resample_volume.classification.transfer import from_points
+from resample_volume.classification.transfer import Region, RegionTransfer, from_points
 from resample_volume.data.values import Bricks
 from resample_volume.files.source import read_labels
 from resample_volume.types import Recording, Volume
@@ -103,7 +102,7 @@ def test_rules_are_read() -> None:
 @pytest.mark.parametrize(
     ("rule", "match"),
     [
-        ("liver:hidden", "rule 'liver:hidden': 'liver' is no label; give label:color=tomato"),
+        ("liver:hidden", "rule 'liver:hidden': 'liver' is not a label; give label:color=tomato"),
         ("1", "rule '1': it changes nothing; give label:color"),
         ("1:", "it changes nothing"),
         ("1:colour=red", "'colour=red' is unknown; give label:color"),

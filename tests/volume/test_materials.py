@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from resample_volume.classification.presets import PRESETS, load_transfer, transfer_for
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Materials, Windowed, from_points, spread
+from resample_volume.classification.transfer import Faded, Materials, Windowed, from_points, spread
 from resample_volume.classification.value_statistics import POINTS, Units, survey, tissue
 from resample_volume.inputs import as_volume
 

@@ -6,7 +6,7 @@ import pytest
 from resample.view.views import Settings
 from resample_volume import measure
 from resample_volume.inputs import as_volume
-from resample_volume.picking import picked
+from resample_volume.scenes import picked
 from resample_volume.viewing import VolumePainter
 from resample_volume.voxels.visible import lattice_of
 
@@ -44,8 +44,8 @@ def test_voxels_are_as_far_apart_as_their_spacing_says():
 @pytest.mark.parametrize(
     ("places", "said"),
     [
-        ([(0, 0, 0)], "1 places; give two"),
-        ([(0, 0, 0)] * 4, "4 places; give two"),
+        ([(0, 0, 0)], "1 points; give two"),
+        ([(0, 0, 0)] * 4, "4 points; give two"),
         ([(0, 0, 0), (1, 2)], "3 finite numbers"),
         ([(0, 0, 0), (1, 2, np.nan)], "3 finite numbers"),
         ([(0, 0, 0), (0, 0, 0), (1, 0, 0)], "no angle"),

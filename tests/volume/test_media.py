@@ -173,10 +173,10 @@ def test_the_order_of_volumes_does_not_matter(light):
 def test_the_finest_lattice_is_extended_to_all_and_the_finest_volume_kept_as_it_is():
     fine, coarse = lattice((8, 8, 8), 0.5), lattice((9, 9, 9), 2.0)
     for volumes in ((fine, coarse), (coarse, fine)):
-        whole = common_lattice(volumes)
-        assert whole.size.tolist() == [36, 36, 36]
+        whole, middle = common_lattice(volumes)
+        assert whole.values.shape == (36, 36, 36)
         np.testing.assert_allclose(whole.origin, [-8.75] * 3)
-        np.testing.assert_allclose(whole.middle, [0, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(middle, [0, 0, 0], atol=1e-12)
 
 
 @pytest.mark.sweep

@@ -9,10 +9,16 @@ import pytest
 from resample.colors import from_srgb
 from resample.types import Floats
 from resample_volume.classification.presets import PRESETS, load_transfer
-from resample_volume.classification.regions import Faded, Region, RegionTransfer
-from resample_volume.classification.transfer import MOST_OPAQUE, from_points, tabulated
+from resample_volume.classification.transfer import (
+    MOST_OPAQUE,
+    Faded,
+    Region,
+    RegionTransfer,
+    from_points,
+    tabulated,
+)
 from resample_volume.types import Volume
-from resample_volume.voxels.visible import classify, steepness
+from resample_volume.voxels.visible import classify, max_gradient
 
 RED, BLUE, WHITE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
 BYTE = (0.0, 255.0)
@@ -126,7 +132,7 @@ def test_many_values_are_looked_at_in_chunks(
 ) -> None:
     value, slope = rng.uniform(0, 255, 99), rng.uniform(0, 50, 99).astype(np.float32)
     whole = one(BOX, SOFT).classify(value, slope, BYTE, 1.0)
-    monkeypatch.setattr("resample_volume.classification.regions.CHUNK", 10)
+    monkeypatch.setattr("resample_volume.classification.transfer.CHUNK", 10)
     for left, right in zip(one(BOX, SOFT).classify(value, slope, BYTE, 1.0), whole, strict=True):
         np.testing.assert_array_equal(left, right)
 
@@ -312,9 +318,9 @@ def test_constant_data_are_tabulated_over_a_range_that_is_none() -> None:
 
 
 def test_a_full_surface_is_the_99th_percentile() -> None:
-    assert steepness(np.arange(101, dtype=np.float32)) == 99
-    assert steepness(np.empty(0, np.float32)) == 0
-    assert steepness(None) == 0
+    assert max_gradient(np.arange(101, dtype=np.float32)) == 99
+    assert max_gradient(np.empty(0, np.float32)) == 0
+    assert max_gradient(None) == 0
 
 
 @pytest.mark.parametrize("transfer", [one(BOX), Faded(from_points([(0, RED, 1.0)]), (3.0, 9.0))])

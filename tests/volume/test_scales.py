@@ -17,7 +17,7 @@ from resample_volume.command.choices import AppearanceChoices, ReadOptions
 from resample_volume.command.inputs import prepared
 from resample_volume.files.source import describe
 from resample_volume.inputs import as_volume
-from resample_volume.picking import picked
+from resample_volume.scenes import picked
 from resample_volume.viewing import volume_view
 from tests import commands
 

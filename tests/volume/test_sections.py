@@ -15,8 +15,8 @@ from resample.resampler import Resampler
 from resample_volume import Appearance, Scene, Volume, XRay, cli, render
 from resample_volume.appearance import Classification
 from resample_volume.command.choices import AppearanceChoices
-from resample_volume.image_planes import Section
 from resample_volume.inputs import as_volume
+from resample_volume.meshes import Section
 from tests import commands
 
 LAYERS = np.array([0, 10, 20, 30, 40, 50, 60, 70], np.float32)  # along y, the view from the front

@@ -1,6 +1,7 @@
 """Volumes of several times: one look, one frame, nothing flickers."""
 
 import json
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from resample_volume import cli
 from resample_volume.classification.transfer import from_points
 from resample_volume.command.animation import Course, around
 from resample_volume.command.choices import AppearanceChoices, ReadOptions
-from resample_volume.command.inputs import appearance_over_time, held, labelled, times_of
+from resample_volume.command.inputs import appearance_over_time, held, times_of
 from resample_volume.rendering import Subject
 from resample_volume.series import Series
 from resample_volume.types import Recording
@@ -109,7 +110,7 @@ def test_a_camera_sees_the_ball_around_all_times():
         away = np.linalg.norm(course[n].voxels.position - course.sphere.center, axis=1)
         assert away.max() <= course.sphere.radius
         assert course[n].sphere is course.sphere
-    single = around([course[0]])
+    single = around([(course[0].is_empty, course[0].sphere)])
     assert single.radius == course.sphere.radius
     assert course[0].camera(Orbit(), 24, 24) is not None
     assert len(set(course.marks)) == TIMES
@@ -201,7 +202,8 @@ def test_labels_are_of_the_voxels_of_each_time():
     words = AppearanceChoices(
         labels="labels.npy", label=("1:hidden",), shading=False, classify="pre"
     )
-    look = labelled(appearance_over_time(series, words, Resampler()), series, words)
+    look = appearance_over_time(series, words, Resampler())
+    look = replace(look, labels=words.labels_of(series[0]))
     for volume in series:
         subject = Subject.of(volume, look)
         assert (subject.voxels.position + subject.middle)[:, 0].max() < 8

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from resample.types import Floats
 from resample_volume.data import values as volume_values
 from resample_volume.files.headers import KEPT
-from resample_volume.kernels.gradients import BRICK, brick_order, find_gradients
+from resample_volume.kernels.voxels import BRICK, brick_order, find_gradients
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import gradients_at
 from tests.kernels import compiled_only, specialisations

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from resample_volume.classification.automatic import VEIL
-from resample_volume.classification.presets import load_transfer, transfer_for
+from resample_volume.classification.presets import VEIL, load_transfer, transfer_for
 from resample_volume.classification.value_statistics import survey
 from resample_volume.data.scanning import Histogram, peak_between
 from resample_volume.inputs import as_volume

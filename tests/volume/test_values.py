@@ -10,7 +10,7 @@ from resample_volume.data.values import (
     ArrayValues,
     Bricks,
     bricks_of,
-    streamed,
+    is_streamed,
     values_of,
     with_bricks,
 )
@@ -86,7 +86,7 @@ def test_padding_is_replaced_alike(kind, rng):
 def test_a_volume_in_memory_has_no_bricks(rng):
     values, bricks = both("uint8", rng)
     volume = Volume(values, np.ones(3), np.zeros(3), np.eye(3), "here")
-    assert streamed(values) is None
+    assert not is_streamed(volume)
     with pytest.raises(TypeError, match="here is in memory, not in bricks"):
         bricks_of(volume)
     assert bricks_of(with_bricks(volume, bricks)) is bricks

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from resample_volume.data.rectilinear import rectilinear
     from resample_volume.files.source import open_volume
     from resample_volume.files.source import open_volume as open  # noqa: A004
-    from resample_volume.image_planes import ImagePlane
     from resample_volume.inputs import as_volume
-    from resample_volume.meshes import IsoSurface, SceneMesh, read_mesh, scene_mesh
+    from resample_volume.meshes import ImagePlane, IsoSurface, SceneMesh, read_mesh, scene_mesh
     from resample_volume.scenes import Scene
     from resample_volume.types import Volume
     from resample_volume.viewing import picture, view
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Annotations": "annotations",
     "Appearance": "appearance",
-    "ImagePlane": "image_planes",
+    "ImagePlane": "meshes",
     "IsoSurface": "meshes",
     "Light": "voxels.shading",
     "Orbit": "resample.cameras.viewpoints",
@@ -58,32 +57,14 @@ _HOMES = {
     "view": "viewing",
 }
 
+# fmt: off
 __all__ = [
-    "Annotations",
-    "Appearance",
-    "ImagePlane",
-    "IsoSurface",
-    "Light",
-    "Orbit",
-    "Scene",
-    "SceneMesh",
-    "TransferFunction",
-    "Volume",
-    "XRay",
-    "animate",
-    "annotate",
-    "as_volume",
-    "load_transfer",
-    "measure",
-    "open",
-    "open_volume",
-    "picture",
-    "read_mesh",
-    "rectilinear",
-    "render",
-    "scene_mesh",
+    "Annotations", "Appearance", "ImagePlane", "IsoSurface", "Light", "Orbit", "Scene", "SceneMesh",
+    "TransferFunction", "Volume", "XRay", "animate", "annotate", "as_volume", "load_transfer",
+    "measure", "open", "open_volume", "picture", "read_mesh", "rectilinear", "render", "scene_mesh",
     "view",
 ]
+# fmt: on
 
 __getattr__ = attributes(__name__, _HOMES)
 __dir__ = listing(_HOMES)

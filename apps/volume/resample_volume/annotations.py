@@ -15,32 +15,12 @@ from resample.colors import Background, to_srgb
 from resample.console import Color
 from resample.engine.lookup import VISIBLE
 from resample.lengths import length_text
-from resample.measuring.color_bars import (
-    BLACK,
-    BarLayout,
-    Form,
-    blank,
-    check_height,
-    draw_scale,
-    frame,
-    ink_on,
-    name,
-    painted,
-    show,
-    thin,
-    with_color_bar,
-)
+from resample.measuring import color_bars as bars
 from resample.painting.choices import MEASURING, Projection
 from resample.resampler import Resampler
 from resample.types import Doubles, Floats, Frame, View
-from resample_volume.appearance import (
-    AS_IT_IS,
-    Appearance,
-    Tone,
-    VolumeLayer,
-    negative,
-    transfer_of,
-)
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, Tone, VolumeLayer
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.transfer import (
     DataRange,
@@ -50,9 +30,8 @@ from resample_volume.classification.transfer import (
 )
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.recordings import unit_of_space
-from resample_volume.picking import Picked
 from resample_volume.rendering import Subject
-from resample_volume.types import Volume
+from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import Shifted, centered, corners
 
 if TYPE_CHECKING:
@@ -69,26 +48,17 @@ class Stroke(NamedTuple):
     width: float  # px
 
 
-class _Marks(NamedTuple):
-    """Contributions of lines to pixels."""
-
-    pixel: NDArray[np.int64]  # (N,) row × width + column
-    depth: Doubles
-    light: Doubles  # (N, 4) premultiplied
-
-
 def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     """Draw lines into the scene of a picture; its values are unchanged."""
-    size = frame.depth.shape
-    found = [marks for line in lines for marks in _marks(line, view, (size[0], size[1]))]
+    found = [marks for line in lines for marks in _marks(line, view, *frame.depth.shape)]
     if not found:
         return frame
-    marks = _Marks(*map(np.concatenate, zip(*found, strict=True)))
-    order = np.lexsort((-marks.depth, marks.pixel))
-    marks = _Marks(marks.pixel[order], marks.depth[order], marks.light[order])
+    marked, deep, lights = map(np.concatenate, zip(*found, strict=True))
+    order = np.lexsort((-deep, marked))
+    deep, lights = deep[order], lights[order]
     # Composite marks, sorted by pixel and, within one, from back to front
-    pixel, start = np.unique(marks.pixel, return_index=True)
-    count = np.diff(np.append(start, marks.pixel.size))
+    pixel, start = np.unique(marked[order], return_index=True)
+    count = np.diff(np.append(start, marked.size))
     rgba = frame.rgba.reshape(-1, 4)[pixel].astype(np.float64)
     depth, first = (
         part.reshape(-1)[pixel].astype(np.float64) for part in (frame.depth, frame.first_depth)
@@ -97,31 +67,35 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
     for turn in range(int(count.max())):
         some = np.flatnonzero(count > turn)
-        mark = start[some] + turn
-        here = _share(marks.depth[mark], first[some], depth[some])
-        here = np.minimum(here, behind[some])
+        at, light = deep[start[some] + turn], lights[start[some] + turn]
+        # Of the medium, a smooth step from its first to twice its mean depth is in front
+        known = np.isfinite(first[some]) & np.isfinite(depth[some])
+        begin, middle = np.where(known, first[some], 0.0), np.where(known, depth[some], 0.0)
+        extent = np.maximum(2 * (middle - begin), 1e-6 * np.abs(middle) + 1e-30)
+        t = np.clip((at - begin) / extent, 0, 1)
+        here = np.minimum(np.where(known, t * t * (3 - 2 * t), 1.0), behind[some])
         sent[some] = _over(_medium(rgba[some], depth[some], behind[some] - here), sent[some])
-        light = marks.light[mark]
-        line = np.column_stack([light, light[:, 3] * marks.depth[mark]])
-        sent[some] = _over(line, sent[some])
+        sent[some] = _over(np.column_stack([light, light[:, 3] * at]), sent[some])
         behind[some] = here
         is_seen = light[:, 3] * (1 - rgba[some, 3]) ** here > VISIBLE
-        first[some] = np.minimum(first[some], np.where(is_seen, marks.depth[mark], np.inf))
+        first[some] = np.minimum(first[some], np.where(is_seen, at, np.inf))
     sent = _over(_medium(rgba, depth, behind), sent)
     layers = [frame.rgba, frame.depth, frame.first_depth, frame.coverage]
     copies = [np.array(layer, np.float32) for layer in layers]
     copies[0].reshape(-1, 4)[pixel] = sent[:, :4]
     copies[1].reshape(-1)[pixel] = sent[:, 4] / np.maximum(sent[:, 3], 1e-30)
     copies[2].reshape(-1)[pixel] = first
-    covered = np.maximum.reduceat(marks.light[:, 3], start)
+    covered = np.maximum.reduceat(lights[:, 3], start)
     copies[3].reshape(-1)[pixel] = np.maximum(copies[3].reshape(-1)[pixel], covered)
     return frame._replace(
         rgba=copies[0], depth=copies[1], first_depth=copies[2], coverage=copies[3]
     )
 
 
-def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
-    """Return a line's contributions, one per pixel."""
+def _marks(
+    line: Stroke, view: View, height: int, width: int
+) -> Iterator[tuple[NDArray[np.int64], Doubles, Doubles]]:
+    """Yield the pixels near a line (N,), its depths there, and its premultiplied light (N, 4)."""
     ends = line.ends @ view.rotation.T + view.translation
     if view.perspective:
         least = max(view.near, LEAST_DEPTH * float(np.linalg.norm(ends[1] - ends[0])))
@@ -130,7 +104,7 @@ def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
         return
     per = ends[:, 2:] if view.perspective else np.ones((2, 1))
     spot = ends[:, :2] / per * view.focal + view.principal
-    row, column = _near(spot, line.width, size)
+    row, column = _near(spot, line.width, (height, width))
     place = np.stack([column + 0.5, row + 0.5], axis=-1)
     way = spot[1] - spot[0]
     along = np.clip((place - spot[0]) @ way / max(float(way @ way), 1e-12), 0, 1)
@@ -141,10 +115,9 @@ def _marks(line: Stroke, view: View, size: tuple[int, int]) -> Iterator[_Marks]:
     else:
         depth = (1 - along) * ends[0, 2] + along * ends[1, 2]
     kept = (share > 0) & (depth >= view.near)
-    if not kept.any():
-        return
-    light = share[kept, None] * np.array([*line.color, 1.0])
-    yield _Marks((row * size[1] + column)[kept], depth[kept], light)
+    if kept.any():
+        light = share[kept, None] * np.array([*line.color, 1.0])
+        yield (row * width + column)[kept], depth[kept], light
 
 
 def _cut(ends: Doubles, near: float) -> Doubles:
@@ -180,15 +153,6 @@ def _near(
     return row[kept], column[kept]
 
 
-def _share(depth: Doubles, first: Doubles, mean: Doubles) -> Doubles:
-    """Return the share of a pixel's medium in front of a depth."""
-    known = np.isfinite(first) & np.isfinite(mean)
-    begin, middle = np.where(known, first, 0.0), np.where(known, mean, 0.0)
-    extent = np.maximum(2 * (middle - begin), 1e-6 * np.abs(middle) + 1e-30)
-    t = np.clip((depth - begin) / extent, 0, 1)
-    return np.where(known, t * t * (3 - 2 * t), 1.0)
-
-
 def _medium(rgba: Doubles, depth: Doubles, share: Doubles) -> Doubles:
     """Return a share of the pixels' medium, as light with depth (N, 5)."""
     whole = rgba[:, 3]
@@ -210,12 +174,12 @@ class Measured(NamedTuple):
     unit: str  # of the distance: mm, µm, ..., or empty if unknown
 
 
-def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measured:
+def measure(*points: Picked | ArrayLike, volume: Volume | None = None) -> Measured:
     """Measure the distance of two points, or the path along three and the angle at the second.
 
     Parameters
     ----------
-    places
+    points
         Two or three points, from `Scene.pick` or (3,) scene units. A picked point is its voxel's
         center, so picked distances are accurate to a voxel.
     volume
@@ -234,26 +198,24 @@ def measure(*places: Picked | ArrayLike, volume: Volume | None = None) -> Measur
     >>> round(measure((1, 0, 0), (0, 0, 0), (0, 2, 0)).angle)
     90
     """
-    if len(places) not in (2, 3):
-        raise ValueError(f"{len(places)} places; give two for a distance, three for an angle")
-    found = [_place(one) for one in places]
+    if len(points) not in (2, 3):
+        raise ValueError(f"{len(points)} points; give two for a distance, three for an angle")
+    found = []
+    for given in points:
+        place = np.asarray(given.position if isinstance(given, Picked) else given, np.float64)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise ValueError(f"the point {given!r} is not one of 3 finite numbers, scene units")
+        found.append(place)
     ways = [after - before for before, after in pairwise(found)]
     lengths = [float(np.linalg.norm(way)) for way in ways]
     unit = "" if volume is None else unit_of_space(volume)
     if len(ways) == 1:
         return Measured(lengths[0], None, unit)
     if not all(lengths):
-        raise ValueError("two of three places are the same, so there is no angle")
+        raise ValueError("two of three points are the same, so there is no angle")
     back, on = -ways[0] / lengths[0], ways[1] / lengths[1]
     angle = 2 * np.arctan2(np.linalg.norm(back - on), np.linalg.norm(back + on))
     return Measured(sum(lengths), float(np.degrees(angle)), unit)
-
-
-def _place(given: Picked | ArrayLike) -> Doubles:
-    place = np.asarray(given.position if isinstance(given, Picked) else given, np.float64)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise ValueError(f"the place {given!r} is not one of 3 finite numbers, scene units")
-    return place
 
 
 COLORS = ((0.75, 0.05, 0.04), (0.05, 0.5, 0.06), (0.08, 0.2, 0.9))  # of x, y and z, linear
@@ -313,14 +275,10 @@ def annotate(
     ----------
     frame
         From `render`; not changed.
-    camera
-        As passed to `render`.
-    volume
-        The rendered volume.
+    camera, volume, appearance
+        As passed to `render`; an orbiting camera depends on the appearance.
     shown
         Which annotations to draw; hidden lines are removed.
-    appearance
-        As passed to `render`; an orbiting camera depends on it.
 
     Raises
     ------
@@ -351,25 +309,39 @@ def annotate(
 def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotations) -> Frame:
     """Return the picture with annotations; camera and volume share a scene."""
     view, corner = camera.view(), corners(volume)
-    size = type_size(*frame.depth.shape)
-    lines = []
+    height, width = frame.depth.shape
+    size = max(9, round(0.035 * min(height, width)))  # of letters, px
+    lines, arms = [], []
     if given.box:  # its edges: corners whose numbers differ in one bit
         pairs = [[n, n | bit] for n in range(8) for bit in (1, 2, 4) if not n & bit]
         lines = [Stroke(corner[pair], GRAY, size / 12) for pair in pairs]
-    arms = []
     if given.axes:  # the scene's axes, as long as the box
         start, extent = corner[corner.sum(axis=1).argmin()], np.ptp(corner, axis=0)
         ends = [np.stack([start, start + extent * axis]) for axis in np.eye(3)]
         arms = [Stroke(*arm, size / 6) for arm in zip(ends, COLORS, strict=True)]
     drawn = with_lines(frame, view, [*lines, *arms])
     rgba = np.array(drawn.rgba)
-    for arm, letter in zip(arms, "XYZ", strict=False):
-        _name_arm(rgba, frame, view, arm, letter, given)
+    for arm, letter in zip(arms, "XYZ", strict=False):  # beyond its end, unless that is occluded
+        end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
+        place = view.rotation @ end + view.translation
+        if view.perspective and place[2] <= view.near:
+            continue
+        spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
+        if not (np.abs(spot) < 1e6).all():
+            continue
+        column, row = np.floor(spot).astype(int)
+        is_inside = 0 <= row < height and 0 <= column < width
+        is_behind = is_inside and frame.depth[row, column] < place[2]
+        if is_behind and frame.rgba[row, column, 3] > HIDDEN:
+            continue
+        mask = letters(letter, size)
+        left, top = spot - np.array(mask.shape[::-1]) / 2
+        put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
     if given.cube:  # in the lower left corner
-        shorter = min(rgba.shape[:2])
+        shorter = min(height, width)
         side, left = max(16, round(CUBE * shorter)), round(MARGIN * shorter / 2)
         cube = cube_picture(view.rotation, side, PATIENT if volume.space == "lps" else AXES)
-        top = rgba.shape[0] - side - left
+        top = height - side - left
         part = rgba[max(0, top) : max(0, top) + side, left : left + side]
         shown = cube[max(0, -top) :][: part.shape[0], : part.shape[1]]
         part *= 1 - shown[..., 3:]
@@ -382,29 +354,8 @@ def annotated(frame: Frame, camera: AnyCamera, volume: Volume, given: Annotation
                 seen = frame.depth[np.isfinite(frame.depth)]
                 depth = float(np.median(seen)) if seen.size else math.inf
             per_unit /= depth
-        _put_bar(rgba, per_unit, volume, given)
+        _put_bar(rgba, per_unit, size, volume, given)
     return drawn._replace(rgba=rgba)
-
-
-def _name_arm(
-    rgba: Floats, frame: Frame, view: View, arm: Stroke, name: str, given: Annotations
-) -> None:
-    """Draw an axis' name beyond its end, unless that is occluded."""
-    end = arm.ends[1] + 0.06 * (arm.ends[1] - arm.ends[0])
-    place = view.rotation @ end + view.translation
-    if view.perspective and place[2] <= view.near:
-        return
-    spot = place[:2] / (place[2] if view.perspective else 1.0) * view.focal + view.principal
-    if not (np.abs(spot) < 1e6).all():
-        return
-    column, row = np.floor(spot).astype(int)
-    height, width = frame.depth.shape
-    is_inside = 0 <= row < height and 0 <= column < width
-    if is_inside and frame.rgba[row, column, 3] > HIDDEN and frame.depth[row, column] < place[2]:
-        return
-    mask = letters(name, type_size(*rgba.shape[:2]))
-    left, top = spot - np.array(mask.shape[::-1]) / 2
-    put_mask(rgba, mask, round(left), round(top), is_dark=given.is_dark)
 
 
 def round_length(most: float) -> float:
@@ -413,10 +364,9 @@ def round_length(most: float) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
 
 
-def _put_bar(rgba: Floats, per_unit: float, volume: Volume, given: Annotations) -> None:
+def _put_bar(rgba: Floats, per_unit: float, size: int, volume: Volume, given: Annotations) -> None:
     """Draw a scale bar in the lower right corner, with its length above."""
     height, width = rgba.shape[:2]
-    size = type_size(height, width)
     if not per_unit > 0:
         return
     length = round_length(BAR * width / per_unit)
@@ -447,16 +397,8 @@ def letters(text: str, size: int) -> Floats:
     return np.asarray(font.get_image(), np.float32) / np.float32(255)
 
 
-def type_size(height: int, width: int) -> int:
-    """Return the font size for a picture, px."""
-    return max(9, round(0.035 * min(height, width)))
-
-
 def put_mask(rgba: Floats, mask: Floats, left: int, top: int, *, is_dark: bool = False) -> None:
-    """Draw light letters or bars with a dark outline on a premultiplied picture, or vice versa.
-
-    They are clipped at its edges.
-    """
+    """Draw light letters or bars with a dark outline, or vice versa; clipped at the edges."""
     from scipy.ndimage import grey_dilation
 
     wide = np.pad(mask, 2 * AROUND)
@@ -479,79 +421,59 @@ def cover(
 
 
 def cube_picture(rotation: Doubles, side: int, names: tuple[str, ...] = AXES) -> Floats:
-    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear.
-
-    `rotation`: (3, 3) from scene to camera. `side`: s, px.
-    """
+    """Draw a cube with a letter on each face (S, S, 4), premultiplied, linear."""
     place = ((np.arange(side * FINE) + 0.5) / (side * FINE) * 2 - 1) * REACH
     screen = np.stack(np.meshgrid(place, place), axis=-1)
     fine = np.zeros((side * FINE, side * FINE, 4))
     for face, letter in enumerate(names):
         normal = (1 - 2 * (face % 2)) * np.eye(3)[face // 2]
         toward = -float(rotation[2] @ normal)
-        if toward > 1e-3:
-            # Draw a face, upright as seen from outside
-            up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
-            across = np.cross(up, normal)
-            to_screen = np.stack([rotation @ across, rotation @ up], axis=1)[:2]
-            middle = (rotation @ normal)[:2]
-            local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
-            inside = (np.abs(local) <= 1).all(axis=-1)
-            bright = 0.15 + 0.55 * -float(rotation[2] @ normal)
-            is_rim = np.abs(local).max(axis=-1) > 1 - RIM
-            gray = np.where(is_rim, 0.02, bright * (1 - _ink(letter, local)) + 0.01)
-            fine[inside, :3] = gray[inside, None]
-            fine[inside, 3] = 1.0
-    coarse = fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3))
-    return np.asarray(coarse, np.float32)
-
-
-def _ink(name: str, local: Doubles) -> Doubles:
-    """Return the coverage by ink at points on a face."""
-    mask = letters(name, TYPE)
-    height, width = mask.shape
-    scale = max(width / 1.5, height / 1.1)  # px of letters per half side
-    column = np.floor(local[..., 0] * scale + width / 2).astype(np.int64)
-    row = np.floor(-local[..., 1] * scale + height / 2).astype(np.int64)
-    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-    return np.asarray(
-        np.where(inside, mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0.0)
-    )
+        if toward <= 1e-3:
+            continue
+        # Draw a face, upright as seen from outside
+        up = np.array([0.0, 1.0, 0.0] if normal[2] else [0.0, 0.0, 1.0])
+        to_screen = np.stack([rotation @ np.cross(up, normal), rotation @ up], axis=1)[:2]
+        middle = (rotation @ normal)[:2]
+        local = (screen - middle) @ np.linalg.inv(to_screen).T  # -1..1 to the right and up
+        # Look up the letter's ink, by px of it per half side
+        mask = letters(letter, TYPE)
+        height, width = mask.shape
+        scale = max(width / 1.5, height / 1.1)
+        column = np.floor(local[..., 0] * scale + width / 2).astype(np.int64)
+        row = np.floor(-local[..., 1] * scale + height / 2).astype(np.int64)
+        is_ink = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+        ink = np.where(is_ink, mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], 0)
+        inside = (np.abs(local) <= 1).all(axis=-1)
+        is_rim = np.abs(local).max(axis=-1) > 1 - RIM
+        gray = np.where(is_rim, 0.02, (0.15 + 0.55 * toward) * (1 - ink) + 0.01)
+        fine[inside, :3] = gray[inside, None]
+        fine[inside, 3] = 1.0
+    return np.asarray(fine.reshape(side, FINE, side, FINE, 4).mean(axis=(1, 3)), np.float32)
 
 
 SUBROWS = 8  # sub-rows per px over which colors are averaged, so that no step is missed
 FAIR = 2  # the same where colors also vary across
 PURE = 0.3  # share of a bar that shows opaque colors
-FORMS: tuple[Form, Form] = ("curve", "plane")  # of functions of values, and of gradients too
 GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 SQUARES = (0.16, 0.42)  # linear gray of the checkerboard
 
 
 def color_bar(
-    transfer: Transfer,
-    data_range: DataRange,
-    height: int,
-    *,
-    title: str = "",
-    steep: float = 1.0,
-    background: Background = BLACK,
-    scale: str = "",
-) -> Floats:
-    """Draw a transfer function with a scale of data values.
+    transfer: Transfer, data_range: DataRange, height: int, *, title: str = "", steep: float = 1.0,
+    background: Background = bars.BLACK, scale: str = "",
+) -> Floats:  # fmt: skip
+    """Draw a transfer function with a scale of data values (H, B, 4), linear, opaque.
 
-    Colors lie over a checkerboard that shows through transparent ones. On the left they are opaque,
-    since faint ones could not be told apart; on the right opacity is drawn as a curve. Functions of
-    value and gradient are drawn over both axes instead.
-
-    `height`: of the picture, px, at least 64. `steep`: slope of a full surface, see
-    `resample_volume.voxels.visible.steepness`. 1 shows the gradients of a normalized function as
-    fractions. Result: (H, B, 4) linear, opaque. The width B follows from the height and the text.
+    Colors lie over a checkerboard: opaque on the left, where faint ones can be told apart, and with
+    opacity as a curve on the right. Functions of value and gradient are drawn over both axes.
+    `steep` is the slope of a full surface (`voxels.visible.max_gradient`); 1 shows fractions.
     """
-    check_height(height)
-    by, form = scale_named(scale), FORMS[transfer.needs_gradient]
-    page = BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
-    ink = ink_on(background)
-    axes = blank(page, background)
+    bars.check_height(height)
+    by = scale_named(scale)
+    form: bars.Form = "plane" if transfer.needs_gradient else "curve"
+    page = bars.BarLayout.of(data_range, height, title, form, None if by is None else by.ticks)
+    ink = bars.ink_on(background)
+    axes = bars.blank(page, background)
     if transfer.needs_gradient:
         # Draw colors by value and gradient
         end = (transfer.steepest(steep) or steep) * (1.0 if transfer.normalized else 1.25)
@@ -561,7 +483,7 @@ def color_bar(
         color, opacity = transfer.classify(values, slopes, data_range, steep)
         shape = (value.size // FAIR, FAIR, across)
         _show_over_squares(axes, page, color.reshape(*shape, 3), opacity.reshape(shape), ink)
-        name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
+        bars.name(axes, page, page.bar, ("0", "gradient", f"{end:.3g}"), ink)
     else:
         # Draw colors by value, and the curve of opacities
         value = page.values(SUBROWS)
@@ -575,17 +497,17 @@ def color_bar(
         left, right = page.curve
         row = page.row(value)
         for place in page.ticks:
-            axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=thin(page), alpha=0.25)
+            axes.plot(page.curve, [page.row(place)] * 2, color=ink, lw=bars.thin(page), alpha=0.25)
         axes.fill_betweenx(row, left, left + opacity * (right - left), color=ink, alpha=0.3, lw=0)
-        axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * thin(page))
-        frame(axes, page, page.curve, ink)
-        name(axes, page, page.curve, ("0", "opacity", "1"), ink)
-    draw_scale(axes, page, ink)
-    return painted(axes, page, ink)
+        axes.plot(left + opacity * (right - left), row, color=ink, lw=2 * bars.thin(page))
+        bars.frame(axes, page, page.curve, ink)
+        bars.name(axes, page, page.curve, ("0", "opacity", "1"), ink)
+    bars.draw_scale(axes, page, ink)
+    return bars.painted(axes, page, ink)
 
 
 def _show_over_squares(
-    axes: "Axes", page: BarLayout, color: Floats, opacity: Floats, ink: str
+    axes: "Axes", page: bars.BarLayout, color: Floats, opacity: Floats, ink: str
 ) -> None:
     """Composite colors (rows, parts, columns, 3) over the checkerboard."""
     rows, _, columns = opacity.shape
@@ -594,17 +516,14 @@ def _show_over_squares(
     squares = np.where((row + column) % 2, *SQUARES)[:, np.newaxis, :, np.newaxis]
     share = opacity[..., np.newaxis]
     linear = (share * color + (1 - share) * squares).mean(axis=1)
-    show(axes, page, linear, ink)
+    bars.show(axes, page, linear, ink)
 
 
 def bar_of(
     medium: VolumeLayer, resampler: Resampler, height: int, background: Color | None, tone: Tone,
     frame: Frame | None = None,
 ) -> Floats:  # fmt: skip
-    """Draw the bar of colors, opacities and values, or of the sums of a frame, of a volume.
-
-    Result: (height, B, 4) linear, opaque.
-    """
+    """Draw the color bar of a volume, or of the sums in a frame (height, B, 4), linear, opaque."""
     volume, appearance = medium
     transfer: Transfer = GRAYS
     scale = "" if resampler.projection is Projection.ADDITIVE else volume.scale
@@ -620,7 +539,7 @@ def bar_of(
         value = np.zeros(1) if frame.value is None else frame.value
         extent = 0.0, float(value[np.isfinite(value)].max(initial=0.0))
     else:
-        transfer = transfer_of(volume, appearance, resampler.projection)
+        transfer = looks.transfer_of(volume, appearance, resampler.projection)
         extent = survey(volume).span
         if resampler.projection in MEASURING and isinstance(transfer, TransferFunction):
             extent = extent if transfer.normalized else (transfer.value[0], transfer.value[-1])
@@ -628,20 +547,16 @@ def bar_of(
         # Displayed colors with black and white swapped, over black.
         value = np.linspace(*extent, 256)
         color, opacity = transfer.classify(value, None, extent, 0.0)
-        swapped = to_srgb(negative(color * opacity[:, np.newaxis]))
+        swapped = to_srgb(looks.negative(color * opacity[:, np.newaxis]))
         transfer = TransferFunction(value, swapped, np.ones(value.size))
     behind = background or (0.0, 0.0, 0.0)
     return color_bar(transfer, extent, height, title=volume.name, background=behind, scale=scale)
 
 
 def with_bar(
-    frame: Frame,
-    volume: Volume,
-    appearance: Appearance,
-    resampler: Resampler,
-    background: Color | None,
-    tone: Tone = AS_IT_IS,
-) -> Frame:
+    frame: Frame, volume: Volume, appearance: Appearance, resampler: Resampler,
+    background: Color | None, tone: Tone = looks.AS_IT_IS,
+) -> Frame:  # fmt: skip
     """Add the bar of a volume to the right of its picture."""
     bar = bar_of((volume, appearance), resampler, len(frame.rgba), background, tone, frame)
-    return frame._replace(rgba=with_color_bar(frame.rgba, bar, background))
+    return frame._replace(rgba=bars.with_color_bar(frame.rgba, bar, background))

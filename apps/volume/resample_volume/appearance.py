@@ -19,9 +19,7 @@ from resample.profiles.named import OneOf
 from resample.profiles.orders import EverySample, Rays, Summing
 from resample.resampler import Resampler
 from resample.types import Frame
-from resample_volume.classification.automatic import BRIGHT, levels
-from resample_volume.classification.labels import MOST_RULES, Labels
-from resample_volume.classification.presets import Window, transfer_for
+from resample_volume.classification.presets import BRIGHT, Window, levels, transfer_for
 from resample_volume.classification.transfer import Transfer
 from resample_volume.classification.value_statistics import Survey, survey
 from resample_volume.data.recordings import how
@@ -32,8 +30,7 @@ from resample_volume.voxels.visible import GRADIENTS, finite_range
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
-    from resample_volume.image_planes import ImagePlane, Section
-    from resample_volume.meshes import IsoSurface, SceneMesh
+    from resample_volume.meshes import ImagePlane, IsoSurface, SceneMesh, Section
 
 # Of water, per mm, near 70 keV. NIST's tables (Hubbell and Seltzer, NISTIR 5632, 2004) have 0.0206
 # at 60 keV and 0.0184 at 80 keV.
@@ -66,9 +63,8 @@ class XRay:
 
     mu_water: float = MU_WATER  # attenuation of water per scene unit, mm
     window: Window | None = None  # None: 0 to about the greatest along the volume's own axes
-    added: float | None = (
-        None  # offset to Hounsfield units; None: as the volume says, or guessed from its values
-    )
+    # Offset to Hounsfield units; None: as the volume says, or guessed from its values.
+    added: float | None = None
 
     def __post_init__(self) -> None:
         check_numbers(self, "mu_water", "added")
@@ -76,11 +72,11 @@ class XRay:
             raise ValueError(
                 f"mu-water is {self.mu_water:g}; it must be above 0, such as {MU_WATER} per mm"
             )
-        if self.window is not None:
-            pair = doubles_of("window", self.window, "two ascending values")
-            if pair.shape != (2,):
-                raise ValueError(f"window {shortly(self.window)}; give two ascending values")
-        if self.window is not None and not -math.inf < self.window[0] < self.window[1] < math.inf:
+        if self.window is None:
+            return
+        if doubles_of("window", self.window, "two ascending values").shape != (2,):
+            raise ValueError(f"window {shortly(self.window)}; give two ascending values")
+        if not -math.inf < self.window[0] < self.window[1] < math.inf:
             raise ValueError(f"the window {self.window} of line integrals must ascend")
 
 
@@ -115,10 +111,7 @@ def negative(light: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
-    """Return the options with units and window resolved for a volume.
-
-    `known`: statistics of its values; None: computed here.
-    """
+    """Return the options with units and window resolved for a volume of known statistics."""
     if volume.colors is not None:
         raise ValueError(
             f"{volume.name} has colors, and X-rays are of Hounsfield units; "
@@ -138,9 +131,8 @@ def settled(xray: XRay, volume: Volume, known: Survey | None = None) -> XRay:
         xray = replace(xray, added=known.units.added)
     if xray.window is not None:
         return xray
-    most = xray.mu_water * _longest(
-        attenuation(volume.values, xray.added), *map(float, volume.spacing)
-    )
+    water = attenuation(volume.values, xray.added)
+    most = xray.mu_water * _longest(water, *map(float, volume.spacing))
     return replace(xray, window=(0.0, max(most, LEAST_WINDOW)))
 
 
@@ -162,9 +154,8 @@ def attenuation(values: NDArray[Any], added: float | None) -> NDArray[Any]:
 def _longest(values: NDArray[Any], x: float, y: float, z: float) -> float:
     """Estimate the greatest integral along lines of voxels with these spacings, scene units."""
     deep, down, across = values.shape
-    along_z, along_y, along_x = (
-        np.zeros(size) for size in ((down, across), (deep, across), (deep, down))
-    )
+    sizes = ((down, across), (deep, across), (deep, down))
+    along_z, along_y, along_x = map(np.zeros, sizes)
     for n, plane in enumerate(values):
         known = np.nan_to_num(plane.astype(np.float64), nan=0.0)
         along_z += known
@@ -179,6 +170,11 @@ BY_DEFAULT = Resampler(order=Rays(quality="usual"))
 Gradient = Literal["central", "sobel"]
 GRADIENT: Gradient = "central"  # if none is asked for
 SCENE_OBJECTS = ("mesh", "plane", "surface")  # objects that rays meet besides the volume
+EXTRAS = {  # options that not all projections allow, and their fields of a look
+    **{"labels": "labels", "gradient-opacity": "gradient_opacity", "depth-cue": "cue"},
+    **{"mesh": "meshes", "plane": "planes", "surface": "surfaces"},
+    **{"xray": "xray", "invert": "invert"},
+}
 X_RAYS = Resampler(order=Rays(), projection=Projection.XRAY)
 TWO = "two fractions of the steepest slope, such as (0.1, 0.3)"
 
@@ -236,7 +232,6 @@ class Appearance:
                 )
         kinds: dict[str, tuple[type, str]] = {
             "light": (Light, "a Light, or None for colors as they are"),
-            "labels": (Labels, "Labels, such as those of read_labels"),
             "cue": (DepthCue, "a DepthCue"),
             "crop": (str, "ranges of voxels along x, y and z, such as '64:192,:,10:'"),
             "slab": (str, "center and thickness, such as '20,5'"),
@@ -245,6 +240,10 @@ class Appearance:
         for name, (kind, wanted) in kinds.items():
             if getattr(self, name) is not None:
                 check_kind(name, getattr(self, name), kind, wanted)
+        if self.labels is not None:
+            from resample_volume.classification.labels import Labels
+
+            check_kind("labels", self.labels, Labels, "Labels, such as those of read_labels")
         if self.gradient not in list(GRADIENTS):
             raise ValueError(f"gradient {shortly(self.gradient)}; known: {', '.join(GRADIENTS)}")
         if self.gradient_opacity is not None:
@@ -253,7 +252,12 @@ class Appearance:
                 raise ValueError(f"gradient_opacity {shortly(self.gradient_opacity)}; give {TWO}")
         object.__setattr__(self, "clip", _several_of("clip", self.clip, str))
         for name in ("meshes", "planes", "surfaces"):
-            object.__setattr__(self, name, _objects_of(name, getattr(self, name)))
+            if given := getattr(self, name) or ():
+                from resample_volume.meshes import ImagePlane, IsoSurface, SceneMesh
+
+                own = {"meshes": (SceneMesh,), "planes": (ImagePlane, str)}
+                given = _several_of(name, given, *own.get(name, (IsoSurface, str)))
+            object.__setattr__(self, name, given)
         _ = self.section  # raises an error if it is invalid
 
     @property
@@ -261,7 +265,7 @@ class Appearance:
         """Slab to which the picture is limited."""
         if self.slab is None:
             return None
-        from resample_volume.image_planes import Section
+        from resample_volume.meshes import Section
 
         return Section.of(self.slab)
 
@@ -273,38 +277,8 @@ class Appearance:
     @property
     def extras(self) -> list[str]:
         """Names of chosen options that not all projections allow."""
-        chosen = {
-            "labels": self.labels,
-            "gradient-opacity": self.gradient_opacity,
-            "depth-cue": self.cue,
-            "mesh": self.meshes or None,
-            "plane": self.planes or None,
-            "surface": self.surfaces or None,
-            "xray": self.xray,
-            "invert": self.invert or None,
-        }
-        return [name for name, choice in chosen.items() if choice is not None]
-
-    @property
-    def scene_objects(self) -> list[str]:
-        """Names of the objects that rays meet besides the volume."""
-        return [name for name in self.extras if name in SCENE_OBJECTS]
-
-    @property
-    def needed_gradient(self) -> str | None:
-        """How gradients are computed; None if shading does not need them."""
-        return None if self.light is None else self.gradient
-
-
-def _objects_of(name: str, given: Any) -> tuple[Any, ...]:
-    """Return the meshes, planes or surfaces of a look."""
-    if not given:
-        return ()
-    from resample_volume.image_planes import ImagePlane
-    from resample_volume.meshes import IsoSurface, SceneMesh
-
-    kinds = {"meshes": (SceneMesh,), "planes": (ImagePlane, str), "surfaces": (IsoSurface, str)}
-    return _several_of(name, given, *kinds[name])
+        chosen = ((name, getattr(self, field)) for name, field in EXTRAS.items())
+        return [name for name, choice in chosen if choice not in (None, (), False)]
 
 
 def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
@@ -322,36 +296,14 @@ def _several_of(name: str, given: Any, *kinds: Any) -> tuple[Any, ...]:
 VolumeLayer = tuple[Volume, Appearance]  # one of several in a scene, and its look
 
 
-class SceneObjects(NamedTuple):
-    """Objects that rays meet besides the volume."""
-
-    meshes: "tuple[SceneMesh, ...]"
-    planes: "tuple[ImagePlane, ...]"
-    surfaces: "tuple[IsoSurface, ...]"
-
-    def within(self, span: tuple[float, float]) -> "SceneObjects":
-        """Return a copy; planes without a window get one of these values."""
-        return self._replace(planes=tuple(plane.within(span) for plane in self.planes))
-
-    def beside(self, look: Appearance) -> Appearance:
-        """Return the look with these objects."""
-        return replace(look, **self._asdict()) if any(self) else look
-
-
 def transfer_of(
-    volume: Volume, appearance: Appearance, projection: Projection = Projection.COMPOSITE
+    volume: Volume,
+    look: Appearance | Transfer | str,
+    projection: Projection = Projection.COMPOSITE,
 ) -> Transfer:
-    """Return the transfer function, also if given by name."""
-    return named_or_own(appearance.transfer, volume, projection)
-
-
-def named_or_own(
-    given: Transfer | str, volume: Volume, projection: Projection = Projection.COMPOSITE
-) -> Transfer:
-    """Return the transfer function, also one given by name."""
-    if isinstance(given, str):
-        return named_transfer(given, volume, projection)
-    return given
+    """Return the transfer function of a look, or one given, also by name."""
+    given = look.transfer if isinstance(look, Appearance) else look
+    return named_transfer(given, volume, projection) if isinstance(given, str) else given
 
 
 def named_transfer(
@@ -379,15 +331,29 @@ def check_together(
             "invert swaps black and white of values, so it needs the projection "
             f"{', '.join(MEASURING[:-1])} or {MEASURING[-1]}, not {projection}"
         )
-    _check_objects([name for name in SCENE_OBJECTS if name in extras], resampler, classification)
-    if is_composite and _in_effect(classification, resampler) is Classification.PRE:
-        if resampler.order.summing is Summing.RAYS:
+    # Resolve `auto`, regardless of the volume
+    is_by_rays = resampler.order.summing is Summing.RAYS
+    is_pre = classification is Classification.PRE
+    is_pre = is_pre or (classification is Classification.AUTO and not is_by_rays)
+    for name in [name for name in SCENE_OBJECTS if name in extras]:
+        if projection in MEASURING:
+            raise ValueError(
+                f"a {name} is seen through the volume, so it needs the projection composite or "
+                f"first-hit, not {projection}"
+            )
+        if (is_pre and resampler.iso is None) or not is_by_rays:
+            raise ValueError(
+                f"a {name} ends rays through the field, so it needs the order rays and the "
+                "classification post or auto"
+            )
+    if is_composite and is_pre:
+        if is_by_rays:
             raise ValueError(
                 "the order rays gathers values, so it needs the classification post, or a "
                 "projection of values; for the classification pre take another order"
             )
         return
-    if resampler.order.summing is not Summing.RAYS:
+    if not is_by_rays:
         raise ValueError(f"the classification post needs the order rays, not {resampler.order}")
     if "labels" in extras and not is_composite:
         raise ValueError("labels color voxels, so they need the projection composite")
@@ -399,32 +365,6 @@ def check_together(
         raise ValueError(
             "depth-cue dims light, so it needs the projection composite or first-hit, not "
             f"{projection}"
-        )
-
-
-def _in_effect(classification: Classification, resampler: Resampler) -> Classification:
-    """Resolve `auto` for a renderer, regardless of the volume."""
-    if classification is not Classification.AUTO:
-        return classification
-    is_by_rays = resampler.order.summing is Summing.RAYS
-    return Classification.POST if is_by_rays else Classification.PRE
-
-
-def _check_objects(names: list[str], resampler: Resampler, classification: Classification) -> None:
-    """Reject meshes and planes for renderers that do not show them."""
-    if not names:
-        return
-    name = names[0]
-    if resampler.projection in MEASURING:
-        raise ValueError(
-            f"a {name} is seen through the volume, so it needs the projection composite or "
-            f"first-hit, not {resampler.projection}"
-        )
-    is_pre = _in_effect(classification, resampler) is Classification.PRE and resampler.iso is None
-    if is_pre or resampler.order.summing is not Summing.RAYS:
-        raise ValueError(
-            f"a {name} ends rays through the field, so it needs the order rays and the "
-            "classification post or auto"
         )
 
 
@@ -452,11 +392,8 @@ def decided(
 ) -> tuple[list[VolumeLayer], Resampler]:
     """Resolve `auto` to pre or post in all looks, and return the renderer for them.
 
-    A ray cast field is more accurate at any size on screen. Voxels are painted where gradients of
-    voxels are asked for (`sobel`), and for more labels than fields tell apart; but several volumes,
-    meshes and planes always need rays.
-
-    `resampler`: renderer; one of samples paints voxels in any case.
+    Fields are more accurate at any size on screen. A single volume is painted by voxels if its look
+    needs their gradients (`sobel`) or has more labels than fields tell apart.
     """
     looks = [look.classification for _, look in media]
     if Classification.AUTO not in looks:
@@ -465,8 +402,13 @@ def decided(
         is_of_field = True
     else:
         is_of_field = resampler.order.summing is Summing.RAYS and Classification.PRE not in looks
-        is_of_field = is_of_field and (len(media) > 1 or _suits_rays(*media[0]))
-        is_of_field = is_of_field or any(look.scene_objects for _, look in media)
+        volume, look = media[0]
+        if is_of_field and len(media) == 1:  # can rays show what the look asks for?
+            is_of_field = look.gradient == GRADIENT and (look.labels is None or look.labels.are_few)
+            is_of_field = is_of_field and max(map(abs, finite_range(volume.values))) < LARGEST
+        is_of_field = is_of_field or any(
+            look.meshes or look.planes or look.surfaces for _, look in media
+        )
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}
@@ -474,15 +416,6 @@ def decided(
         (volume, replace(look, classification=of_auto.get(kind, kind)))
         for (volume, look), kind in zip(media, looks, strict=True)
     ], resampler
-
-
-def _suits_rays(volume: Volume, look: Appearance) -> bool:
-    """Return whether rays can show what a look asks for."""
-    if look.gradient != GRADIENT:
-        return False
-    if look.labels is not None and not look.labels.are_few:
-        return False
-    return max(map(abs, finite_range(volume.values))) < LARGEST
 
 
 def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
@@ -510,6 +443,8 @@ def check_several(media: Sequence[VolumeLayer], resampler: Resampler) -> None:
                     "fields; leave it out"
                 )
             if look.labels is not None and not look.labels.are_few:
+                from resample_volume.classification.labels import MOST_RULES
+
                 raise ValueError(
                     f"{len(look.labels.rules)} labels of {volume.name} have looks; beside other "
                     f"volumes at most {MOST_RULES} may"

@@ -112,8 +112,7 @@ def render(
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
-    options: dict[str, Any] = {**given}
-    shape = shape_of(size)
+    options, shape = dict[str, Any](given), shape_of(size)
     shown = choice_meant(appearance, list(Projection)) if isinstance(appearance, str) else ""
     if shown in list(Projection):  # a projection where a look is expected
         appearance, options = "auto", {"projection": shown, **options}
@@ -123,9 +122,22 @@ def render(
         camera = viewpoint(camera)
     view = viewpoint_of(camera)
     fit: Fitted = "most" if camera is None else "visible"
-    pairs = _pairs(volume, appearance)
+    pairs: list[tuple[Any, Appearance | str]] = [(volume, appearance)]
+    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
+        is_pair = [
+            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
+            for one in volume
+        ]
+        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
+            if appearance != "auto" or not all(is_pair):
+                raise ValueError(PAIRS)
+            pairs = list(volume)
     if not options:
-        media = [_layer(as_volume(one), _as_look(look)) for one, look in pairs]
+        media = []
+        for one, each in pairs:
+            scene = as_volume(one)
+            whole = each if isinstance(each, Appearance) else Appearance(each)
+            media.append((without_padding(scene, survey(scene)), whole))
         paint = resampler or resampler_for(media[0][1])
         wanted = "a Resampler, or None for the one that suits the look"
         check_kind("resampler", paint, Resampler, wanted)
@@ -133,7 +145,7 @@ def render(
     from resample_volume.command.inputs import changed, opened, with_objects
     from resample_volume.command.rendering import annotated_picture
 
-    look, resampling, beside, source, form = _chosen("render", options)
+    look, resampling, extras, source, form = _chosen("render", options)
     own, first = look.model_fields_set - set(CAMERA), pairs[0][1]
     if own and any(isinstance(each, Appearance) for _, each in pairs):
         raise ValueError(f"an Appearance is a whole look; leave {', '.join(sorted(own))} out")
@@ -145,23 +157,21 @@ def render(
         paint = resampler or resampler_for(first)
     media = []
     for one, each in pairs:
-        if isinstance(one, str | PathLike):
-            scene = opened(source, str(one))
-        else:
-            scene = scaled(changed(source, as_volume(one)), source.scale)
-        if isinstance(each, Appearance):
-            media.append(_layer(scene, each))
-            continue
-        named = look if each == "auto" else look.model_copy(update={"transfer": each})
-        media.append(_layer(scene, named.appearance(scene, paint)))
-    media = with_objects(media, beside.scene_objects(look, paint))
+        read = isinstance(one, str | PathLike)
+        scene = opened(source, str(one)) if read else changed(source, as_volume(one))
+        scene = scene if read else scaled(scene, source.scale)
+        if not isinstance(each, Appearance):
+            named = look if each == "auto" else look.model_copy(update={"transfer": each})
+            each = named.appearance(scene, paint)  # noqa: PLW2901
+        media.append((without_padding(scene, survey(scene)), each))
+    media = with_objects(media, extras.scene_objects(look, paint))
     if isinstance(view, Orbit) and look.model_fields_set & {"fov", "up"}:
         view = replace(view, fov=look.fov, up=look.up)
-    if beside.zoom_in or camera is not None or "fit" in look.model_fields_set:
-        fit = "picture" if beside.zoom_in else look.fit
+    if extras.zoom_in or camera is not None or "fit" in look.model_fields_set:
+        fit = "picture" if extras.zoom_in else look.fit
     frame, subject, eye = pictured(media, view, shape, paint, fit, form.threads, progress)
     behind = form.behind(".exr")  # transparent unless a background is given
-    return annotated_picture(subject, eye, frame, media, paint, beside, behind).over(behind)
+    return annotated_picture(subject, eye, frame, media, paint, extras, behind).over(behind)
 
 
 def animate(
@@ -214,29 +224,6 @@ def animate(
         run("volume", "animate", name, output=Path(output), **_spelled(given))
 
 
-def _pairs(volume: Any, appearance: Appearance | str) -> Sequence[tuple[Any, Appearance | str]]:
-    """Return volumes with their looks, also for a single one."""
-    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
-        is_pair = [
-            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
-            for one in volume
-        ]
-        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
-            if appearance != "auto" or not all(is_pair):
-                raise ValueError(PAIRS)
-            return list(volume)
-    return [(volume, appearance)]
-
-
-def _as_look(given: Appearance | str) -> Appearance:
-    return given if isinstance(given, Appearance) else Appearance(given)
-
-
-def _layer(volume: Volume, look: Appearance) -> tuple[Volume, Appearance]:
-    """Return a volume without its padding, and its look."""
-    return without_padding(volume, survey(volume)), look
-
-
 def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with a window of others' words, and the projection of an iso value."""
     given = dict(options)
@@ -258,9 +245,9 @@ def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
 def _chosen(call: str, options: Mapping[str, Any]) -> "list[Any]":
     """Return the models of options that a picture has."""
     from resample.command.settings import PictureFormat, Resampling, chosen
-    from resample_volume.command.choices import AppearanceChoices, BesidePicture, ReadOptions
+    from resample_volume.command.choices import AppearanceChoices, PictureExtras, ReadOptions
 
-    models: list[type[Choices]] = [AppearanceChoices, Resampling, BesidePicture, ReadOptions]
+    models: list[type[Choices]] = [AppearanceChoices, Resampling, PictureExtras, ReadOptions]
     models.append(PictureFormat)
     known = {field for model in models for field in model.model_fields} - {"bits", "deep"}
     return chosen(understood(call, _spelled(options), sorted(known)), models)

@@ -19,9 +19,9 @@ from resample.lazy import installed_version
 from resample_volume.command.choices import (
     Added,
     AppearanceChoices,
-    Beside,
-    BesideFilm,
-    BesidePicture,
+    Extras,
+    FilmExtras,
+    PictureExtras,
     ReadOptions,
 )
 
@@ -48,8 +48,8 @@ app.register_install_completion_command()
 
 VOXELS, RESAMPLING, PICTURE = AppearanceChoices.usual(), Resampling.usual(), PictureFormat.usual()
 SOURCE, ADDED = ReadOptions.usual(), Added.usual()
-BESIDE, BESIDE_PICTURE = Beside.usual(), BesidePicture.usual()
-BESIDE_FILM = BesideFilm.usual()
+EXTRAS, PICTURE_EXTRAS = Extras.usual(), PictureExtras.usual()
+FILM_EXTRAS = FilmExtras.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 BAR = 40  # characters of the longest histogram bar
 OF_LISTS = ("histogram", "thresholds", "findings", "levels", "looks")
@@ -71,7 +71,7 @@ def render(
     picture: Annotated[PictureFormat, flags.Flat] = PICTURE,
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
-    beside: Annotated[BesidePicture, flags.Flat] = BESIDE_PICTURE,
+    extras: Annotated[PictureExtras, flags.Flat] = PICTURE_EXTRAS,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
     stats: flags.Stats = None,
 ) -> None:
@@ -90,49 +90,44 @@ def render(
     """
     from resample.command.workers import worker_pools
     from resample.files.saving import check_frame, write_frame
+    from resample_volume.command import rendering
     from resample_volume.command.inputs import media, require_values, with_objects
-    from resample_volume.command.rendering import (
-        BYTES_PER_PIXEL,
-        annotated_picture,
-        picture_of,
-        report,
-        to_paint,
-    )
 
     size = picture.height_and_width()
     background = picture.behind(output.suffix)
     check_frame(output, picture.bits, background)
     resampler = look.renderer(resampling, source.scale)
-    beside.check(output, resampler, size[0])
-    objects = beside.scene_objects(look, resampler)
+    extras.check(output, resampler, size[0])
+    objects = extras.scene_objects(look, resampler)
     viewpoint = look.viewpoint()
-    require_picture(size, BYTES_PER_PIXEL)
+    require_picture(size, rendering.BYTES_PER_PIXEL)
     session = Session()
     with worker_pools(sharing, picture.threads) as start_workers:
         check_targets(output, stats)
         with session.stage("read"):
             shown = media(source, volume, look, added, resampler, start_workers=start_workers)
             shown = with_objects(shown, objects)
-            if beside.color_bar:
+            if extras.color_bar:
                 require_values(shown[0][0], "a color bar")
-        scene = to_paint(
-            *(session, shown, resampler, beside.fit(look), viewpoint, size),
+        scene = rendering.to_paint(
+            *(session, shown, resampler, extras.fit(look), viewpoint, size),
             *(picture.threads, sharing, start_workers),
         )
         subject, camera, paint = scene
-        frame = picture_of(scene, shown, resampler.projection)
+        frame = rendering.picture_of(scene, shown, resampler.projection)
         with session.stage("write"):
-            if beside.deep is not None:
-                from resample_volume.rendering import boxed, write_slabs
+            if extras.deep is not None:
+                from resample.files.saving import write_deep
+                from resample_volume.rendering import boxed, depths, slabs
 
-                write_slabs(output, beside.deep, paint, camera, boxed(shown, subject))
+                planes = depths(camera, boxed(shown, subject), extras.deep)
+                write_deep(output, slabs(paint, camera, planes))
             else:
-                drawn = annotated_picture(
-                    subject, camera, frame, shown, resampler, beside, background
-                )
+                words = (subject, camera, frame, shown, resampler, extras, background)
+                drawn = rendering.annotated_picture(*words)
                 write_frame(output, drawn, picture.bits, background)
     if stats is not None:
-        write_json(stats, report(session, frame, subject))
+        write_json(stats, rendering.report(session, frame, subject))
 
 
 @app.command
@@ -151,7 +146,7 @@ def animate(
     threads: Annotated[int | None, OptionTopic.RESOURCE] = None,
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
-    beside: Annotated[BesideFilm, flags.Flat] = BESIDE_FILM,
+    extras: Annotated[FilmExtras, flags.Flat] = FILM_EXTRAS,
     sharing: Annotated[Sharing, flags.Flat] = SHARING,
     resume: flags.Resume = False,
 ) -> None:
@@ -189,11 +184,11 @@ def animate(
     shape = PictureFormat(size=size, threads=threads).height_and_width()
     behind = linear_color(background) or (0.0, 0.0, 0.0)
     resampler = look.renderer(resampling, source.scale)
-    beside.scene_objects(look, resampler)
-    beside.check_bar(output, shape[0])
+    extras.scene_objects(look, resampler)
+    extras.check_bar(output, shape[0])
     require_picture(shape, BYTES_PER_PIXEL)
     paint = animation.FrameOptions(resampler, shape, behind, threads)
-    script = animation.Script(volume, source, look, added, beside, resampling, frames)
+    script = animation.Script(volume, source, look, added, extras, resampling, frames)
     about = {"volume": volume, "path": path, "transfer": look.transfer}
     with worker_pools(sharing, threads) as start_workers:
         recording = None
@@ -216,7 +211,7 @@ def view(
     resampling: Annotated[Resampling, flags.Flat] = RESAMPLING,
     source: Annotated[ReadOptions, flags.Flat] = SOURCE,
     added: Annotated[Added, flags.Flat] = ADDED,
-    beside: Annotated[Beside, flags.Flat] = BESIDE,
+    extras: Annotated[Extras, flags.Flat] = EXTRAS,
     page: Annotated[Serving, flags.Flat] = SERVING,
 ) -> None:
     """Show a volume in the browser: rotate it, change its look, copy the command of the view.
@@ -235,7 +230,7 @@ def view(
     from resample.view.server import show
     from resample_volume.viewing import volume_view
 
-    show(lambda: volume_view(volume, source, (look, resampling, beside), added), page)
+    show(lambda: volume_view(volume, source, (look, resampling, extras), added), page)
 
 
 @app.command

@@ -29,30 +29,26 @@ AXES = ("z", "y", "x")
 
 
 def of_simple_itk(image: Any, part: Any, name: str) -> Volume:
-    """Convert an image of SimpleITK's with its geometry; parameters as of `of_dataset`."""
+    """Convert an image of SimpleITK's with its geometry."""
     import SimpleITK
 
     check_whole(part, "an image of SimpleITK's")
     if image.GetDimension() != 3:
         raise ValueError(f"an image of {image.GetDimension()} dimensions; a volume has 3")
-    return Volume(
-        SimpleITK.GetArrayFromImage(image),
-        np.array(image.GetSpacing(), np.float64),
-        np.array(image.GetOrigin(), np.float64),
-        np.array(image.GetDirection(), np.float64).reshape(3, 3),
-        name,
-    )
+    given = (image.GetSpacing(), image.GetOrigin(), image.GetDirection())
+    spacing, origin, direction = (np.array(each, np.float64) for each in given)
+    values = SimpleITK.GetArrayFromImage(image)
+    return Volume(values, spacing, origin, direction.reshape(3, 3), name)
 
 
 def of_nibabel(image: Any, part: Any, name: str) -> Volume:
-    """Convert an image of nibabel's, of values or colors, to LPS.
-
-    Values are scaled if its header says so, and otherwise as stored.
-    """
+    """Convert an image of nibabel's, of values or colors, to LPS, scaled as its header says."""
     check_whole(part, "an image of nibabel's")
     if not (hasattr(image, "dataobj") and hasattr(image, "affine")):
         raise TypeError(f"a volume of nibabel's {type(image).__name__}; give an image of voxels")
-    values = _colors(np.asanyarray(image.dataobj))
+    values = np.asanyarray(image.dataobj)
+    if (parts := values.dtype.names) is not None:  # components R, G, B become a last axis
+        values = np.stack([values[each] for each in parts], axis=-1)
     while values.ndim > 3 and values.shape[3] == 1:
         values = values[..., 0, :] if values.ndim > 4 else values[..., 0]
     is_colored = image.get_data_dtype().names is not None
@@ -70,13 +66,6 @@ def of_nibabel(image: Any, part: Any, name: str) -> Volume:
     given = getattr(image.header, "get_xyzt_units", lambda: ("mm",))()[0]
     unit, by = unit_of_length(given)
     return found._replace(spacing=by * spacing, origin=by * place[1], length=unit)
-
-
-def _colors(values: NDArray[Any]) -> NDArray[Any]:
-    """Move components named R, G, B to a last axis."""
-    if values.dtype.names is None:
-        return values
-    return np.stack([values[each] for each in values.dtype.names], axis=-1)
 
 
 def of_labeled(given: Any, part: Any, name: str) -> Volume:
@@ -99,28 +88,22 @@ def of_labeled(given: Any, part: Any, name: str) -> Volume:
     order = tuple(named[axis] for axis in AXES) if set(named) == set(AXES) else given.dims
     turned = given.transpose(*order)
     values = np.asanyarray(turned.values)
-    z, y, x = (_planes(turned, dim, n) for dim, n in zip(order, values.shape, strict=True))
+    planes = []
+    for dim, count in zip(order, values.shape, strict=True):
+        along = np.asarray(turned.coords[dim].values) if dim in turned.coords else np.arange(count)
+        if along.dtype.kind not in "iuf" or not np.isfinite(along).all():
+            raise ValueError(
+                f"coordinates along {dim} of {along.dtype}; they must be finite numbers"
+            )
+        planes.append(along.astype(np.float64))
+    z, y, x = planes
     if 0 in values.shape:
         raise ValueError(f"a volume has voxels in it; got {values.shape}")
     return rectilinear(values, x, y, z, str(given.name or name))
 
 
-def _planes(given: Any, dim: str, count: int) -> Doubles:
-    """Return coordinates along a dimension; indices if it has none."""
-    if dim not in given.coords:
-        return np.arange(count, dtype=np.float64)
-    along = np.asarray(given.coords[dim].values)
-    if along.dtype.kind not in "iuf" or not np.isfinite(along).all():
-        raise ValueError(f"coordinates along {dim} of {along.dtype}; they must be finite numbers")
-    return along.astype(np.float64)
-
-
 def of_grid(given: Any, part: Any, name: str) -> Volume:
-    """Convert a field of values at the centers of cells.
-
-    `given`: it has `left_edge` and `right_edge` (3,), `ActiveDimensions` (3,), and fields (X, Y, Z)
-    by name.
-    """
+    """Convert a field of yt's, of values at the centers of cells."""
     if not part:
         raise ValueError(
             f"{name}: name a field of the grid: part='density', or the pair (grid, 'density')"
@@ -138,42 +121,29 @@ def of_grid(given: Any, part: Any, name: str) -> Volume:
 
 
 def of_dataset(given: Any, part: Any, name: str) -> Volume:
-    """Convert a data set; errors as in readers of such files.
-
-    `given`: `vtkImageData`, `vtkRectilinearGrid`, or what is resampled: a structured or
-    unstructured grid, or blocks of any of these.
-    """
+    """Convert a data set of VTK's; grids other than images and rectilinear are resampled."""
     if not (given.IsA("vtkDataSet") or given.IsA("vtkCompositeDataSet")):
         raise TypeError(f"a volume of {type(given).__name__}; give a data set of VTK's with cells")
     wanted = ArrayQuery(str(part), "", "")
-    if given.IsA("vtkImageData"):
-        values, is_of_cells = _values(given, wanted, name)
-        known = image_header(given, np.uint8, None, name, is_of_cells=is_of_cells)
-        return Volume(values, known.spacing, known.origin, known.direction, name)
-    if given.IsA("vtkRectilinearGrid"):
-        from vtkmodules.util.numpy_support import vtk_to_numpy
-
-        values, is_of_cells = _values(given, wanted, name)
-        axes = (given.GetXCoordinates(), given.GetYCoordinates(), given.GetZCoordinates())
-        x, y, z = (middles(vtk_to_numpy(axis), of_cells=is_of_cells) for axis in axes)
-        return rectilinear(values, x, y, z, name)
-    if absent := missing("readers", "vtu"):
-        raise ValueError(f"{name} is a grid of cells; {absent}")
-    return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
-
-
-def _values(grid: Any, wanted: ArrayQuery, name: str) -> tuple[NDArray[Any], bool]:
-    """Return values (Z, Y, X) or (Z, Y, X, C) of an array, and whether they are of cells."""
+    if not (given.IsA("vtkImageData") or given.IsA("vtkRectilinearGrid")):
+        if absent := missing("readers", "vtu"):
+            raise ValueError(f"{name} is a grid of cells; {absent}")
+        return alone(load("readers", "vtu").of_dataset(given, wanted, name, check_alone))
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    arrays = arrays_of(grid)
+    arrays = arrays_of(given)
     names = [named for named, _ in arrays]
-    chosen = choose(names, wanted, name)
-    points = points_along(grid)
+    chosen, points = choose(names, wanted, name), points_along(given)
     shape = cells_between(points) if chosen.is_of_cells else points
     check_shape(shape, name)
     values = vtk_to_numpy(arrays[names.index(chosen)][1])  # holds a reference to VTK's memory
-    return values.reshape(*shape[::-1], *values.shape[1:]), chosen.is_of_cells
+    values = values.reshape(*shape[::-1], *values.shape[1:])
+    if given.IsA("vtkImageData"):
+        known = image_header(given, np.uint8, None, name, is_of_cells=chosen.is_of_cells)
+        return Volume(values, known.spacing, known.origin, known.direction, name)
+    axes = (given.GetXCoordinates(), given.GetYCoordinates(), given.GetZCoordinates())
+    x, y, z = (middles(vtk_to_numpy(axis), of_cells=chosen.is_of_cells) for axis in axes)
+    return rectilinear(values, x, y, z, name)
 
 
 TAKEN = (
@@ -228,29 +198,34 @@ def as_volume(given: Any, name: str = "array", *, part: Part = "", scale: str = 
     >>> as_volume("checker-box:size=16,block=4").values.dtype
     dtype('uint8')
     """
-    return scaled(_as_it_is(given, name, part), scale)
-
-
-def _as_it_is(given: Any, name: str, part: Part) -> Volume:
     if isinstance(given, Volume | str | PathLike):
         check_whole(part, "a file" if not isinstance(given, Volume) else given.name)
-    if isinstance(given, Volume):
-        return _checked(given)
-    if isinstance(given, str | PathLike):
-        return open_volume(str(given))
+        made = _checked(given) if isinstance(given, Volume) else open_volume(str(given))
+        return scaled(made, scale)
     if isinstance(given, tuple) and len(given) == 2:  # a grid and a part, in one word or several
         grid, words = given
         several = words if isinstance(words, tuple) else (words,)
         if several and all(isinstance(word, str) for word in several):
-            return as_volume(grid, name, part=words)
-    taker = _taker_of(given)
+            return as_volume(grid, name, part=words, scale=scale)
+    # Find the converter of an object of a known library
+    every = type(given).__mro__
+    homes = {kind.__module__.partition(".")[0] for kind in every}
+    taker: Callable[[Any, Any, str], Volume] | None = None
+    if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
+        taker = of_dataset
+    elif "SimpleITK" in homes or "nibabel" in homes:
+        taker = of_simple_itk if "SimpleITK" in homes else of_nibabel
+    elif hasattr(given, "dims") and hasattr(given, "coords"):
+        taker = of_labeled
+    elif hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions"):
+        taker = of_grid
     if taker is None:
         check_whole(part, "an array")
-        return _placed(_array(given), name)
+        return scaled(_placed(_array(given), name), scale)
     made = taker(given, part, name)
     placed = _placed(_array(made.values), made.name, *made[1:4])
     kept = {name: getattr(made, name) for name in ("units", "note", "space", "length")}
-    return placed._replace(**kept)
+    return scaled(placed._replace(**kept), scale)
 
 
 def _checked(given: Volume) -> Volume:
@@ -317,9 +292,9 @@ def _array(given: Any) -> NDArray[Any]:
 def _placed(
     values: NDArray[Any],
     name: str,
-    spacing: Doubles | None = None,
-    origin: Doubles | None = None,
-    direction: Doubles | None = None,
+    spacing: Doubles = np.ones(3),  # noqa: B008 - never changed
+    origin: Doubles = np.zeros(3),  # noqa: B008
+    direction: Doubles = np.eye(3),  # noqa: B008
 ) -> Volume:
     """Make a volume of an array (Z, Y, X), or of colors."""
     colored = values.ndim == 4 and is_color(values.shape, values.dtype)
@@ -331,32 +306,6 @@ def _placed(
         raise ValueError(
             f"a volume is an array (Z, Y, X) with voxels in it, not {values.shape}; {remedy}"
         )
-    volume = Volume(
-        values[..., 0] if colored else values,
-        np.ones(3) if spacing is None else spacing,
-        np.zeros(3) if origin is None else origin,
-        np.eye(3) if direction is None else direction,
-        name,
-    )
+    first = values[..., 0] if colored else values
+    volume = Volume(first, spacing, origin, direction, name)
     return in_color(values, volume) if colored else volume
-
-
-def _taker_of(given: Any) -> Callable[[Any, Part, str], Volume] | None:
-    """Return the converter of an object, with values (Z, Y, X) or (Z, Y, X, C) of any type.
-
-    None for objects of no known library.
-    """
-    every = type(given).__mro__
-    homes = {kind.__module__.partition(".")[0] for kind in every}
-    if "vtkObjectBase" in {kind.__name__ for kind in every}:  # PyVista's, too
-        return of_dataset
-    is_labeled = hasattr(given, "dims") and hasattr(given, "coords")
-    is_grid = hasattr(given, "left_edge") and hasattr(given, "ActiveDimensions")
-    if not (is_labeled or is_grid or homes & {"SimpleITK", "nibabel"}):
-        return None
-
-    if "SimpleITK" in homes:
-        return of_simple_itk
-    if "nibabel" in homes:
-        return of_nibabel
-    return of_labeled if is_labeled else of_grid

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -12,52 +11,21 @@ import numpy as np
 from resample.cameras.models import AnyCamera
 from resample.cameras.viewpoints import Orbit, Sphere, Viewpoint, camera_from
 from resample.console import progress_bar
-from resample.files.saving import DepthSlab, between, write_deep
+from resample.files.saving import DepthSlab, between
 from resample.messages import warn
 from resample.painting.choices import MEASURING, Projection
 from resample.progress import Progress
 from resample.resampler import Resampler
 from resample.types import NO_TRIANGLES, Doubles, Frame, LatticeField, Samples, Triangles, View
-from resample_volume.appearance import (
-    AS_IT_IS,
-    BY_DEFAULT,
-    MU_WATER,
-    Appearance,
-    Classification,
-    Tone,
-    VolumeLayer,
-    XRay,
-    attenuation,
-    check_several,
-    check_together,
-    decided,
-    named_or_own,
-    of_voxels,
-    resampler_for,
-    settled,
-    transfer_of,
-)
-from resample_volume.classification.automatic import LEVELS
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Transfer
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, Tone, VolumeLayer
+from resample_volume.classification.presets import LEVELS
+from resample_volume.classification.transfer import Faded, Transfer
 from resample_volume.classification.value_statistics import survey
 from resample_volume.data.recordings import how, in_unit, mm_of, unit_of_space
 from resample_volume.data.values import as_array, as_arrays, is_streamed
-from resample_volume.types import Placed, Volume
-from resample_volume.voxels.framing import (
-    FramedVoxels,
-    Shifted,
-    around_both,
-    bounding_sphere,
-    centered,
-    corners,
-    faced,
-    filling,
-    keep,
-    planes,
-    shown_by,
-    sphere_around,
-)
+from resample_volume.types import Volume
+from resample_volume.voxels import framing
 from resample_volume.voxels.gathered import Gathered, gathered, lit_lattice, with_shadows
 from resample_volume.voxels.shading import (
     Light,
@@ -71,7 +39,6 @@ from resample_volume.voxels.visible import Voxels, classify
 
 if TYPE_CHECKING:
     from resample_volume.meshes import SceneMesh
-    from resample_volume.series import CommonLattice
 
 Visible: TypeAlias = Voxels | Gathered | list[Gathered]
 Shaded: TypeAlias = Samples | LatticeField | list[LatticeField]  # input of a renderer
@@ -81,24 +48,17 @@ Fitted = Fit | Literal["picture", "most"]
 AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
-def placement(
-    media: Sequence[VolumeLayer],
-) -> tuple[list[VolumeLayer], "CommonLattice", Doubles, Doubles]:
-    """Place several volumes in a scene; the first look sets crop and clip.
-
-    Result: the moved volumes, the lattice of all, the former place (3,) of the scene's origin, and
-    clip planes (M, 4).
-    """
+def placement(media: Sequence[VolumeLayer]) -> tuple[list[VolumeLayer], Volume, Doubles, Doubles]:
+    """Place several volumes in a scene: they, their lattice, its former place, clip planes."""
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
     media = [(in_unit(volume, unit), look) for volume, look in media]
-    whole = common_lattice([volume for volume, _ in media])
-    middle = whole.middle
+    whole, middle = common_lattice([volume for volume, _ in media])
     whole = whole._replace(origin=whole.origin - middle)
     moved = [(volume._replace(origin=volume.origin - middle), look) for volume, look in media]
     first, look = moved[0]
-    cuts = [planes(first, look.crop), planes(whole.volume(), None, look.cuts)]
+    cuts = [framing.planes(first, look.crop), framing.planes(whole, None, look.cuts)]
     return moved, whole, middle, np.concatenate(cuts)
 
 
@@ -109,28 +69,24 @@ def fields_of(voxels: Gathered | list[Gathered]) -> list[Gathered]:
 
 def shown_together(
     media: Iterable[VolumeLayer], clip: Doubles, resampler: Resampler
-) -> FramedVoxels:
+) -> framing.FramedVoxels:
     """Return the voxels of volumes in one scene that are visible when composited."""
     shown = []
     for volume, look in media:
-        framing = named_or_own(look.framing or look.transfer, volume)
+        shape = looks.transfer_of(volume, look.framing or look.transfer)
         radius = resampler.reconstruction.radius
-        shown.append(shown_by(volume, framing, clip, radius, resampler.iso))
+        shown.append(framing.shown_by(volume, shape, clip, radius, resampler.iso))
     coarsest = max(shown, key=lambda one: float(np.linalg.norm(one.lattice, axis=0).max()))
     return coarsest._replace(parts=lambda: chain.from_iterable(one.parts() for one in shown))
 
 
 def visible_voxels(volume: Volume, appearance: Appearance) -> Voxels:
     """Return the voxels that the transfer function shows, with gradients if needed."""
-    transfer = transfer_of(volume, appearance)
+    transfer = looks.transfer_of(volume, appearance)
     needed = transfer.needs_gradient or appearance.gradient_opacity is not None
-    return classify(
-        volume,
-        transfer,
-        gradient=appearance.gradient if needed else appearance.needed_gradient,
-        gradient_opacity=appearance.gradient_opacity,
-        labels=appearance.labels,
-    )
+    gradient = appearance.gradient if needed or appearance.light is not None else None
+    fading, labels = appearance.gradient_opacity, appearance.labels
+    return classify(volume, transfer, gradient=gradient, gradient_opacity=fading, labels=labels)
 
 
 def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler) -> Transfer:
@@ -141,7 +97,7 @@ def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler
             f"{volume.name} has colors, which need the projection composite; for others "
             f"{how('channel', volume.colors.shape[-1])}"
         )
-    transfer = transfer_of(volume, appearance, projection)
+    transfer = looks.transfer_of(volume, appearance, projection)
     if transfer.needs_gradient and projection is not Projection.COMPOSITE:
         raise ValueError(
             f"the projection {projection} shows values, which have no color in a transfer function "
@@ -152,45 +108,14 @@ def _field_transfer(volume: Volume, appearance: Appearance, resampler: Resampler
     return transfer
 
 
-def _measured(
-    volume: Volume, appearance: Appearance, projection: Projection
-) -> tuple[Volume, Appearance, Tone]:
-    """Return volume and look of the field that rays measure, and the tone of frames."""
-    if projection is not Projection.XRAY:
-        return volume, appearance, Tone(is_negative=appearance.invert)
-    xray = settled(appearance.xray or XRay(MU_WATER * mm_of(volume)), volume)
-    water = attenuation(volume.values, xray.added)
-    tone = Tone(xray.mu_water, xray.window, appearance.invert)
-    look = replace(appearance, transfer=LEVELS)
-    return volume._replace(values=water, units=""), look, tone
-
-
-def _shadowed(
-    voxels: Voxels | Gathered,
-    volume: Volume,
-    resampler: Resampler,
-    clip: Doubles,
-    light: Light,
-) -> Voxels | Gathered:
-    """Return the visible voxels with the light that reaches them, shadowed by all others."""
-    if resampler.projection in MEASURING:
-        raise ValueError(
-            "shadows and occlusion dim light, so they need the projection composite or first-hit, "
-            f"not {resampler.projection}"
-        )
-    if isinstance(voxels, Gathered):
-        return with_shadows([voxels], [volume], volume, resampler, clip, light)[0]
-    return voxels._replace(reached=voxel_transmittance(voxels, light))
-
-
 def _pictures(
     volume: Volume, values: Any, appearance: Appearance, voxels: Visible
 ) -> "list[SceneMesh]":
     """Return planes and isosurfaces of a look as meshes in the volume's scene."""
     if not isinstance(voxels, Gathered) or not (appearance.planes or appearance.surfaces):
         return []
-    from resample_volume.image_planes import plane_mesh, surface_mesh
-    from resample_volume.image_planes import settled as settled_plane
+    from resample_volume.meshes import plane_mesh, surface_mesh
+    from resample_volume.meshes import settled as settled_plane
 
     planes = [settled_plane(plane, volume) for plane in appearance.planes]
     made = [plane_mesh(plane, volume, voxels) for plane in planes]
@@ -211,7 +136,7 @@ def lit_samples(voxels: Voxels, light: Light | None, camera: AnyCamera) -> Sampl
     """Return samples with the light that voxels send to a camera."""
     view = camera.view()
     if view.perspective:
-        return shade(voxels, light, eye=_eye(view))
+        return shade(voxels, light, eye=-view.rotation.T @ view.translation)
     return shade(voxels, light, view=view.rotation[2])
 
 
@@ -225,58 +150,62 @@ class Subject:
     middle: Doubles  # (3,) former place of the volume's center, scene units
     clip: Doubles  # (M, 4) planes, for the resampler
     mesh: Triangles = NO_TRIANGLES  # around the scene's origin
-    tone: Tone = AS_IT_IS  # of its frames
+    tone: Tone = looks.AS_IT_IS  # of its frames
     # Voxels that are visible, found anew at each call; None: cameras orbit the whole volume.
-    seen: "Callable[[], Placed | FramedVoxels] | None" = None
+    seen: "Callable[[], Voxels | framing.FramedVoxels] | None" = None
 
     @classmethod
     def of(
-        cls,
-        volume: Volume,
-        appearance: Appearance,
-        resampler: Resampler | None = None,
-        *,
+        cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None, *,
         around: Volume | None = None,
-    ) -> "Subject":
-        """Classify a volume, as far as a renderer needs it.
-
-        `resampler`: renderer; None: `resampler_for` the look. `around`: volume that cameras orbit
-        as a whole; None: they orbit what is visible.
-        """
-        resampler = resampler or resampler_for(appearance)
-        check_together(resampler, appearance.classification, appearance.extras)
-        ((volume, appearance),), resampler = decided([(volume, appearance)], resampler)
-        scene, middle = centered(volume)
-        clip = planes(scene, appearance.crop, appearance.cuts)
-        scene = as_array(scene)
+    ) -> "Subject":  # fmt: skip
+        """Classify a volume; cameras orbit another one as a whole, or what is visible."""
+        resampler = resampler or looks.resampler_for(appearance)
+        looks.check_together(resampler, appearance.classification, appearance.extras)
+        ((volume, appearance),), resampler = looks.decided([(volume, appearance)], resampler)
+        scene, middle = framing.centered(volume)
+        clip = framing.planes(scene, appearance.crop, appearance.cuts)
+        scene, projection = as_array(scene), resampler.projection
+        light, tone = appearance.light, looks.AS_IT_IS
         voxels: Visible
-        tone = AS_IT_IS
-        if appearance.classification is Classification.POST or (
-            resampler.projection is not Projection.COMPOSITE
-        ):
-            measured, look, tone = _measured(scene, appearance, resampler.projection)
+        if light is not None and light.is_blocked and projection in MEASURING:
+            raise ValueError(
+                "shadows and occlusion dim light, so they need the projection composite or "
+                f"first-hit, not {projection}"
+            )
+        is_composite = projection is Projection.COMPOSITE
+        if appearance.classification is looks.Classification.POST or not is_composite:
+            measured, look, tone = scene, appearance, Tone(is_negative=appearance.invert)
+            if projection is Projection.XRAY:  # the field is of attenuations
+                xray = looks.settled(
+                    appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene)), scene
+                )
+                water = looks.attenuation(scene.values, xray.added)
+                measured = scene._replace(values=water, units="")
+                look = replace(look, transfer=LEVELS)
+                tone = Tone(xray.mu_water, xray.window, appearance.invert)
             transfer = _field_transfer(measured, look, resampler)
             voxels = gathered(measured, transfer, resampler, look.gradient, look.labels)
+            if light is not None and light.is_blocked:
+                (voxels,) = with_shadows([voxels], [scene], scene, resampler, clip, light)
         else:
-            voxels = visible_voxels(scene, appearance)
-        radius = resampler.reconstruction.radius
-        if not isinstance(voxels, Gathered):
-            voxels = faced(keep(voxels, clip, radius), clip)
-        if appearance.light is not None and appearance.light.is_blocked:
-            voxels = _shadowed(voxels, scene, resampler, clip, appearance.light)
+            voxels, radius = visible_voxels(scene, appearance), resampler.reconstruction.radius
+            voxels = framing.faced(framing.keep(voxels, clip, radius), clip)
+            if light is not None and light.is_blocked:
+                voxels = voxels._replace(reached=voxel_transmittance(voxels, light))
         pictures = _pictures(volume, scene.values, appearance, voxels)
         mesh = _placed((*appearance.meshes, *pictures), middle)
         if around is not None:
-            ball = bounding_sphere(around._replace(origin=around.origin - middle))
+            ball = framing.bounding_sphere(around._replace(origin=around.origin - middle))
             return cls(voxels, appearance, ball, middle, clip, mesh, tone)
 
-        def shown() -> Placed | FramedVoxels:
+        def shown() -> Voxels | framing.FramedVoxels:
             """Return the visible voxels, for cameras to fit."""
             if not isinstance(voxels, Gathered):
                 return voxels
             return shown_together([(scene, appearance)], clip, resampler)
 
-        ball = around_both(sphere_around(shown(), scene), mesh.corner)
+        ball = framing.around_both(framing.sphere_around(shown(), scene), mesh.corner)
         return cls(voxels, appearance, ball, middle, clip, mesh, tone, shown)
 
     @classmethod
@@ -285,35 +214,33 @@ class Subject:
     ) -> "Subject":
         """Classify several volumes of one scene; extinctions add up where they overlap.
 
-        Each is placed by its origin, spacing and direction. Light, crop (of its voxels), clip and
-        depth cue are those of the first; each has its own transfer function and labels. Those that
-        stay in their files share the memory limit.
-        Cameras orbit what is visible, or all of the volumes.
+        Light, crop, clip and depth cue are those of the first; each has its own transfer function
+        and labels. Volumes in files share the memory limit.
         """
         if len(media) == 1:
             return cls.of(*media[0], resampler, around=media[0][0] if fit == "volume" else None)
-        resampler = resampler or BY_DEFAULT
-        check_several(media, resampler)
-        media, resampler = decided(media, resampler)
-        moved, lattice, middle, clip = placement(media)
-        scene, looks = lattice.volume(), [look for _, look in moved]
+        resampler = resampler or looks.BY_DEFAULT
+        looks.check_several(media, resampler)
+        media, resampler = looks.decided(media, resampler)
+        moved, scene, middle, clip = placement(media)
+        each = [look for _, look in moved]
         volumes = as_arrays([volume for volume, _ in moved])
         fields = []
-        meshes = [mesh for look in looks for mesh in look.meshes]
-        for volume, look in zip(volumes, looks, strict=True):
+        meshes = [mesh for look in each for mesh in look.meshes]
+        for volume, look in zip(volumes, each, strict=True):
             transfer = _field_transfer(volume, look, resampler)
             fields.append(gathered(volume, transfer, resampler, look.gradient, look.labels))
             unmoved = volume._replace(origin=volume.origin + middle)
             meshes += _pictures(unmoved, volume.values, look, fields[-1])
-        mesh, light = _placed(tuple(meshes), middle), looks[0].light
+        mesh, light = _placed(tuple(meshes), middle), each[0].light
         if light is not None and light.is_blocked:
             fields = with_shadows(fields, volumes, scene, resampler, clip, light)
         if fit == "volume":
-            return cls(fields, looks[0], bounding_sphere(scene), middle, clip, mesh)
-        layers = list(zip(volumes, looks, strict=True))
+            return cls(fields, each[0], framing.bounding_sphere(scene), middle, clip, mesh)
+        layers = list(zip(volumes, each, strict=True))
         shown = partial(shown_together, layers, clip, resampler)
-        ball = around_both(sphere_around(shown(), scene), mesh.corner)
-        return cls(fields, looks[0], ball, middle, clip, mesh, seen=shown)
+        ball = framing.around_both(framing.sphere_around(shown(), scene), mesh.corner)
+        return cls(fields, each[0], ball, middle, clip, mesh, seen=shown)
 
     def placed(self, volume: Volume) -> Volume:
         """Return one of the volumes, moved around the scene's origin."""
@@ -322,7 +249,7 @@ class Subject:
     def camera(self, viewpoint: Viewpoint, height: int, width: int) -> AnyCamera:
         """Return the camera for a picture of this size in px, with the scene around the origin."""
         camera = camera_from(viewpoint, self.sphere, height, width)
-        return camera if isinstance(viewpoint, Orbit) else Shifted(camera, self.middle)
+        return camera if isinstance(viewpoint, Orbit) else framing.Shifted(camera, self.middle)
 
     @property
     def is_of_field(self) -> bool:
@@ -331,7 +258,7 @@ class Subject:
 
     def painter(self, resampler: Resampler) -> Resampler:
         """Return the renderer that this subject was prepared for; see `decided`."""
-        return resampler if self.is_of_field else of_voxels(resampler)
+        return resampler if self.is_of_field else looks.of_voxels(resampler)
 
     def cuts(self, camera: AnyCamera) -> Doubles:
         """Return planes (M, 4) for the resampler: of the scene, and of a slab across the view."""
@@ -343,19 +270,6 @@ class Subject:
         if section is None or section.normal is not None:
             return np.zeros((0, 4))
         return section.planes(camera.view().rotation[2])
-
-    def misses(self, volume: Volume, forward: Doubles) -> bool:
-        """Return whether a slab across a direction (3,) misses a volume."""
-        section = self.appearance.section
-        if section is None:
-            return False
-        planes = section.planes(forward)
-        away = corners(self.placed(volume)) @ planes[:, :3].T + planes[:, 3]
-        return bool((away <= 0).all(axis=0).any())
-
-    def developed(self, frame: Frame) -> Frame:
-        """Tone map a frame: X-rays get their gray levels, negatives are inverted."""
-        return self.tone.developed(frame)
 
     @property
     def is_empty(self) -> bool:
@@ -390,7 +304,7 @@ class Subject:
             "voxels": fingerprint(*map(np.asarray, parts)),
             "light": repr(self.appearance.light),
             "depth cue": repr(self.appearance.cue),
-            **({} if self.tone == AS_IT_IS else {"tone": repr(self.tone)}),
+            **({} if self.tone == looks.AS_IT_IS else {"tone": repr(self.tone)}),
             **({} if self.appearance.slab is None else {"slab": self.appearance.slab}),
         }
 
@@ -399,11 +313,12 @@ class Subject:
         cue, light = self.appearance.cue, self.appearance.light
         near, far = cue_range(camera, self.sphere)
         if isinstance(self.voxels, Voxels):
-            across = faced(self.voxels, self._across(camera))
+            across = framing.faced(self.voxels, self._across(camera))
             samples = lit_samples(across, light, camera)
             return samples if cue is None else cued(samples, camera, cue, near, far)
         view = camera.view()
-        viewer = viewer_of(_eye(view)) if view.perspective else viewer_of(view=view.rotation[2])
+        eye = -view.rotation.T @ view.translation
+        viewer = viewer_of(eye) if view.perspective else viewer_of(view=view.rotation[2])
         dimmed = (near, far, cue.share if cue else 0.0)
         fields = fields_of(self.voxels)
         first, *others = (lit_lattice(field, light, viewer, dimmed) for field in fields)
@@ -412,27 +327,19 @@ class Subject:
 
 
 def pictured(
-    media: Sequence[VolumeLayer],
-    viewpoint: Viewpoint,
-    size: tuple[int, int],
-    resampler: Resampler,
-    fit: Fitted = "visible",
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> tuple[Frame, Subject, AnyCamera]:
+    media: Sequence[VolumeLayer], viewpoint: Viewpoint, size: tuple[int, int], resampler: Resampler,
+    fit: Fitted = "visible", threads: int | None = None, progress: Progress | None = None,
+) -> tuple[Frame, Subject, AnyCamera]:  # fmt: skip
     """Return a picture (height, width) of volumes, their scene and the camera."""
     subject = Subject.of_several(media, resampler, "volume" if fit == "volume" else "visible")
     warn_of_nothing(subject, media, resampler.projection)
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
         viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
     camera = subject.camera(viewpoint, *size)
-    seen, cuts = subject.samples_for(camera), subject.cuts(camera)
-    paint = subject.painter(resampler)
-    frame = paint(
-        *(seen, camera), height=size[0], width=size[1], threads=threads, progress=progress,
-        clip=cuts,
-    )  # fmt: skip
-    return subject.developed(frame), subject, camera
+    paint, seen = subject.painter(resampler), subject.samples_for(camera)
+    given: dict[str, Any] = {"height": size[0], "width": size[1], "clip": subject.cuts(camera)}
+    frame = paint(seen, camera, threads=threads, progress=progress, **given)
+    return subject.tone.developed(frame), subject, camera
 
 
 def filled(
@@ -446,7 +353,9 @@ def filled(
         )
     if subject.seen is None:
         return viewpoint
-    found = filling(viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around)
+    found = framing.filling(
+        viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around
+    )
     is_smaller = around > 0 and found.zoom < viewpoint.zoom  # of a ball all is seen at zoom 1
     return viewpoint if is_smaller else found
 
@@ -464,37 +373,21 @@ def warn_of_nothing(subject: Subject, media: Sequence[VolumeLayer], projection: 
         return
     elif subject.is_empty:
         warn(
-            f"nothing of {volume.name} is visible; its values are {least:g} to {greatest:g}, of "
-            "which the transfer function, a crop or a cut shows none"
+            f"nothing of {volume.name} is visible: the transfer function, a crop or a cut hides "
+            f"all of its values, {least:g} to {greatest:g}"
         )
     elif least == greatest and look.transfer == "auto" and volume.values.size > 1:
         warn(f"all values of {volume.name} are {least:g}: nothing can be told apart")
 
 
-def _eye(view: View) -> Doubles:
-    """Return the position (3,) of a perspective camera, scene units."""
-    return -view.rotation.T @ view.translation
-
-
 def painted_with_bar(
-    resampler: Resampler,
-    seen: Shaded,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    threads: int | None = None,
-    clip: Doubles | None = None,
-) -> Frame:
+    resampler: Resampler, seen: Shaded, camera: AnyCamera, size: tuple[int, int],
+    threads: int | None = None, clip: Doubles | None = None,
+) -> Frame:  # fmt: skip
     """Paint a picture (height, width), with a progress bar on a terminal if it takes long."""
+    shape: dict[str, Any] = {"height": size[0], "width": size[1]}
     with progress_bar("painting") as progress:
-        return resampler(
-            seen,
-            camera,
-            height=size[0],
-            width=size[1],
-            threads=threads,
-            progress=progress,
-            clip=clip,
-        )
+        return resampler(seen, camera, **shape, threads=threads, progress=progress, clip=clip)
 
 
 Painter = Callable[[AnyCamera], Frame]
@@ -529,22 +422,17 @@ def check_slabs(count: int, resampler: Resampler) -> None:
 
 def boxed(shown: Iterable[VolumeLayer], subject: Subject) -> Doubles:
     """Return the corners (N, 3) of a box around everything visible, in the subject's scene."""
-    ends = [corners(subject.placed(volume)) for volume, _ in shown]
+    ends = [framing.corners(subject.placed(volume)) for volume, _ in shown]
     return np.concatenate([*ends, subject.mesh.corner])
 
 
-def depths(camera: AnyCamera, places: Doubles, count: int) -> Doubles:
+def depths(camera: AnyCamera, points: Doubles, count: int) -> Doubles:
     """Return depths (count + 1,) of the planes between slabs, around points (N, 3)."""
     view = camera.view()
-    depth = places @ view.rotation[2] + view.translation[2]
+    depth = points @ view.rotation[2] + view.translation[2]
     slack = BESIDE * float(np.abs(depth).max())
     first, last = max(float(depth.min()) - slack, view.near), float(depth.max()) + slack
     return np.linspace(first, max(last, first + slack), count + 1)
-
-
-def write_slabs(path: Path, count: int, paint: Painter, camera: AnyCamera, places: Doubles) -> None:
-    """Write a deep picture of `count` slabs; see `slabs` and `depths`."""
-    write_deep(path, slabs(paint, camera, depths(camera, places, count)))
 
 
 def slabs(paint: Painter, camera: AnyCamera, planes: Doubles) -> Iterator[DepthSlab]:

@@ -12,29 +12,25 @@ from resample.cameras.viewpoints import Spelled, viewpoint_of
 from resample.outofcore.passes import Memo, memoizing
 from resample.painting.choices import Projection
 from resample.painting.scenes.plans import shape_of
+from resample.profiles.reconstruction import footprint_table
 from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
-from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick
-from resample.types import Frame
-from resample_volume.appearance import (
-    Appearance,
-    Tone,
-    VolumeLayer,
-    XRay,
-    resampler_for,
-    settled,
-    transfer_of,
-)
+from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick, lines_of
+from resample.types import Doubles, Frame, View
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, Tone, VolumeLayer, XRay
+from resample_volume.classification.scales import value_at
 from resample_volume.classification.transfer import Windowed
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.data.values import as_array, values_of
-from resample_volume.image_planes import settled as settled_plane
 from resample_volume.inputs import as_volume
-from resample_volume.picking import Picked, picked, voxels_at
+from resample_volume.meshes import settled as settled_plane
 from resample_volume.rendering import Fit, Subject, warn_of_nothing
-from resample_volume.types import Volume
+from resample_volume.types import Picked, Volume
 from resample_volume.voxels.framing import centered, planes
-from resample_volume.voxels.visible import finite_range, unit_of
+from resample_volume.voxels.gathered import Gathered
+from resample_volume.voxels.thin import SAME, of_samples, voxels_of
+from resample_volume.voxels.visible import Voxels, finite_range, lattice_of, unit_of
 
 KEPT = 4  # looks whose samples are cached
 MERGED = 2  # voxels per side that a preview merges
@@ -98,12 +94,8 @@ class Scene(AnyScene):
         look
             Look of the voxels, or the name of a transfer function; or layers (volume, look) that
             are shown together, this volume first.
-        camera
+        camera, size, resampler, progress
             As of `render`.
-        size
-            Width and height, px.
-        resampler
-            Renderer; None: the one that suits the look.
         quality
             `preview` merges 2 × 2 × 2 voxels (4 × 4 × 4 of large volumes) and 2 × 2 pixels, and
             keeps opacity per length. Its statistics have `is_preview` set.
@@ -111,8 +103,6 @@ class Scene(AnyScene):
             What an orbiting camera looks at: the whole volume, or its visible part.
         cancel
             Cancels the picture from another thread.
-        progress
-            Called with the fraction of the work done, 0 to 1.
 
         Raises
         ------
@@ -123,33 +113,22 @@ class Scene(AnyScene):
         """
         height, width = shape_of(size)
         with self._rendering(quality, cancel) as is_preview, memoizing(self._found):
-            subject, eye, paint = self._prepared(
-                look, camera, size, resampler, fit, is_preview=is_preview
-            )
+            words = (look, camera, size, resampler, fit)
+            subject, eye, paint = self._prepared(*words, is_preview=is_preview)
             per = PER if is_preview else 1
-            frame = paint(
-                subject.samples_for(eye),
-                Shrunk(eye, per) if is_preview else eye,
-                height=-(-height // per),
-                width=-(-width // per),
-                progress=progress,
-                clip=subject.cuts(eye),
-            )
-            frame = subject.developed(frame)
+            seen, cuts = subject.samples_for(eye), subject.cuts(eye)
+            shape: dict[str, Any] = {"height": -(-height // per), "width": -(-width // per)}
+            view = Shrunk(eye, per) if is_preview else eye
+            frame = paint(seen, view, **shape, progress=progress, clip=cuts)
+            frame = subject.tone.developed(frame)
         if is_preview:
             frame = enlarged_frame(frame, per, (height, width))
         return frame._replace(statistics=frame.statistics._replace(is_preview=is_preview))
 
     def placed_view(
-        self,
-        look: Shown = "auto",
-        camera: Spelled = None,
-        *,
-        size: tuple[int, int] = (400, 400),
-        resampler: Resampler | None = None,
-        quality: Quality = "final",
-        fit: Fit = "volume",
-    ) -> tuple[AnyCamera, Volume]:
+        self, look: Shown = "auto", camera: Spelled = None, *, size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None, quality: Quality = "final", fit: Fit = "volume",
+    ) -> tuple[AnyCamera, Volume]:  # fmt: skip
         """Return the camera of a picture, and the volume as placed before it.
 
         Parameters
@@ -166,14 +145,9 @@ class Scene(AnyScene):
         return self._prepared(look, None, (1, 1), resampler, fit)[0].tone
 
     def sample_ids(
-        self,
-        look: Shown = "auto",
-        camera: Spelled = None,
-        *,
-        size: tuple[int, int] = (400, 400),
-        resampler: Resampler | None = None,
-        fit: Fit = "volume",
-    ) -> NDArray[np.int32]:
+        self, look: Shown = "auto", camera: Spelled = None, *, size: tuple[int, int] = (400, 400),
+        resampler: Resampler | None = None, fit: Fit = "volume",
+    ) -> NDArray[np.int32]:  # fmt: skip
         """Return the voxels at which the opacity of pixels passes one half.
 
         Parameters
@@ -252,46 +226,33 @@ class Scene(AnyScene):
         return [(self.volume, look)] if isinstance(look, Appearance) else list(look)
 
     def _prepared(
-        self,
-        look: Shown,
-        camera: Spelled,
-        size: tuple[int, int],
-        resampler: Resampler | None,
-        fit: Fit,
-        *,
-        is_preview: bool = False,
-    ) -> tuple[Subject, AnyCamera, Resampler]:
+        self, look: Shown, camera: Spelled, size: tuple[int, int], resampler: Resampler | None,
+        fit: Fit, *, is_preview: bool = False,
+    ) -> tuple[Subject, AnyCamera, Resampler]:  # fmt: skip
         """Return subject, camera and renderer of a picture."""
         if fit not in get_args(Fit):
             raise ValueError(f"fit {fit!r}; known: {', '.join(get_args(Fit))}")
         layers = self._layers(look)
-        paint = resampler or resampler_for(layers[0][1])
+        paint = resampler or looks.resampler_for(layers[0][1])
         if is_preview and paint.subpixels is None:
             paint = self._quick.setdefault(paint, replace(paint, subpixels=FINEST))
-        with memoizing(self._found):
-            subject = self._subject(layers, paint, fit, is_preview=is_preview)
+        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
+        key = (*(look for _, look in layers), *parts, fit, is_preview)
+        subject = self._subjects.pop(key, None)
+        if subject is None:
+            with memoizing(self._found):
+                shown = [self._previewed(*one, paint) for one in layers] if is_preview else layers
+                if len(shown) > 1:
+                    subject = Subject.of_several(shown, paint, fit)
+                else:
+                    around = self.volume if fit == "volume" else None
+                    subject = Subject.of(*shown[0], paint, around=around)
+        while len(self._subjects) >= KEPT:
+            del self._subjects[next(iter(self._subjects))]
+        self._subjects[key] = subject
         eye = subject.camera(viewpoint_of(camera), *shape_of(size))
         warn_of_nothing(subject, layers, paint.projection)
         return subject, eye, subject.painter(paint)
-
-    def _subject(
-        self, layers: list[VolumeLayer], paint: Resampler, fit: Fit, *, is_preview: bool
-    ) -> Subject:
-        """Return the classified volumes, which are cached."""
-        parts = (paint.order, paint.projection, paint.iso, paint.reconstruction)
-        key = (*(look for _, look in layers), *parts, fit, is_preview)
-        found = self._subjects.pop(key, None)
-        if found is None:
-            shown = [self._previewed(*one, paint) for one in layers] if is_preview else layers
-            if len(shown) > 1:
-                found = Subject.of_several(shown, paint, fit)
-            else:
-                around = self.volume if fit == "volume" else None
-                found = Subject.of(*shown[0], paint, around=around)
-        while len(self._subjects) >= KEPT:
-            del self._subjects[next(iter(self._subjects))]
-        self._subjects[key] = found
-        return found
 
     def _previewed(self, volume: Volume, look: Appearance, paint: Resampler) -> VolumeLayer:
         """Return a volume with fewer voxels, and the look adapted to it."""
@@ -300,8 +261,8 @@ class Scene(AnyScene):
             self._coarse[id(volume)] = volume, merged(volume, per)
         coarse = self._coarse[id(volume)][1]
         if paint.projection is Projection.XRAY:
-            look = replace(look, xray=settled(look.xray or XRay(), volume))
-        transfer, labels = transfer_of(volume, look), look.labels
+            look = replace(look, xray=looks.settled(look.xray or XRay(), volume))
+        transfer, labels = looks.transfer_of(volume, look), look.labels
         unit = unit_of(transfer, volume)
         transfer = Windowed(transfer, finite_range(volume.values), unit)
         if labels is not None:  # each that of the block's first voxel
@@ -313,27 +274,19 @@ class Scene(AnyScene):
             ",".join(map(repr, [*normal, -far - float(np.dot(normal, middle))]))
             for *normal, far in planes(volume, look.crop, look.cuts).tolist()
         )
-        return coarse, replace(
-            look,
-            transfer=transfer,
-            labels=labels,
-            crop=None,
-            clip=cuts,
-            slab=None if look.section is None or look.section.normal else look.slab,
-            planes=tuple(settled_plane(plane, volume) for plane in look.planes),
-        )
+        slab = None if look.section is None or look.section.normal else look.slab
+        pictures = tuple(settled_plane(plane, volume) for plane in look.planes)
+        look = replace(look, transfer=transfer, labels=labels, planes=pictures)
+        return coarse, replace(look, crop=None, clip=cuts, slab=slab)
 
 
 def merged(volume: Volume, per: int) -> Volume:
     """Downsample a volume by means over blocks of voxels, without missing values."""
     shift = volume.direction * volume.spacing @ np.full(3, (per - 1) / 2)
-    colors = None if volume.colors is None else _means(volume.colors, per)
-    return volume._replace(
-        values=_means(volume.values, per),
-        colors=colors,
-        spacing=per * volume.spacing,
-        origin=volume.origin + shift,
-    )
+    values, colors = _means(volume.values, per), volume.colors
+    colors = None if colors is None else _means(colors, per)
+    place = {"spacing": per * volume.spacing, "origin": volume.origin + shift}
+    return volume._replace(values=values, colors=colors, **place)
 
 
 def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
@@ -347,3 +300,136 @@ def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
     with np.errstate(invalid="ignore"):
         mean = total / known
     return np.asarray(np.rint(mean).astype(values.dtype) if values.dtype.kind in "iu" else mean)
+
+
+HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
+
+Indices = NDArray[np.int64]
+PICKED = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.MINIMUM, Projection.FIRST_HIT)
+
+
+def voxels_at(
+    subject: Subject, volume: Volume, camera: AnyCamera, resampler: Resampler, pixels: Doubles,
+    level: float = HALF,
+) -> tuple[Indices, Doubles]:  # fmt: skip
+    """Return flat indices (N,) of the voxels behind points, and their transmittance (N,).
+
+    `pixels`: (N, 2) right and down, px; centers are at halves. It is the voxel at which the
+    accumulated opacity exceeds the level; in a field, the one around the point where the ray
+    reaches the level, the surface, a more opaque plane, or its extreme; -1 if there is none.
+    """
+    from resample.engine.rays.coefficients import bundled
+    from resample_volume.kernels.voxels import (
+        PickedField,
+        SplattedVoxels,
+        pick_in_field,
+        pick_voxels,
+    )
+
+    voxels, projection, view = subject.voxels, resampler.projection, camera.view()
+    if projection not in PICKED or not isinstance(voxels, Voxels | Gathered):
+        raise ValueError(
+            f"the projection {projection} of {volume.name} shows no single voxel; take composite, "
+            "maximum, minimum or first-hit, the last three along rays"
+        )
+    scene = subject.placed(volume)
+    reach = resampler.reconstruction.radius if isinstance(voxels, Voxels) else 0.5
+    thin = voxels.thin if isinstance(voxels, Gathered) else SAME
+    samples = of_samples(scene, thin)
+    rays = _rays(view, samples, pixels, subject.cuts(camera), reach)
+    voxel, kept = np.full(len(pixels), -1, np.int64), np.ones(len(pixels))
+    if isinstance(voxels, Voxels):
+        lattice, (width, height, deep) = lattice_of(scene), scene.values.shape[::-1]
+        place = (voxels.position - scene.origin) @ np.linalg.inv(lattice).T
+        x, y, z = np.rint(place).astype(np.int64).T
+        thickness = np.zeros(scene.values.size, np.float32)
+        thickness[(z * height + y) * width + x] = voxels.extinction
+        toward, kernel = view.rotation[2], resampler.reconstruction
+        x_deeper, y_deeper, z_deeper = (toward @ lattice).tolist()
+        splatted = SplattedVoxels(
+            thickness,
+            (width, height, deep),
+            float(toward @ scene.origin + view.translation[2]),
+            (x_deeper, y_deeper, z_deeper),
+            footprint_table(kernel).values,
+            float(kernel.radius),
+        )
+        pick_voxels(splatted, rays, level, voxel, kept)
+    else:
+        depth, shown = _on_planes(subject, volume, view, pixels, level)
+        rays = rays._replace(last=np.maximum(rays.first, np.minimum(rays.last, depth)))
+        coefficient: Any = bundled(voxels.spline.coefficient)
+        field = PickedField(
+            voxels.spline._replace(coefficient=coefficient),
+            voxels.known,
+            voxels.each,
+            *voxels.table,
+            np.ascontiguousarray(np.linalg.inv(voxels.lattice).T),
+            PICKED.index(projection),
+            float(resampler.iso or 0.0),
+        )
+        pick_in_field(field, rays, level, voxel, kept)
+        voxel = voxels_of(voxel, scene.values.shape, thin)
+        is_plane = (voxel < 0) & np.isfinite(depth)
+        voxel[is_plane], kept[is_plane] = shown[is_plane], 0.0
+    return voxel, kept
+
+
+def _on_planes(
+    subject: Subject, volume: Volume, view: View, pixels: Doubles, level: float
+) -> tuple[Doubles, Indices]:
+    """Return depths (N,) at which rays meet planes of values, or inf, and the voxels there."""
+    depth, voxel = np.full(len(pixels), np.inf), np.full(len(pixels), -1, np.int64)
+    eye, way = lines_of(view, pixels)
+    eye, to_lattice = eye + subject.middle, np.linalg.inv(lattice_of(volume)).T
+    shape = volume.values.shape
+    for plane in subject.appearance.planes:
+        if plane.opacity <= level:
+            continue
+        *numbers, distance = settled_plane(plane, volume).numbers
+        normal = np.array(numbers)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = (distance - eye @ normal) / (way @ normal)
+            place = (eye + at[:, np.newaxis] * way - volume.origin) @ to_lattice
+            is_nearer = (at >= view.near) & (at < np.minimum(depth, view.far))
+        near = np.flatnonzero(is_nearer & np.isfinite(place).all(axis=1))
+        x, y, z = np.floor(place[near] + 0.5).astype(np.int64).T
+        inside = (x >= 0) & (y >= 0) & (z >= 0) & (x < shape[2]) & (y < shape[1]) & (z < shape[0])
+        near, found = near[inside], (z[inside] * shape[1] + y[inside]) * shape[2] + x[inside]
+        is_known = np.isfinite(volume.values.reshape(-1)[found])
+        depth[near[is_known]], voxel[near[is_known]] = at[near[is_known]], found[is_known]
+    return depth, voxel
+
+
+def picked(volume: Volume, voxel: int) -> Picked:
+    """Return position and value of a voxel, by its flat index."""
+    place = np.unravel_index(voxel, volume.values.shape)
+    index = np.array(place[::-1], np.float64)
+    value = float(value_at(volume.values[place], volume.scale))
+    z, y, x = map(int, place)
+    return Picked((z, y, x), value, np.asarray(volume.origin + lattice_of(volume) @ index))
+
+
+def _rays(view: View, scene: Volume, pixels: Doubles, clip: Doubles, reach: float) -> Any:
+    """Return the rays of pixels, clipped to a volume's box and to planes."""
+    from resample_volume.kernels.voxels import PickingRays
+
+    eye, direction = lines_of(view, pixels)
+    to_lattice = np.linalg.inv(lattice_of(scene)).T
+    origin, speed = (eye - scene.origin) @ to_lattice, direction @ to_lattice
+    first = np.full(len(pixels), view.near if view.perspective else -np.inf)
+    last = np.full(len(pixels), view.far)
+    size = np.array(scene.values.shape[::-1])
+    # Clip to depths where linear functions are positive, as they are inside
+    inside = [*(origin + reach).T, *(size - 1 + reach - origin).T]
+    inside += [eye @ plane[:3] + plane[3] for plane in clip]
+    growth = [*speed.T, *-speed.T, *(direction @ plane[:3] for plane in clip)]
+    for at, per in zip(inside, growth, strict=True):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            where = -at / per
+        np.maximum(first, where, out=first, where=per > 0)
+        np.minimum(last, where, out=last, where=per < 0)
+        last[(per == 0) & (at < 0)] = -np.inf
+    length = np.linalg.norm(direction, axis=1)
+    arrays = (origin, np.ascontiguousarray(speed), length, first, np.maximum(last, first))
+    return PickingRays(*(np.ascontiguousarray(array, np.float64) for array in arrays))

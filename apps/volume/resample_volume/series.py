@@ -2,87 +2,58 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.painting.choices import Projection
 from resample.types import Doubles
-from resample_volume.appearance import (
-    Appearance,
-    XRay,
-    named_or_own,
-    settled,
-    transfer_of,
-)
-from resample_volume.classification.regions import Faded
-from resample_volume.classification.transfer import Windowed
+from resample_volume import appearance as looks
+from resample_volume.appearance import Appearance, XRay
+from resample_volume.classification.transfer import Faded, Windowed
 from resample_volume.classification.value_statistics import Survey, survey, without_padding
 from resample_volume.data.recordings import alone, volume_at, volume_of, with_times_first
 from resample_volume.data.values import bricks_of, is_streamed, with_bricks
 from resample_volume.types import Chunked, Recording, Volume
-from resample_volume.voxels.visible import finite_range, lattice_of, steepness, visible_with_slopes
+from resample_volume.voxels.visible import (
+    finite_range,
+    lattice_of,
+    max_gradient,
+    visible_with_slopes,
+)
 
 SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the lattice
 
 
-class CommonLattice(NamedTuple):
-    """A lattice that covers several volumes."""
+def common_lattice(volumes: Sequence[Volume]) -> tuple[Volume, Doubles]:
+    """Return the finest volume's lattice, extended to cover all in any order, and its center.
 
-    steps: Doubles  # (3, 3) columns are the steps to the next place along x, y, z; scene units
-    origin: Doubles  # (3,) scene position of the first place
-    size: NDArray[np.int64]  # (3,) places along x, y, z
-
-    @property
-    def middle(self) -> Doubles:
-        """Scene position (3,) of its center."""
-        return self.origin + self.steps @ (self.size - 1.0) / 2
-
-    def volume(self) -> Volume:
-        """A volume of zeros on it, without memory."""
-        spacing = np.linalg.norm(self.steps, axis=0)
-        nothing = np.broadcast_to(np.uint8(0), tuple(self.size[::-1]))
-        return Volume(nothing, spacing, self.origin, self.steps / spacing, "scene")
-
-
-def common_lattice(volumes: Sequence[Volume]) -> CommonLattice:
-    """Return the lattice of the finest volume, extended to cover all.
-
-    The finest has the smallest voxels. The result does not depend on the order of the volumes.
+    It is a volume of zeros without memory.
     """
-    finest = min(volumes, key=_fineness)
+    # The finest has the smallest voxels; others decide if several are as fine.
+    keys = []
+    for volume in volumes:
+        size = round(float(abs(np.linalg.det(lattice_of(volume)))), 9)
+        keys.append((size, *lattice_of(volume).ravel(), *volume.origin, *volume.values.shape))
+    finest = volumes[min(range(len(keys)), key=keys.__getitem__)]
     steps = lattice_of(finest)
-    boxes = [_box(volume, steps, finest.origin) for volume in volumes]
-    first = np.min([box[0] for box in boxes], axis=0)
-    last = np.max([box[1] for box in boxes], axis=0)
-    return CommonLattice(steps, finest.origin + steps @ first, last - first + 1)
-
-
-def _fineness(volume: Volume) -> tuple[float, ...]:
-    """Sort key that puts the finest volume first."""
-    steps = lattice_of(volume)
-    size = round(float(abs(np.linalg.det(steps))), 9)
-    return (size, *steps.ravel(), *volume.origin, *volume.values.shape)
-
-
-def _box(
-    volume: Volume, steps: Doubles, origin: Doubles
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return first and last index (3,) of a lattice that a volume covers, with half voxels."""
-    ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
-    corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
-    away = lattice_of(volume) @ corners + (volume.origin - origin)[:, np.newaxis]
-    place = np.linalg.solve(steps, away)
-    first = np.ceil(place.min(axis=1) - SAME).astype(np.int64)
-    return first, np.maximum(first, np.floor(place.max(axis=1) + SAME).astype(np.int64))
+    firsts, lasts = [], []
+    for volume in volumes:  # first and last place of the lattice in it, with half voxels
+        ends = np.array([[-0.5] * 3, np.array(volume.values.shape[::-1]) - 0.5])
+        corners = np.stack(np.meshgrid(*ends.T, indexing="ij")).reshape(3, 8)
+        away = lattice_of(volume) @ corners + (volume.origin - finest.origin)[:, np.newaxis]
+        place = np.linalg.solve(steps, away)
+        firsts.append(np.ceil(place.min(axis=1) - SAME).astype(np.int64))
+        end = np.floor(place.max(axis=1) + SAME).astype(np.int64)
+        lasts.append(np.maximum(firsts[-1], end))
+    first = np.min(firsts, axis=0)
+    size = np.max(lasts, axis=0) - first + 1
+    nothing = np.broadcast_to(np.uint8(0), tuple(size[::-1]))
+    spacing, origin = np.linalg.norm(steps, axis=0), finest.origin + steps @ first
+    whole = Volume(nothing, spacing, origin, steps / spacing, "scene")
+    return whole, origin + steps @ (size - 1.0) / 2
 
 
 Ready = Callable[[Volume], Volume]  # sets the memory limit of a volume in bricks
-
-
-def _as_it_is(volume: Volume) -> Volume:
-    return volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +63,10 @@ class Series:
     recording: Recording  # with times first; of a store `Chunked`, read time by time
     known: Survey  # of all values
     together: Volume | None = None  # all times without padding, in bricks with statistics
-    ready: Ready = _as_it_is
+    ready: Ready = lambda volume: volume
 
     @classmethod
-    def of(cls, recording: Recording, ready: Ready = _as_it_is) -> "Series":
+    def of(cls, recording: Recording, ready: Ready = lambda volume: volume) -> "Series":
         """Make a series of a recording's times, or of its channels if it has only these."""
         ordered = with_times_first(recording)
         every = ready(whole(ordered))
@@ -104,12 +75,12 @@ class Series:
         return cls(ordered, known, together, ready)
 
     @classmethod
-    def again(cls, recording: Recording, known: Survey, ready: Ready = _as_it_is) -> "Series":
+    def again(cls, recording: Recording, known: Survey, ready: Ready) -> "Series":
         """Rebuild the series in another process, from given statistics."""
         ordered = with_times_first(recording)
-        every = whole(ordered) if is_chunked(ordered) else None
-        if every is not None:
-            every = without_padding(every, known)
+        every = None
+        if chunked(ordered) is not None:
+            every = without_padding(whole(ordered), known)
             every = every if bricks_of(every).is_kept() else None
         return cls(ordered, known, every, ready)
 
@@ -137,23 +108,22 @@ class Series:
         together = self.all()
         if projection is Projection.XRAY:
             xray = look.xray or XRay()
-            every = [settled(xray, volume, self.known) for volume in self]
+            every = [looks.settled(xray, volume, self.known) for volume in self]
             look = replace(look, xray=max(every, key=lambda one: one.window or (0.0, 0.0)))
-        transfer = transfer_of(together, look, projection)
+        transfer = looks.transfer_of(together, look, projection)
         if look.gradient_opacity is not None:
             transfer = Faded(transfer, look.gradient_opacity)
-        span = finite_range(together.values)
-        steep = None
+        span, steep = finite_range(together.values), None
         if transfer.needs_gradient:
-            slopes = (
-                visible_with_slopes(volume, transfer, span, look.gradient)[2] for volume in self
+            found = (visible_with_slopes(each, transfer, span, look.gradient)[2] for each in self)
+            steep = max(
+                (max_gradient(np.linalg.norm(slope, axis=1)) for slope in found), default=0.0
             )
-            steep = max((steepness(np.linalg.norm(slope, axis=1)) for slope in slopes), default=0.0)
         if steep is not None or transfer.normalized:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing
         if framing is not None:
-            framing = Windowed(named_or_own(framing, together), span)
+            framing = Windowed(looks.transfer_of(together, framing), span)
         return replace(look, transfer=transfer, framing=framing, gradient_opacity=None)
 
     def __iter__(self) -> Iterator[Volume]:
@@ -169,11 +139,6 @@ def whole(recording: Recording) -> Volume:
         return volume_of(recording, values.stacked_along_z(), recording.name)
     across = np.moveaxis(recording.values[:], 0, 1).reshape(1, parts, times * size[0], *size[1:])
     return alone(recording._replace(values=across))
-
-
-def is_chunked(recording: Recording) -> bool:
-    """Return whether a recording's values stay in their file."""
-    return chunked(recording) is not None
 
 
 def chunked(recording: Recording) -> Chunked | None:

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.types import Doubles
 from resample_volume.classification.scales import value_at
-from resample_volume.data.recordings import unit_of_space
 from resample_volume.types import Volume
 from resample_volume.voxels.visible import lattice_of
 
@@ -30,20 +29,10 @@ class SlicePlane:
     down_sign: int  # -1: indices grow upward
 
 
-@dataclass(frozen=True, eq=False)
-class LineProfile:
-    """Values along a line."""
-
-    distance: float  # scene units
-    unit: str  # of the distance: mm, or empty if unknown
-    values: Doubles  # (N,) data units, evenly apart from end to end; NaN: outside, or missing
-
-
 def slice_planes(volume: Volume) -> tuple[SlicePlane, ...]:
-    """Return the orientations of axial, coronal and sagittal slices.
+    """Return the orientations of axial, coronal and sagittal slices, by the nearest axes.
 
-    Each is perpendicular to the voxels' axis nearest to z, y or x of the scene. In axial slices x
-    goes to the right and y downward, in the others z goes upward.
+    In axial slices x goes to the right and y downward, in the others z goes upward.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -57,28 +46,10 @@ def slice_planes(volume: Volume) -> tuple[SlicePlane, ...]:
 
 
 def slice_levels(
-    volume: Volume,
-    plane: SlicePlane,
-    at: int,
-    size: tuple[int, int],
+    volume: Volume, plane: SlicePlane, at: int, size: tuple[int, int],
     window: tuple[float, float] | None = None,
-) -> NDArray[np.uint8]:
-    """Return levels (h, w, 3 or 4) of a slice, as large as fits into a picture.
-
-    Parameters
-    ----------
-    at
-        Index of the slice.
-    size
-        Width and height, px, of which a slice of other proportions fills one.
-    window
-        Values that are black and white; None: the least and greatest of the slice.
-
-    Raises
-    ------
-    ValueError
-        There is no such slice.
-    """
+) -> NDArray[np.uint8]:  # fmt: skip
+    """Return levels (h, w, 3 or 4) of slice `at`, fit into a size (width, height) in px."""
     import cv2
 
     count = volume.values.shape[2 - plane.across]
@@ -106,33 +77,27 @@ def slice_levels(
     return np.concatenate([np.repeat(levels, 3, axis=2), opacity[..., np.newaxis]], axis=2)
 
 
-def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> LineProfile:
-    """Return the values between two points, interpolated linearly.
+def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> tuple[float, Doubles]:
+    """Return the distance of two points (3,), and values (N,) evenly apart between them.
 
-    Parameters
-    ----------
-    start, end
-        (3,) scene units, as `Picked.position`.
+    Values are interpolated linearly; NaN: outside, or missing.
 
-    Examples
-    --------
-    >>> import numpy as np
     >>> from resample_volume import as_volume
     >>> ramp = as_volume(np.broadcast_to(np.arange(8.0), (8, 8, 8)))
-    >>> profile(ramp, (1, 4, 4), (3, 4, 4)).values.tolist()
-    [1.0, 1.5, 2.0, 2.5, 3.0]
+    >>> profile(ramp, (1, 4, 4), (3, 4, 4))
+    (2.0, array([1. , 1.5, 2. , 2.5, 3. ]))
     """
     from scipy.ndimage import map_coordinates
 
     ends = np.array([start, end], np.float64)
-    places = (ends - volume.origin) @ np.linalg.inv(lattice_of(volume)).T
-    steps = int(np.ceil(PER_VOXEL * np.abs(places[1] - places[0]).max() - 1e-9))
+    index = (ends - volume.origin) @ np.linalg.inv(lattice_of(volume)).T
+    steps = int(np.ceil(PER_VOXEL * np.abs(index[1] - index[0]).max() - 1e-9))
     share = np.linspace(0, 1, min(MOST, max(2, steps + 1)))[:, np.newaxis]
-    place = (1 - share) * places[0] + share * places[1]
+    place = (1 - share) * index[0] + share * index[1]
     size = np.array(volume.values.shape[::-1])
     found = map_coordinates(
         volume.values, place.T[::-1], output=np.float64, order=1, mode="nearest"
     )
     is_outside = ((place < -0.5) | (place > size - 0.5)).any(axis=1)
     values = np.where(is_outside, np.nan, value_at(found, volume.scale))
-    return LineProfile(float(np.linalg.norm(ends[1] - ends[0])), unit_of_space(volume), values)
+    return float(np.linalg.norm(ends[1] - ends[0])), values

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.calling import constructed
-from resample.types import Doubles, Floats
+from resample.types import Doubles
 
 VOXEL, UNKNOWN = "voxel", "unknown"  # scene units of files without spacing, or without unit
 ASSUMED = {
@@ -100,13 +100,9 @@ class Recording(NamedTuple):
     looks: tuple[ChannelLook, ...] = ()  # of its channels, if the file has some
 
 
-class Placed(Protocol):
-    """Protocol of anything on a lattice."""
+class Picked(NamedTuple):
+    """A picked voxel."""
 
-    @property
-    def position(self) -> Floats:
-        """(N, 3) scene units."""
-
-    @property
-    def lattice(self) -> Doubles:
-        """(3, 3) columns are the steps to the neighbours, scene units."""
+    voxel: tuple[int, int, int]  # index into the values: z, y, x
+    value: float  # data units
+    position: Doubles  # (3,) scene units

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from resample.command import flags
 from resample.console import progress_bar, say
 from resample_volume.command.choices import ReadOptions
-from resample_volume.command.inputs import channels_of, note_assumed, opened, require_linear
+from resample_volume.command.inputs import held, note_assumed, opened, require_linear
 from resample_volume.types import Recording
 from resample_zarr.volumes import Single
 from resample_zarr.writing import Layered, bricks_of, check_store, write_store
@@ -68,4 +68,4 @@ def opened_recording(source: ReadOptions, name: str) -> Recording:
             values = Single(volume.values)
             found = Recording(values, *volume[1:6], note=volume.note, space=volume.space)
             return found._replace(length=volume.length)
-    return channels_of(source, name, streamed=True)
+    return held(source, name, streamed=True)

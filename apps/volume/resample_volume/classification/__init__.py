@@ -2,17 +2,9 @@
 
 # Names, which help texts tell without loading what has them.
 # For data of any kind, or for the volume that they are named after.
-PRESETS = (
-    "bone",
-    "vessels",
-    "engine",
-    "lobster",
-    "checker",
-    "gray",
-    "surfaces",
-    "paper-engine",
-    "paper-aneurism",
-    "paper-lobster",
-)
+# fmt: off
+PRESETS = ("bone", "vessels", "engine", "lobster", "checker", "gray", "surfaces", "paper-engine",
+           "paper-aneurism", "paper-lobster")
+# fmt: on
 # For computed tomography, in Hounsfield units.
 TISSUES = ("ct", "bone", "soft-tissue", "muscle", "skin", "lung", "vessels", "metal")

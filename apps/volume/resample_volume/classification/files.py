@@ -2,19 +2,29 @@
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+)
 
 from resample.reading.limits import check_size
 from resample.reading.texts import json_of, toml_of
-from resample_volume.classification.regions import Region, RegionTransfer
-from resample_volume.classification.transfer import Color, Transfer, TransferFunction, from_points
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
+from resample_volume.classification.transfer import (
+    Color,
+    Region,
+    RegionTransfer,
+    Transfer,
+    TransferFunction,
+    from_points,
+)
 
 
 def _share(number: float) -> float:
@@ -43,23 +53,18 @@ class _Point(BaseModel):
     opacity: Annotated[float, AfterValidator(_share)]
 
 
-def _ends(given: object) -> tuple[float, float]:
-    """Parse a range; null is infinity in JSON."""
+def _ends(given: object, info: ValidationInfo) -> tuple[float, float]:
+    """Parse a range, in which null is infinity in JSON, or a softness."""
+    is_range = info.field_name != "softness"
     if isinstance(given, list) and len(given) == 2:
         low, high = (
-            end if bound is None else bound
+            end if bound is None and is_range else bound
             for bound, end in zip(given, (-math.inf, math.inf), strict=True)
         )
         if _is_number(low) and _is_number(high):
             return float(low), float(high)
-    raise ValueError("must be two numbers, [least, greatest]; inf is allowed")
-
-
-def _pair(given: object) -> tuple[float, float]:
-    """Parse a softness."""
-    if isinstance(given, list) and len(given) == 2 and all(map(_is_number, given)):
-        return float(given[0]), float(given[1])
-    raise ValueError("must be two numbers, [along values, along gradients]")
+    meaning = "[least, greatest]; inf is allowed" if is_range else "[along values, along gradients]"
+    raise ValueError(f"must be two numbers, {meaning}")
 
 
 def _is_number(given: object) -> bool:
@@ -75,7 +80,7 @@ class _Region(BaseModel):
     color: Annotated[Color, BeforeValidator(displayed_color)]
     opacity: Annotated[float, AfterValidator(_share)]
     gradient: Annotated[tuple[float, float], BeforeValidator(_ends)] = Region.gradient
-    softness: Annotated[tuple[float, float], BeforeValidator(_pair)] = Region.softness
+    softness: Annotated[tuple[float, float], BeforeValidator(_ends)] = Region.softness
 
 
 class _Head(BaseModel):
@@ -116,8 +121,24 @@ def read_transfer(path: Path) -> Transfer:
         form = _Regions if isinstance(content, dict) and "regions" in content else _Points
         return form.model_validate(content).transfer()
     except ValidationError as error:
-        complaints = "; ".join(map(_complaint, error.errors()))
-        raise ValueError(f"{path}: {complaints}") from None
+        # As in `points.2.opacity: must be between 0 and 1 (got 1.7)`
+        complaints = []
+        for detail in error.errors():
+            is_region = detail["loc"][:1] == ("regions",)
+            if len(detail["loc"]) < 2:
+                keys = dict.fromkeys([*_Points.model_fields, *_Regions.model_fields])
+            else:
+                keys = dict.fromkeys((_Region if is_region else _Point).model_fields)
+            got = f" (got {detail['input']!r:.40})"
+            text = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+            texts = {
+                "missing": "is missing",
+                "extra_forbidden": f"is unknown; known: {', '.join(keys)}",
+                "model_type": f"must be a table of {', '.join(keys)}{got}",
+            }
+            place = ".".join(map(str, detail["loc"]))
+            complaints.append(f"{place}: " * bool(place) + texts.get(detail["type"], text + got))
+        raise ValueError(f"{path}: {'; '.join(complaints)}") from None
     except json.JSONDecodeError as error:
         place = f"at line {error.lineno}, column {error.colno}"
         raise ValueError(f"{path}: {error.msg} ({place})") from None
@@ -125,26 +146,3 @@ def read_transfer(path: Path) -> Transfer:
         raise ValueError(f"{path}: is not UTF-8 text (at byte {error.start})") from None
     except ValueError as error:  # TOML's message ends in line and column
         raise ValueError(f"{path}: {error}") from None
-
-
-def _complaint(detail: "ErrorDetails") -> str:
-    """Format one error of pydantic's: `points.2.opacity: must be between 0 and 1 (got 1.7)`."""
-    place = ".".join(map(str, detail["loc"]))
-    known = ", ".join(_known(detail["loc"]))
-    got = f" (got {detail['input']!r:.40})"
-    text = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be") + got
-    match detail["type"]:
-        case "missing":
-            text = "is missing"
-        case "extra_forbidden":
-            text = f"is unknown; known: {known}"
-        case "model_type":
-            text = f"must be a table of {known}{got}"
-    return f"{place}: {text}" if place else text
-
-
-def _known(place: Sequence[int | str]) -> list[str]:
-    """Return the keys allowed at a place in a file."""
-    if len(place) < 2:
-        return [*_Points.model_fields, *(set(_Regions.model_fields) - set(_Points.model_fields))]
-    return list((_Region if place[0] == "regions" else _Point).model_fields)

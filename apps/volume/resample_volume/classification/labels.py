@@ -21,10 +21,7 @@ FORM = "give label:color=tomato,opacity=0.5, either of them, or label:hidden"
 
 @dataclass(frozen=True)
 class Rule:
-    """Look of the voxels of a label.
-
-    Raises ValueError: a number is outside its range.
-    """
+    """Look of the voxels of a label."""
 
     color: Color | None = None  # sRGB as displayed, 0..1; None: as the transfer function says
     opacity: float = 1.0  # factor of opacities, 0 or more; results are clipped to 1
@@ -42,10 +39,7 @@ class Rule:
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """A label for each voxel, and rules for some labels; others are unchanged.
-
-    Raises ValueError: the labels are not integers.
-    """
+    """A label for each voxel, and rules for some labels; others are unchanged."""
 
     values: NDArray[Any]  # (Z, Y, X) integers
     rules: Mapping[int, Rule] = field(default_factory=dict)
@@ -80,11 +74,7 @@ class Labels:
     def applied(
         self, voxel: NDArray[np.int64], color: Floats, opacity: Floats
     ) -> tuple[Floats, Floats]:
-        """Apply the rules to colors and opacities of voxels.
-
-        `voxel`: (N,) indices into the flat volume, z slowest. `color`: (N, 3) linear light.
-        `opacity`: (N,) 0..1.
-        """
+        """Apply the rules to linear colors (N, 3) and opacities (N,) of voxels by flat index."""
         if not self.rules:
             return color, opacity
         label = self.values[np.unravel_index(voxel, self.values.shape)]
@@ -116,7 +106,7 @@ def _rule(text: str) -> tuple[int, Rule]:
     try:
         label = int(name)
     except ValueError:
-        raise ValueError(f"{name!r} is no label; {FORM}") from None
+        raise ValueError(f"{name!r} is not a label; {FORM}") from None
     if not changes.strip():
         raise ValueError(f"it changes nothing; {FORM}")
     color, opacity = None, 1.0

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 
 from resample.memory.mapped import array_like
 from resample.types import Doubles
-from resample_volume.classification.regions import Faded, RegionTransfer
-from resample_volume.classification.transfer import Materials, Transfer, TransferFunction
+from resample_volume.classification.transfer import (
+    Faded,
+    Materials,
+    RegionTransfer,
+    Transfer,
+    TransferFunction,
+)
 from resample_volume.classification.value_statistics import findings, survey, without_padding
 from resample_volume.data.values import as_array, slabs
 from resample_volume.types import Volume
@@ -56,10 +61,7 @@ class LogScale:
         return np.where(away <= NEAR, given / NEAR, far) * self.linear
 
     def place(self, value: float, what: str) -> float:
-        """Convert one value, which must have a logarithm.
-
-        Raises ValueError: it has no logarithm.
-        """
+        """Convert one value; ValueError if it has no logarithm."""
         place = float(self.scaled(np.array(value)))
         if not math.isfinite(place):
             raise ValueError(
@@ -74,11 +76,10 @@ class LogScale:
 
         low, high = self.value(np.array(span)).tolist()
         found: dict[float, float] = {}
-        for mantissas in MANTISSAS:
-            # Positions of round values in the range.
-            least = low if self.linear is None else self.linear
-            largest = max(abs(low), abs(high))
-            powers = range(math.floor(math.log10(least)), math.floor(math.log10(largest)) + 1)
+        ends = (low if self.linear is None else self.linear, max(abs(low), abs(high)))
+        first, last = (math.floor(math.log10(end)) for end in ends)
+        for mantissas in MANTISSAS:  # positions of round values in the range
+            powers = range(first, last + 1)
             above = [float(f"{m:g}e{power}") for power in powers for m in mantissas]
             every = above if self.linear is None else [*(-one for one in above), 0.0, *above]
             inside = [one for one in every if low <= one <= high]
@@ -116,9 +117,7 @@ def scaled(volume: Volume, scale: str) -> Volume:
     """Convert a volume to logarithms, which are interpolated, classified and shaded.
 
     Padding and values without logarithm become NaN; `note` says so. Looks given as text refer to
-    the original values; fractions are of the scaled range.
-
-    `scale`: `log`, `symlog:linear=0.01`, or `linear`, which changes nothing.
+    the original values, fractions to the scaled range.
     """
     by = scale_named(scale)
     if by is None:
@@ -151,9 +150,7 @@ def on_scale(transfer: Transfer, scale: str) -> Transfer:
         return transfer
     if isinstance(transfer, Materials):
         return replace(transfer, parts=tuple(on_scale(part, scale) for part in transfer.parts))
-    if isinstance(transfer, TransferFunction):
-        if transfer.value.size == 1:
-            return transfer
+    if isinstance(transfer, TransferFunction) and transfer.value.size > 1:
         places = [by.place(float(value), "the look's value") for value in transfer.value]
         return replace(transfer, value=np.array(places))
     if isinstance(transfer, Faded):

@@ -1,5 +1,11 @@
-"""Transfer functions: their protocol, and functions of values by control points."""
+"""Transfer functions of values, by control points, and of values and gradients, by regions.
 
+Kniss, Kindlmann and Hansen, Multidimensional Transfer Functions for Interactive Volume Rendering,
+2002. A boundary between two materials is an arch over their values, whose gradient is highest in
+the middle; so a region of high gradients shows a surface whose values also occur elsewhere.
+"""
+
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Protocol, Self
@@ -7,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resample.colors import from_srgb
+from resample.colors import from_srgb, to_srgb
 from resample.types import Doubles, Floats
 
 SUFFIXES = (".json", ".toml")  # of files that hold one
@@ -87,6 +93,7 @@ class TransferFunction:
     opacity: Doubles  # (K,) 0..1 of a layer that is one `opacity_unit` thick
     opacity_unit: float | None = None  # scene units; None: cube root of a voxel's volume
     normalized: bool = False  # whether values are positions between the data's least and greatest
+    needs_gradient: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name in ("value", "color", "opacity"):
@@ -113,10 +120,15 @@ class TransferFunction:
                 )
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, TransferFunction) and self._identity() == other._identity()
+        return isinstance(other, TransferFunction) and self._identity == other._identity
 
     def __hash__(self) -> int:
-        return hash(self._identity())
+        return hash(self._identity)
+
+    @property
+    def _identity(self) -> tuple[object, ...]:
+        arrays = (self.value.tobytes(), self.color.tobytes(), self.opacity.tobytes())
+        return (*arrays, self.opacity_unit, self.normalized)
 
     def __call__(self, values: ArrayLike, data_range: DataRange) -> tuple[Floats, Floats]:
         """Return color and opacity of data values.
@@ -152,10 +164,6 @@ class TransferFunction:
             opacity = np.where(np.isnan(values), np.nan, opacity)
         return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
 
-    @property
-    def needs_gradient(self) -> bool:
-        return False
-
     def classify(
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
@@ -189,10 +197,6 @@ class TransferFunction:
         place = np.clip(low * (1 - self.value) + high * self.value, low, high)
         return np.maximum.accumulate(place)
 
-    def _identity(self) -> tuple[object, ...]:
-        arrays = (self.value.tobytes(), self.color.tobytes(), self.opacity.tobytes())
-        return (*arrays, self.opacity_unit, self.normalized)
-
 
 class TransferTable(NamedTuple):
     """A transfer function as a table; the first fields of `resample.types.Classifier`."""
@@ -204,18 +208,14 @@ class TransferTable(NamedTuple):
 
 
 def tabulated(
-    transfer: Transfer,
-    data_range: DataRange,
-    steep: float,
-    unit: float,
+    transfer: Transfer, data_range: DataRange, steep: float, unit: float,
     shape: tuple[int, int] = (64, 4096),
     changed: Callable[[Floats, Floats], tuple[Floats, Floats]] | None = None,
-) -> TransferTable:
-    """Tabulate looks by value and slope.
+) -> TransferTable:  # fmt: skip
+    """Tabulate looks by value (K columns) and slope (G rows), changed by `changed`.
 
-    `steep`: slope of a full surface, data units per scene unit. Rows are evenly spaced from 0 to
-    the slope above which looks do not change. `unit`: thickness that opacities refer to, scene
-    units. `shape`: rows and columns (G, K). `changed`: changes colors and opacities, as a rule.
+    Rows go from 0 to the slope above which looks do not change; `steep` is that of a full surface.
+    `unit` is the thickness that opacities refer to, scene units.
     """
     low, high = data_range
     end = transfer.steepest(steep)
@@ -235,6 +235,13 @@ def tabulated(
     )
 
 
+def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
+    """Return all values of a type in the order of their bits, if few; otherwise None."""
+    if dtype.kind not in "iu" or dtype.itemsize > 2:
+        return None
+    return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
+
+
 def evaluated(
     function: Callable[[NDArray[Any], DataRange], Floats],
     values: NDArray[Any],
@@ -244,7 +251,7 @@ def evaluated(
     every = _every_value(values.dtype)
     if every is None:
         return function(values, data_range)
-    return np.take(function(every, data_range), _bits(values), axis=0)
+    return np.take(function(every, data_range), values.view(f"u{every.itemsize}"), axis=0)
 
 
 def visible_places(
@@ -261,25 +268,11 @@ def visible_places(
     place = np.flatnonzero((values >= low) & (values <= high))
     if is_seen[(every >= low) & (every <= high)].all():
         return place
-    return place[np.take(is_seen, _bits(values[place]))]
-
-
-def _every_value(dtype: np.dtype[Any]) -> NDArray[Any] | None:
-    """Return all values of a type in the order of their bits, if few; otherwise None."""
-    if dtype.kind not in "iu" or dtype.itemsize > 2:
-        return None
-    return np.arange(1 << (8 * dtype.itemsize)).astype(f"u{dtype.itemsize}").view(dtype)
-
-
-def _bits(values: NDArray[Any]) -> NDArray[Any]:
-    return values.view(f"u{values.dtype.itemsize}")
+    return place[np.take(is_seen, values[place].view(f"u{every.itemsize}"))]
 
 
 def extinction(opacity: NDArray[Any], unit: float) -> Floats:
-    """Return the optical depth per scene unit.
-
-    `opacity`: (N,) 0..1 of a layer of the thickness `unit`; clipped to `MOST_OPAQUE`.
-    """
+    """Return the optical depth per scene unit of opacities (N,) of a layer of `unit`."""
     share = np.minimum(np.asarray(opacity, np.float64), MOST_OPAQUE)
     with np.errstate(over="ignore"):
         depth = np.asarray(-np.log1p(-share) / unit, np.float32)
@@ -311,10 +304,8 @@ TINY = 1e-30  # opacity too small to affect color
 class Materials:
     """Several transfer functions at once.
 
-    Light passes through all materials of a value: their transparencies multiply. Color is their
-    mean in linear light, weighted by their opacities. Their order does not matter.
-
-    Raises ValueError: there is none, or opacities refer to different lengths.
+    Light passes through all materials of a value, in any order: their transparencies multiply, and
+    colors are averaged in linear light by opacity.
     """
 
     parts: tuple[Transfer, ...]
@@ -375,14 +366,11 @@ class Windowed:
     span: DataRange
     opacity_unit: float | None = None  # scene units; None: the function's own
     steep: float | None = None  # data units per scene unit, of a full surface; None: the data's
+    normalized: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.opacity_unit is None:
             object.__setattr__(self, "opacity_unit", self.transfer.opacity_unit)
-
-    @property
-    def normalized(self) -> bool:
-        return False
 
     @property
     def needs_gradient(self) -> bool:
@@ -396,13 +384,11 @@ class Windowed:
         self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
     ) -> tuple[Floats, Floats]:
         del data_range
-        return self.transfer.classify(values, slopes, self.span, self._steep(steep))
+        steep = steep if self.steep is None else self.steep
+        return self.transfer.classify(values, slopes, self.span, steep)
 
     def steepest(self, steep: float) -> float:
-        return self.transfer.steepest(self._steep(steep))
-
-    def _steep(self, given: float) -> float:
-        return given if self.steep is None else self.steep
+        return self.transfer.steepest(steep if self.steep is None else self.steep)
 
     def thinned(self, share: float) -> "Windowed":
         return replace(self, transfer=self.transfer.thinned(share))
@@ -412,10 +398,7 @@ class Windowed:
 
 
 def spread(transfer: Transfer, span: DataRange) -> Transfer:
-    """Rescale a transfer function of fractions to a range in data units.
-
-    `span`: values of the fractions 0 and 1, ascending.
-    """
+    """Rescale a transfer function of fractions to a range in data units."""
     if not transfer.normalized:
         return transfer
     if isinstance(transfer, Materials):
@@ -425,3 +408,247 @@ def spread(transfer: Transfer, span: DataRange) -> Transfer:
         place = np.clip(low * (1 - transfer.value) + high * transfer.value, low, high)
         return replace(transfer, value=np.maximum.accumulate(place), normalized=False)
     return Windowed(transfer, span)
+
+
+TOLERANCE = 1 + 1e-6  # borders are inclusive
+CHUNK = 1 << 20  # values processed together
+LEAST = float(np.finfo(np.float64).tiny)
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle over values and gradients with a color and an opacity.
+
+    Borders are inclusive. With softness, opacity rises from 0 at the border to its full height at
+    that distance inside. A range is open where it ends at a limit of the data (a gradient of 0,
+    infinity, or 0 and 1 of a normalized range): that border is not soft, and values beyond it count
+    as inside.
+    """
+
+    value: Range  # data units, or 0..1 of the data's range
+    color: Color  # sRGB as displayed, 0..1
+    opacity: float  # 0..1 of a layer that is one `opacity_unit` thick
+    gradient: Range = (0.0, math.inf)  # data units per scene unit, or 0..1 of a full surface's
+    softness: Range = (0.0, 0.0)  # along values and gradients, in their units; at most half a range
+
+
+@dataclass(frozen=True)
+class RegionTransfer:
+    """Color and opacity by regions over values and gradient lengths.
+
+    Where several overlap, light passes through all of them, in any order: transparencies multiply,
+    and colors are averaged in linear light by opacity. Gradients are in data units per scene unit.
+    If `normalized`, values are positions in the data's range, and gradients fractions of the 99th
+    percentile of their lengths over all voxels that regions may show by value.
+    """
+
+    regions: tuple[Region, ...]
+    opacity_unit: float | None = None  # scene units; None: cube root of a voxel's volume
+    normalized: bool = False
+    needs_gradient: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "regions", tuple(self.regions))
+        if not self.regions:
+            raise ValueError("a transfer function of regions needs at least one")
+        if self.opacity_unit is not None and not 0 < self.opacity_unit < np.inf:
+            raise ValueError(f"opacity_unit: must be greater than 0 (got {self.opacity_unit})")
+        for n, region in enumerate(self.regions):
+            where = f"regions.{n}"
+            top = 1.0 if self.normalized else math.inf
+            low, high = region.gradient
+            gradient = (low, min(high, top) if math.isinf(high) else high)
+            least = 0.0 if self.normalized else -math.inf
+            spans = (("value", region.value, least), ("gradient", gradient, 0.0))
+            for name, (low, high), limit in spans:
+                if not limit <= low <= high <= top:
+                    raise ValueError(
+                        f"{where}.{name}: must be two numbers that ascend, from {limit:g} to "
+                        f"{top:g} (got {low:g}, {high:g})"
+                    )
+            shares = [("opacity", region.opacity), *(("color", part) for part in region.color)]
+            for name, share in shares:
+                if not 0 <= share <= 1:
+                    raise ValueError(f"{where}.{name}: must be between 0 and 1 (got {share})")
+            for soft, span in zip(region.softness, (region.value, gradient), strict=True):
+                if not 0 <= soft <= (span[1] - span[0]) / 2:
+                    raise ValueError(
+                        f"{where}.softness: must be from 0 to half the range's width (got {soft:g} "
+                        f"for {span[0]:g} to {span[1]:g})"
+                    )
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        """Return an upper bound of opacities (N,), for gradients within all regions."""
+        place = self._places(np.asarray(values), data_range)
+        transparency = np.ones(place.shape)
+        for region in self.regions:
+            share = _share(place, region.value, region.softness[0], self._limits)
+            transparency *= 1 - region.opacity * share
+        return np.asarray(1 - transparency, np.float32)
+
+    def classify(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        if slopes is None:
+            raise ValueError("regions over values and gradients need gradients")
+        color = np.empty((values.size, 3), np.float32)
+        opacity = np.empty(values.size, np.float32)
+        for start in range(0, values.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            place = self._places(values[part], data_range)
+            slope = slopes[part].astype(np.float64)
+            if self.normalized:
+                slope = np.minimum(slope / max(steep, LEAST), 1)
+            # Combine color and opacity of all regions
+            transparency, weight = np.ones(place.shape), np.zeros(place.shape)
+            mixed = np.zeros((*place.shape, 3))
+            for region in self.regions:
+                limits = (0.0, 1.0 if self.normalized else math.inf)
+                inside = _share(place, region.value, region.softness[0], self._limits)
+                inside = inside * _share(slope, region.gradient, region.softness[1], limits)
+                share = region.opacity * inside
+                transparency *= 1 - share
+                weight += share
+                mixed += share[:, np.newaxis] * from_srgb(np.array(region.color))
+            mixed /= np.maximum(weight, LEAST)[:, np.newaxis]
+            color[part], opacity[part] = mixed, 1 - transparency
+        return color, opacity
+
+    def steepest(self, steep: float) -> float:
+        if self.normalized:
+            return steep
+        # Beyond these gradients a region does not change
+        ends = [(one.gradient[0] + one.softness[1], one.gradient[1]) for one in self.regions]
+        return max(end for pair in ends for end in pair if math.isfinite(end)) * TOLERANCE
+
+    def thinned(self, share: float) -> "RegionTransfer":
+        thinner = [replace(region, opacity=share * region.opacity) for region in self.regions]
+        return replace(self, regions=tuple(thinner))
+
+    def cut(self, low: float) -> "RegionTransfer":
+        kept = []
+        for region in self.regions:
+            first, high = region.value
+            if first < low <= high:
+                soft = (min(region.softness[0], (high - low) / 2), region.softness[1])
+                kept.append(replace(region, value=(low, high), softness=soft))
+            elif low <= first:
+                kept.append(region)
+        return replace(self, regions=tuple(kept) or (replace(self.regions[0], opacity=0.0),))
+
+    @property
+    def _limits(self) -> Range:
+        return (0.0, 1.0) if self.normalized else (-math.inf, math.inf)
+
+    def _places(self, values: NDArray[Any], data_range: DataRange) -> Doubles:
+        """Convert values to the units of the regions."""
+        place = values.astype(np.float64)
+        if not self.normalized:
+            return place
+        low, high = data_range
+        if not low < high:
+            return np.where(np.isnan(place), np.nan, 1.0)
+        return np.clip((place - low) / (high - low), 0, 1)
+
+
+@dataclass(frozen=True)
+class Faded:
+    """A transfer function whose opacity rises between two gradient lengths.
+
+    They are fractions of the lengths' 99th percentile, so that only surfaces remain.
+    """
+
+    transfer: Transfer
+    ramp: Range
+    needs_gradient: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.ramp[0] <= self.ramp[1] < np.inf:
+            raise ValueError(
+                f"gradient_opacity must be two fractions that ascend from 0 (got {self.ramp})"
+            )
+
+    @property
+    def opacity_unit(self) -> float | None:
+        return self.transfer.opacity_unit
+
+    @property
+    def normalized(self) -> bool:
+        return self.transfer.normalized
+
+    def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
+        return self.transfer.opacities(values, data_range)
+
+    def classify(
+        self, values: NDArray[Any], slopes: Floats | None, data_range: DataRange, steep: float
+    ) -> tuple[Floats, Floats]:
+        if slopes is None:
+            raise ValueError("gradient_opacity needs gradients")
+        color, opacity = self.transfer.classify(values, slopes, data_range, steep)
+        share = np.interp(slopes, steep * np.array(self.ramp), [0, 1])
+        return color, (opacity * share).astype(np.float32)
+
+    def steepest(self, steep: float) -> float:
+        return max(self.transfer.steepest(steep), self.ramp[1] * steep)
+
+    def thinned(self, share: float) -> "Faded":
+        return replace(self, transfer=self.transfer.thinned(share))
+
+    def cut(self, low: float) -> "Faded":
+        return replace(self, transfer=self.transfer.cut(low))
+
+
+def _share(place: Doubles, span: Range, soft: float, limits: Range) -> Doubles:
+    """Return the weights (N,) of values in a soft range, 0..1; 0 for NaN."""
+    low, high = span
+    rise = np.ones(place.shape)
+    if low > limits[0]:
+        rise = np.clip((place - low) / soft, 0, 1) if soft else (place >= low).astype(np.float64)
+    fall = np.ones(place.shape)
+    if high < limits[1]:
+        fall = np.clip((high - place) / soft, 0, 1) if soft else (place <= high).astype(np.float64)
+    return np.where(np.isnan(place), 0.0, rise * fall)
+
+
+MOST = 14  # points
+STEPS = 512  # samples of the range at which a transfer function is evaluated
+CLOSE = 0.01  # of the full scale of colors and opacities
+HIDDEN = 0.1  # weight of colors that are transparent
+STEEP = 1e30  # any slope is less
+
+
+def points_of(transfer: Transfer, data_range: DataRange) -> list[tuple[float, str, float]]:
+    """Approximate a transfer function by ascending points: value, `#rrggbb` and opacity."""
+    placed = spread(transfer, data_range)
+    if isinstance(placed, TransferFunction) and placed.value.size <= MOST:
+        value, curve = placed.value, np.column_stack([placed.color, placed.opacity])
+    else:
+        value = np.linspace(*data_range, STEPS)
+        slope = np.full(STEPS, STEEP, np.float32)
+        color, opacity = placed.classify(value, slope, data_range, 1.0)
+        curve = np.column_stack([to_srgb(color), opacity])
+        # Add the point farthest from the polyline of colors and opacities until all are close
+        place, kept = np.arange(STEPS), [0, STEPS - 1]
+        weight = np.maximum(HIDDEN, curve[:, 3:])
+        while len(kept) < MOST:
+            line = np.column_stack([np.interp(place, kept, curve[kept, c]) for c in range(4)])
+            off = np.abs(line - curve)
+            off[:, :3] *= weight
+            worst = int(off.max(axis=1).argmax())
+            if off[worst].max() < CLOSE:
+                break
+            kept = sorted([*kept, worst])
+        value, curve = value[kept], curve[kept]
+    levels = np.clip(np.rint(255 * curve[:, :3]), 0, 255).astype(int)
+    rows: list[Any] = np.clip(curve[:, 3], 0, 1).tolist()
+    return [
+        (float(one), "#{:02x}{:02x}{:02x}".format(*level), float(opacity))
+        for one, level, opacity in zip(value, levels, rows, strict=True)
+    ]
+
+
+def spelled(points: list[tuple[float, str, float]]) -> str:
+    """Format control points for the option `transfer`."""
+    return " ".join(f"{value:.6g},{color},{opacity:.4g}" for value, color, opacity in points)

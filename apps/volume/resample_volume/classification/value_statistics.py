@@ -8,7 +8,6 @@ above 2500.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.outofcore.passes import memoized
 from resample.types import Doubles
@@ -26,43 +25,23 @@ SKY, ROSE = (0.55, 0.7, 0.85), (0.9, 0.55, 0.5)
 
 BONE: list[Point] = [(350.0, RUST, 0.35), (600.0, IVORY, 0.7), (1500.0, WHITE, 0.95)]
 
+# fmt: off
 POINTS: dict[str, list[Point]] = {
     # Bone in translucent flesh: the default for CT.
-    "ct": [
-        (-350.0, FLESH, 0.0),
-        (-150.0, FLESH, 0.02),
-        (60.0, FLESH, 0.03),
-        (150.0, MUSCLE, 0.06),
-        *BONE,
-    ],
+    "ct": [(-350.0, FLESH, 0.0), (-150.0, FLESH, 0.02), (60.0, FLESH, 0.03), (150.0, MUSCLE, 0.06),
+           *BONE],
     "bone": [(150.0, RUST, 0.0), *BONE],
-    "soft-tissue": [
-        (-160.0, FAT, 0.0),
-        (-90.0, FAT, 0.06),
-        (-20.0, FAT, 0.08),
-        (30.0, MUSCLE, 0.35),
-        (120.0, FLESH, 0.45),
-        *BONE,
-    ],
+    "soft-tissue": [(-160.0, FAT, 0.0), (-90.0, FAT, 0.06), (-20.0, FAT, 0.08),
+                    (30.0, MUSCLE, 0.35), (120.0, FLESH, 0.45), *BONE],
     "muscle": [(0.0, MUSCLE, 0.0), (40.0, MUSCLE, 0.5), (120.0, ROSE, 0.6), *BONE[1:]],
     "skin": [(-400.0, FLESH, 0.0), (-200.0, FLESH, 0.6), (0.0, FLESH, 0.9)],
-    "lung": [
-        (-880.0, SKY, 0.0),
-        (-820.0, SKY, 0.03),
-        (-650.0, SKY, 0.05),
-        (-500.0, ROSE, 0.2),
-        (-400.0, ROSE, 0.25),
-        (-250.0, ROSE, 0.0),
-    ],
-    "vessels": [
-        (120.0, BLOOD, 0.0),
-        (200.0, BLOOD, 0.4),
-        (400.0, ROSE, 0.7),
-        (550.0, IVORY, 0.75),
-        (1500.0, WHITE, 0.95),
-    ],
+    "lung": [(-880.0, SKY, 0.0), (-820.0, SKY, 0.03), (-650.0, SKY, 0.05), (-500.0, ROSE, 0.2),
+             (-400.0, ROSE, 0.25), (-250.0, ROSE, 0.0)],
+    "vessels": [(120.0, BLOOD, 0.0), (200.0, BLOOD, 0.4), (400.0, ROSE, 0.7), (550.0, IVORY, 0.75),
+                (1500.0, WHITE, 0.95)],
     "metal": [(METAL - 300.0, STEEL, 0.0), (METAL, STEEL, 0.9)],
 }
+# fmt: on
 
 
 LUNG, LUNG_VEIL = (-930.0, -550.0), 0.05  # HU where lungs have their peak, and their opacity
@@ -181,12 +160,12 @@ class Survey(NamedTuple):
 
 @memoized(lambda volume: volume.values)
 def survey(volume: Volume) -> Survey:
-    """Compute the statistics of a volume's values.
+    """Compute the statistics of a volume's values; the range is 0 to 1 if none is finite.
 
-    Padding is a frequent value far outside the range of all others: scanners and programs write it
-    where nothing was measured. It is below 0 or on the volume's border: 0 below all others is the
-    surroundings of a segmented object, and high values inside may be metal. Bytes have no padding.
-    Outliers are a few voxels far from all others. Without any finite value, the range is 0 to 1.
+    Padding is a frequent value far outside the range of all others, below 0 or on the volume's
+    border, where nothing was measured. (0 below all others surrounds a segmented object; high
+    values inside may be metal.) Bytes have no padding. Outliers are a few voxels far from all
+    others.
     """
     levels, infinite = _levels(volume.values)
     if not levels.value.size:
@@ -195,24 +174,22 @@ def survey(volume: Volume) -> Survey:
     total, size = int(levels.number.sum()), volume.values.size
     most = max(min(8, size // 500), int(STRAY_SHARE * size))  # voxels that may be outliers
     is_byte = volume.values.dtype.itemsize == 1
-    rest, padding = _without_padding(
-        levels, values_of(volume.values).border(), most, 0 if is_byte else PADDINGS
-    )
+    rest, padding = levels, list[float]()
+    rim = values_of(volume.values).border()
+    for _ in range(0 if is_byte else PADDINGS):
+        marks = [0] * bool(rest.value[0] < 0) + [-1] * bool((rim == rest.value[-1]).any())
+        mark = next((end for end in marks if _is_padding(rest, end, most)), None)
+        if mark is None:
+            break
+        padding.append(float(rest.value[mark]))
+        rest = rest.between(1, -1) if mark == 0 else rest.between(0, -2)
     first, last = ends(rest.value, rest.number, most, STRAY_GAP)
     bulk = rest.between(first, last)
     kept = int(rest.number.sum())
-    return Survey(
-        float(levels.value[0]),
-        float(levels.value[-1]),
-        float(bulk.value[0]),
-        float(bulk.value[-1]),
-        padding,
-        total - kept,
-        kept - int(bulk.number.sum()),
-        infinite,
-        units_of(volume, bulk),
-        bulk,
-    )
+    least, greatest, low, high = map(float, (*levels.value[[0, -1]], *bulk.value[[0, -1]]))
+    counts = (total - kept, kept - int(bulk.number.sum()), infinite)
+    units = units_of(volume, bulk)
+    return Survey(least, greatest, low, high, tuple(padding), *counts, units, bulk)
 
 
 def findings(known: Survey) -> list[str]:
@@ -237,9 +214,10 @@ def findings(known: Survey) -> list[str]:
 
 
 def label_count(volume: Volume) -> int:
-    """Return how many labels values seem to be: few whole numbers, in regions; 0: they are none.
+    """Return the number of labels that values seem to be; 0 if they are measured values.
 
-    Of neighbours off the most frequent value, in scans of 8 bits at most 6 in 10 are equal.
+    Labels are few whole numbers in regions. In scans of 8 bits, at most 6 in 10 neighbours off the
+    most frequent value are equal.
     """
     levels = survey(volume).levels
     if not 2 < levels.value.size <= MOST_LABELS or volume.colors is not None or volume.scale:
@@ -259,10 +237,7 @@ def label_count(volume: Volume) -> int:
 
 
 def without_padding(volume: Volume, known: Survey) -> Volume:
-    """Replace padding and infinite values by missing ones.
-
-    Integers have no NaN: there padding becomes the least of the other values.
-    """
+    """Replace padding and infinite values by NaN, or the least other value of integers."""
     if not known.padding and not known.infinite:
         return volume
     is_whole = volume.values.dtype.kind in "iu"
@@ -272,11 +247,7 @@ def without_padding(volume: Volume, known: Survey) -> Volume:
 
 
 def ends(value: Doubles, count: Counts, most: int, gap: float) -> tuple[int, int]:
-    """Return the first and last value that is not an outlier.
-
-    `value`: (K,) values, ascending. `count`: (K,) voxels of each. Result: indices; all values if
-    the others are equal.
-    """
+    """Return the indices of the first and last of ascending values (K,) that are not outliers."""
     total = np.cumsum(count)
     middle = value[np.searchsorted(total, total[-1] / 2)]
     last = _last(value, total[-1] - total, most, gap, middle)
@@ -295,25 +266,6 @@ def _last(value: Doubles, above: Counts, most: int, gap: float, middle: float) -
     reach = value[place] - foot
     far = (np.diff(value)[start:] > gap * reach) & (reach > 0)
     return int(place[far][0]) if far.any() else value.size - 1
-
-
-def _without_padding(
-    levels: Histogram, rim: NDArray[Any], most: int, paddings: int
-) -> tuple[Histogram, tuple[float, ...]]:
-    """Split levels into values and padding; see `survey`."""
-    padding: list[float] = []
-    for _ in range(paddings):
-        ends_ = []
-        if levels.value[0] < 0:
-            ends_.append(0)
-        if (rim == levels.value[-1]).any():
-            ends_.append(-1)
-        found = [end for end in ends_ if _is_padding(levels, end, most)]
-        if not found:
-            break
-        padding.append(float(levels.value[found[0]]))
-        levels = levels.between(1, -1) if found[0] == 0 else levels.between(0, -2)
-    return levels, tuple(padding)
 
 
 def _is_padding(levels: Histogram, end: int, most: int) -> bool:

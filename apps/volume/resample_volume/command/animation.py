@@ -10,7 +10,7 @@ downloads the second volume::
                         voxels become points at 1 px as in Figure 8a and not at 0.04 px
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
@@ -31,6 +31,7 @@ from resample.files.saving import screen_levels
 from resample.lazy import installed_version
 from resample.measuring.color_bars import with_color_bar
 from resample.memory import available_memory, bytes_of
+from resample.painting.choices import Projection
 from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, told
 from resample.resampler import Resampler
@@ -38,26 +39,12 @@ from resample.types import Floats
 from resample_volume.annotations import Annotations, annotated, bar_of
 from resample_volume.appearance import BY_DEFAULT, Appearance, VolumeLayer
 from resample_volume.classification.value_statistics import NO_LEVELS, Survey
-from resample_volume.command.choices import Added, AppearanceChoices, BesideFilm, ReadOptions
-from resample_volume.command.inputs import (
-    allowed_memory,
-    appearance_over_time,
-    beside,
-    can_stream,
-    labelled,
-    media,
-    others,
-    read_as_whole,
-    require_values,
-    times_of,
-    with_memory,
-    with_objects,
-)
-from resample_volume.command.inputs import over_time as read_over_time
-from resample_volume.command.rendering import say_missed, scene_of
+from resample_volume.command import inputs
+from resample_volume.command.choices import Added, AppearanceChoices, FilmExtras, ReadOptions
+from resample_volume.command.rendering import scene_of, slab_missed
 from resample_volume.data.values import bricks_of, is_streamed
 from resample_volume.rendering import Subject
-from resample_volume.series import Ready, Series, is_chunked, whole
+from resample_volume.series import Ready, Series, chunked, whole
 from resample_volume.types import Recording, Volume
 
 PATHS = ("orbit", "zoom", "threshold", "still")
@@ -109,27 +96,26 @@ def flight_of(path: str, frames: int | None, fps: float, start: Viewpoint) -> Fl
     return Flight(path, FRAMES if frames is None else frames, start)
 
 
-def over_time(flight: Flight | Tour, frames: int | None, times: int) -> Flight | Tour:
-    """Return the flight with one frame per time, unless a number of frames was given."""
-    if frames is not None or isinstance(flight, Tour):
-        return flight
-    return replace(flight, frames=times)
-
-
 class Course:
     """The subject at each time, all times framed alike."""
 
     def __init__(
-        self,
-        times: int,
-        subject: Callable[[int], Subject],
-        progress: Progress | None = None,
+        self, times: int, subject: Callable[[int], Subject], progress: Progress | None = None,
         sphere: Sphere | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.times, self._subject = times, subject
         self._last: tuple[int, Subject] | None = None
         self.marks: list[str] = []
-        self.sphere = around(self._subjects(progress)) if sphere is None else sphere
+        if sphere is None:
+            seen = []
+            for time in range(times):
+                one = subject(time)
+                self.marks.append(one.facts()["voxels"])
+                seen.append((one.is_empty, one.sphere))
+                if progress is not None:
+                    progress((time + 1) / times)
+            sphere = around(seen)
+        self.sphere = sphere
 
     def __getitem__(self, time: int) -> Subject:
         """Return the subject of a time; the last one is cached."""
@@ -137,14 +123,6 @@ class Course:
             self._last = None  # two of them need not fit in memory
             self._last = time, replace(self._subject(time), sphere=self.sphere)
         return self._last[1]
-
-    def _subjects(self, progress: Progress | None) -> Iterator[Subject]:
-        for time in range(self.times):
-            subject = self._subject(time)
-            self.marks.append(subject.facts()["voxels"])
-            yield subject
-            if progress is not None:
-                progress((time + 1) / self.times)
 
 
 def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -> list[AnyCamera]:
@@ -154,10 +132,8 @@ def cameras_of(subject: Subject, flight: Flight | Tour, size: tuple[int, int]) -
     view = replace(start, zoom=1.0).around(subject.sphere, *size).view()
     depth = (view.rotation @ subject.sphere.center + view.translation)[2]
     voxel = np.cbrt(abs(np.linalg.det(subject.lattice)))
-    viewpoints = flight.viewpoints(
-        float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
-    )
-    return [subject.camera(viewpoint, *size) for viewpoint in viewpoints]
+    spacing = float(voxel * view.focal[0] / (depth if view.perspective else 1.0))
+    return [subject.camera(viewpoint, *size) for viewpoint in flight.viewpoints(spacing)]
 
 
 @dataclass(frozen=True)
@@ -168,34 +144,24 @@ class FrameOptions:
     size: tuple[int, int] = (400, 400)  # height and width, px
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear light
     threads: int | None = None  # frames do not depend on it
-    drawing: "FrameOverlay | None" = None
-
-
-class FrameOverlay(NamedTuple):
-    """Annotations drawn into frames, and color bars beside them."""
-
-    volume: Volume  # around the scene's origin
-    given: Annotations
-    bars: Sequence[Floats]  # (H, B, 4) each
+    drawn: Annotations | None = None  # into frames
+    bars: Sequence[Floats] = ()  # (H, B, 4) color bars beside them
+    volume: Volume | None = None  # around the scene's origin, of the annotations
 
 
 def shots(
-    subject: Subject,
-    cameras: Sequence[AnyCamera],
-    paint: FrameOptions,
-    about: Mapping[str, Any] | None = None,
-    facts: Mapping[str, Any] | None = None,
-) -> Shots:
+    subject: Subject, cameras: Sequence[AnyCamera], paint: FrameOptions,
+    about: Mapping[str, Any] | None = None, facts: Mapping[str, Any] | None = None,
+) -> Shots:  # fmt: skip
     """Return the frames of a volume, and everything that they depend on."""
-    overlay = paint.drawing
     numbers = [np.concatenate([np.ravel(part) for part in each.view()]) for each in cameras]
     job = {
         **(about or {}),
         "size": list(paint.size),
         "background": list(paint.background),
         "resampler": repr(subject.painter(paint.resampler)),
-        **({} if overlay is None else {"drawn": repr(overlay.given)}),
-        **({"bars": fingerprint(*overlay.bars)} if overlay is not None and overlay.bars else {}),
+        **({} if paint.drawn is None else {"drawn": repr(paint.drawn)}),
+        **({"bars": fingerprint(*paint.bars)} if paint.bars else {}),
         **subject.facts(),
         **(facts or {}),
         "cameras": fingerprint(np.stack(numbers)),
@@ -206,33 +172,24 @@ def shots(
 
 def frame_of(subject: Subject, camera: AnyCamera, paint: FrameOptions) -> Levels:
     """Paint one frame (H, W, 3), sRGB-encoded, with its annotations and color bars."""
-    height, width = paint.size
-    painted = subject.painter(paint.resampler)(
-        subject.samples_for(camera),
-        camera,
-        height=height,
-        width=width,
-        threads=paint.threads,
-        clip=subject.cuts(camera),
-    )
-    painted, overlay = subject.developed(painted), paint.drawing
-    if overlay is not None and overlay.given.is_any:
-        painted = annotated(painted, camera, overlay.volume, overlay.given)
+    seen, cuts = subject.samples_for(camera), subject.cuts(camera)
+    shape: dict[str, Any] = {"height": paint.size[0], "width": paint.size[1]}
+    resampler = subject.painter(paint.resampler)
+    painted = resampler(seen, camera, **shape, threads=paint.threads, clip=cuts)
+    painted = subject.tone.developed(painted)
+    if paint.volume is not None and paint.drawn is not None and paint.drawn.is_any:
+        painted = annotated(painted, camera, paint.volume, paint.drawn)
     rgba = painted.rgba
-    for bar in () if overlay is None else overlay.bars:
+    for bar in paint.bars:
         rgba = with_color_bar(rgba, bar, paint.background)
     return screen_levels(rgba, background=paint.background)
 
 
-def around(subjects: Iterable[Subject]) -> Sphere:
-    """Return the bounding sphere of everything visible in some subjects, if anything is."""
-    spheres: list[Sphere] = []
-    empty: list[Sphere] = []
-    for subject in subjects:
-        (empty if subject.is_empty else spheres).append(subject.sphere)
-    every = spheres or empty
-    center = np.array([sphere.center for sphere in every])
-    radius = np.array([[sphere.radius] for sphere in every])
+def around(seen: Sequence[tuple[bool, Sphere]]) -> Sphere:
+    """Return the bounding sphere of spheres, without those of empty scenes if one is not empty."""
+    spheres = [sphere for is_empty, sphere in seen if not is_empty] or [one[1] for one in seen]
+    center = np.array([sphere.center for sphere in spheres])
+    radius = np.array([[sphere.radius] for sphere in spheres])
     middle = ((center - radius).min(axis=0) + (center + radius).max(axis=0)) / 2
     away = np.linalg.norm(center - middle, axis=1)
     return Sphere(middle, float((away + radius[:, 0]).max()))
@@ -248,17 +205,14 @@ class Script(NamedTuple):
     source: ReadOptions
     appearance: AppearanceChoices
     added: Added
-    beside: BesideFilm
+    extras: FilmExtras
     resampling: Resampling
     frames: int | None  # that are asked for
 
 
-class TimesStatistics(NamedTuple):
-    """Statistics over all times of a volume."""
-
-    survey: Survey  # without its levels
-    appearance: Appearance  # without labels, meshes and planes
-    sphere: Sphere
+# Statistics over all times of a volume without levels, their look without labels, meshes and
+# planes, and the sphere around all that is visible.
+TimesStatistics = tuple[Survey, Appearance, Sphere]
 
 
 class ReadyFilm(NamedTuple):
@@ -273,94 +227,98 @@ class ReadyFilm(NamedTuple):
 
 
 def film_of(
-    script: Script,
-    recording: Recording | None,
-    flight: Flight | Tour,
-    paint: FrameOptions,
-    about: Mapping[str, Any],
-    start_workers: StartWorkers | None = None,
-) -> ReadyFilm:
+    script: Script, recording: Recording | None, flight: Flight | Tour, paint: FrameOptions,
+    about: Mapping[str, Any], start_workers: StartWorkers | None = None,
+) -> ReadyFilm:  # fmt: skip
     """Read and prepare the scene of a film."""
-    times = None if recording is None else times_of(script.source, recording)
+    times = None if recording is None else inputs.times_of(script.source, recording)
     if times is not None:
         return _film_of_times(script, times, flight, paint, about, start_workers)
-    if recording is not None and is_chunked(recording):
+    if recording is not None and chunked(recording) is not None:
         recording = None  # one of its volumes is read by itself
     shown, subject = _scene_for(script, paint.size, recording, start_workers)
-    paint = replace(paint, drawing=_overlay(script, shown, subject, paint))
+    paint = overlaid(paint, script.extras, shown, subject)
     cameras = cameras_of(subject, flight, paint.size)
-    say_missed(shown, subject, cameras[0])
+    if missed := slab_missed(shown, subject, cameras[0]):
+        say(missed)
     made = shots(subject, cameras, paint, about)
     return ReadyFilm(made, cameras, paint, is_streamed(shown[0][0]), subject.is_of_field)
 
 
-def _overlay(
-    script: Script, shown: Sequence[VolumeLayer], subject: Subject, paint: FrameOptions
-) -> FrameOverlay | None:
-    """Return the annotations and color bars of all frames; None without any."""
-    given, bars = script.beside.annotations(paint.background), list[Floats]()
-    if script.beside.color_bar:
-        require_values(shown[0][0], "a color bar")
+def overlaid(
+    paint: FrameOptions, extras: FilmExtras, shown: Sequence[VolumeLayer], subject: Subject
+) -> FrameOptions:
+    """Return the options with the annotations and color bars of all frames."""
+    drawn, bars = extras.annotations(paint.background), list[Floats]()
+    if extras.color_bar:
         words = (paint.resampler, paint.size[0], paint.background, subject.tone)
         bars = [bar_of(medium, *words) for medium in shown]
-    is_any = given.is_any or bars
-    return FrameOverlay(subject.placed(shown[0][0]), given, bars) if is_any else None
+    if not (drawn.is_any or bars):
+        return paint
+    return replace(paint, drawn=drawn, bars=bars, volume=subject.placed(shown[0][0]))
 
 
 def _film_of_times(
-    script: Script,
-    times: Recording,
-    flight: Flight | Tour,
-    paint: FrameOptions,
-    about: Mapping[str, Any],
-    start_workers: StartWorkers | None,
-) -> ReadyFilm:
+    script: Script, times: Recording, flight: Flight | Tour, paint: FrameOptions,
+    about: Mapping[str, Any], start_workers: StartWorkers | None,
+) -> ReadyFilm:  # fmt: skip
     """A film of a volume that changes over time; see `film_of`."""
     times, ready = _read(script, times, start_workers)
-    count = prod(bricks_of(whole(times)).count) if is_chunked(times) else 0
+    count = prod(bricks_of(whole(times)).count) if chunked(times) is not None else 0
     with progress_bar("scanning bricks", count) as progress, told(progress):
         series = Series.of(times, ready)
-    look = appearance_over_time(series, script.appearance, paint.resampler)
+    look = inputs.appearance_over_time(series, script.appearance, paint.resampler)
     layers, subject = _scenes(script, series, look, paint.resampler)
     with progress_bar("scanning all times") as progress:
         course = Course(len(series), subject, progress)
-    known = TimesStatistics(series.known._replace(levels=NO_LEVELS), look, course.sphere)
+    known = series.known._replace(levels=NO_LEVELS), look, course.sphere
     first = layers(0)
-    paint = replace(paint, drawing=_overlay(script, first, course[0], paint))
-    cameras = cameras_of(course[0], over_time(flight, script.frames, course.times), paint.size)
+    if script.extras.color_bar:
+        inputs.require_values(first[0][0], "a color bar")
+    paint = overlaid(paint, script.extras, first, course[0])
+    if script.frames is None and isinstance(flight, Flight):
+        flight = replace(flight, frames=course.times)
+    cameras = cameras_of(course[0], flight, paint.size)
     for camera in (None, cameras[0]):
-        say_missed(first, course[0], camera)
-    frames = _frames_over(course, cameras, paint)
+        if missed := slab_missed(first, course[0], camera):
+            say(missed)
+    frames = partial(_frame_over, course, cameras, paint)
     made = shots(course[0], cameras, paint, about, {"times": course.marks})._replace(frame=frames)
-    return ReadyFilm(made, cameras, paint, is_chunked(times), course[0].is_of_field, known)
+    return ReadyFilm(made, cameras, paint, chunked(times) is not None, course[0].is_of_field, known)
 
 
 def _read(
     script: Script, times: Recording, start_workers: StartWorkers | None
 ) -> tuple[Recording, Ready]:
-    """Return the times, streamed or as one array; and for streamed times, how they are read.
-
-    Fields need arrays, and so do several volumes.
-    """
+    """Return the times, streamed or as one array, and how streamed times are read."""
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if is_chunked(times) and not (is_alone and can_stream(resampler)):
-        times = read_as_whole(times, script.source)
-    if is_chunked(times):
+    if chunked(times) is not None and not (
+        is_alone and resampler.projection is Projection.COMPOSITE
+    ):
+        times = inputs.read_as_whole(times, script.source)
+    if chunked(times) is not None:
         count, *_, deep, down, across = times.values.shape
         size = f"{count} times of {across} x {down} x {deep} voxels"
         say(f"{times.name}: {size} are read one after the other, brick by brick")
-    allowed = allowed_memory(script.source)
-    return times, partial(with_memory, allowed=allowed, start_workers=start_workers)
+    allowed = inputs.allowed_memory(script.source)
+    return times, partial(inputs.with_memory, allowed=allowed, start_workers=start_workers)
 
 
 def _scenes(
     script: Script, series: Series, look: Appearance, resampler: Resampler
 ) -> tuple[Callable[[int], list[VolumeLayer]], Callable[[int], Subject]]:
     """Return functions of a time: the volumes of a script, all under one look, and their scene."""
-    objects = script.beside.scene_objects(script.appearance, resampler).within(series.known.span)
-    own = objects.beside(labelled(look, series, script.appearance))
-    further = beside(others(script.added.also, script.source), script.appearance, resampler)
+    objects = script.extras.scene_objects(script.appearance, resampler)
+    if objects:
+        spanned = (plane.within(series.known.span) for plane in objects["planes"])
+        objects = {**objects, "planes": tuple(spanned)}
+    if script.appearance.labels is not None:
+        look = replace(look, labels=script.appearance.labels_of(series[0]))
+    own = replace(look, **objects)
+    further = inputs.further_layers(
+        inputs.others(script.added.also, script.source), script.appearance, resampler
+    )
 
     def layers(time: int) -> list[VolumeLayer]:
         return [(series[time], own), *further]
@@ -371,95 +329,74 @@ def _scenes(
     return layers, subject
 
 
-def _frames_over(course: Course, cameras: Sequence[AnyCamera], paint: FrameOptions) -> Frames:
-    """Return a painter of frame numbers over which a changing volume's times are spread."""
-    total = len(cameras)
-
-    def frame(n: int) -> Levels:
-        time = n * course.times // total
-        return frame_of(course[time], cameras[n], paint)
-
-    return frame
+def _frame_over(
+    course: Course, cameras: Sequence[AnyCamera], paint: FrameOptions, n: int
+) -> Levels:
+    """Return a frame of a film over which a changing volume's times are spread."""
+    return frame_of(course[n * course.times // len(cameras)], cameras[n], paint)
 
 
 def _scene_for(
-    script: Script,
-    size: Size,
-    recording: Recording | None = None,
+    script: Script, size: Size, recording: Recording | None = None,
     start_workers: StartWorkers | None = None,
-) -> tuple[list[VolumeLayer], Subject]:
+) -> tuple[list[VolumeLayer], Subject]:  # fmt: skip
     """Read the volumes of a script, and prepare their scene for frames (height, width)."""
     look = script.appearance
     resampler = look.renderer(script.resampling, script.source.scale)
-    objects = script.beside.scene_objects(look, resampler)
+    objects = script.extras.scene_objects(look, resampler)
     words = (script.source, script.volume, look, script.added, resampler)
-    given = media(*words, recording=recording, start_workers=start_workers)
-    shown = with_objects(given, objects)
+    given = inputs.media(*words, recording=recording, start_workers=start_workers)
+    shown = inputs.with_objects(given, objects)
+    if script.extras.color_bar:
+        inputs.require_values(shown[0][0], "a color bar")
     return shown, scene_of(Session(), shown, resampler, look.fit, size)
 
 
 def _frames(
-    script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions, threads: int
-) -> Frames:
-    """Return the frames of a script."""
-    (_, subject), paint = _scene_for(script, paint.size), replace(paint, threads=threads)
-    return lambda n: frame_of(subject, cameras[n], paint)
-
-
-def _frames_of_times(
-    script: Script,
-    cameras: Sequence[AnyCamera],
-    paint: FrameOptions,
-    known: TimesStatistics,
-    threads: int,
-) -> Frames:
-    """Return the frames of a changing volume, by statistics that another process found."""
-    found = read_over_time(script.source, script.volume)
-    times = None if found is None else times_of(script.source, found)
+    script: Script, cameras: Sequence[AnyCamera], paint: FrameOptions,
+    known: TimesStatistics | None, threads: int,
+) -> Frames:  # fmt: skip
+    """Return the frames of a script in another process, of times by statistics found before."""
+    paint = replace(paint, threads=threads)
+    if known is None:
+        _, scene = _scene_for(script, paint.size)
+        return lambda n: frame_of(scene, cameras[n], paint)
+    found = inputs.over_time(script.source, script.volume)
+    times = None if found is None else inputs.times_of(script.source, found)
     if times is None:
         raise OSError(f"{script.volume} changed while it was filmed; try again")
     times, ready = _read(script, times, None)
-    series, paint = Series.again(times, known.survey, ready), replace(paint, threads=threads)
-    _, subject = _scenes(script, series, known.appearance, paint.resampler)
-    course = Course(len(series), subject, sphere=known.sphere)
-    return _frames_over(course, cameras, paint)
+    series = Series.again(times, known[0], ready)
+    _, subject = _scenes(script, series, known[1], paint.resampler)
+    course = Course(len(series), subject, sphere=known[2])
+    return partial(_frame_over, course, cameras, paint)
 
 
 def again(
     script: Script, film: ReadyFilm, crew: WorkerPool | None
 ) -> Callable[[int], Frames] | None:
-    """Return the function that makes a film's frames in other processes, if there are any.
+    """Return the function that makes a film's frames in other processes; None without any.
 
     Each worker reads the scene itself. Workers on one machine share its memory limit.
     """
     if crew is None:
         return None
-    script, memory = _decided(script, film), script.source.memory
-    whole = available_memory() if memory is None else bytes_of(memory)
-    if memory is None and film.is_in_bricks and whole is not None:
+    look, resampling, source = script.appearance, script.resampling, script.source
+    if look.classify == "auto":  # resolve it here: a worker with less memory might choose otherwise
+        order = resampling.order
+        if film.is_of_field:
+            look, order = (
+                look.model_copy(update={"classify": "post"}),
+                order or "rays:quality=usual",
+            )
+        else:
+            is_by_rays = look.renderer(resampling, source.scale).order.summing is Summing.RAYS
+            look, order = look.of_voxels(), None if is_by_rays else order
+        resampling = resampling.model_copy(update={"order": order})
+    whole = available_memory() if source.memory is None else bytes_of(source.memory)
+    if source.memory is None and film.is_in_bricks and whole is not None:
         whole //= 2
     if whole is not None and crew.is_local:
-        share = f"{whole / crew.tasks / 1000:.3f}kB"
-        script = script._replace(source=script.source.model_copy(update={"memory": share}))
-    own = (script, film.cameras, film.paint)
-    if film.known is None:
-        return partial(_frames, *own)
-    return partial(_frames_of_times, *own, film.known)
-
-
-def _decided(script: Script, film: ReadyFilm) -> Script:
-    """Resolve `auto` here: a worker with less memory might choose otherwise."""
-    look, resampling = script.appearance, script.resampling
-    if look.classify != "auto":
-        return script
-    if not film.is_of_field:
-        named = look.renderer(resampling, script.source.scale)
-        order = None if named.order.summing is Summing.RAYS else resampling.order
-        return script._replace(
-            appearance=look.of_voxels(), resampling=resampling.model_copy(update={"order": order})
-        )
-    order = resampling.order or "rays:quality=usual"
-    return script._replace(
-        appearance=look.model_copy(update={"classify": "post"}),
-        resampling=resampling.model_copy(update={"order": order}),
-    )
+        source = source.model_copy(update={"memory": f"{whole / crew.tasks / 1000:.3f}kB"})
+    script = script._replace(source=source, appearance=look, resampling=resampling)
+    return partial(_frames, script, film.cameras, film.paint, film.known)

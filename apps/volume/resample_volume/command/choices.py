@@ -2,25 +2,12 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from resample.command.flags import (
-    CAMERA,
-    LIGHT,
-    MEMORY,
-    FieldOfView,
-    Hyphen,
-    Inline,
-    OptionTopic,
-    Several,
-    Switch,
-    Up,
-    Viewed,
-    under,
-    viewpoint,
-)
+from resample.command import flags
 from resample.command.settings import Choices, Resampling
 from resample.console import Color
 from resample.messages import parts_of
@@ -32,278 +19,185 @@ if TYPE_CHECKING:
     from resample.cameras.viewpoints import Viewpoint
     from resample.resampler import Resampler
     from resample_volume.annotations import Annotations
-    from resample_volume.appearance import Appearance, SceneObjects
+    from resample_volume.appearance import Appearance
     from resample_volume.classification.labels import Labels
     from resample_volume.rendering import Fitted
     from resample_volume.types import Volume
 
-Lit = under(LIGHT)
+Lit = flags.under(flags.LIGHT)
 FROM_ABOVE = "30,20,1"  # the camera if none is asked for
-TRANSFER = Inline(rule="resample_volume.classification.presets:names_file")
+TRANSFER = flags.Inline(rule="resample_volume.classification.presets:names_file")
+
+
+def described(default: Any, text: str, **limits: Any) -> Any:
+    """Declare an option: its default, its help, and the limits of pydantic's `Field`."""
+    return Field(default, description=text, **limits)
+
+
+optional, off, several = (partial(described, default) for default in (None, False, ()))
 
 
 class ReadOptions(Choices):
     """How the input is read, where the file alone does not tell."""
 
     heading: ClassVar[str] = "Input"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    reader: Annotated[
-        str | None,
-        Field(
-            description="Name of the reader, such as raw:offset=512. [default: the one for the "
-            "file's suffix]"
-        ),
-    ] = None
-    shape: Annotated[
-        str | None,
-        Field(
-            description="Size of a raw file's grid along x, y, z, and number of times: "
-            "256x256x128. [default: from the header or the file's name]"
-        ),
-    ] = None
-    dtype: Annotated[
-        str | None,
-        Field(
-            description="Data type of a raw file: uint8, int16, >i2 (big-endian) ... "
-            "[default: from the header or the file's name]"
-        ),
-    ] = None
-    endian: Annotated[
-        Literal["little", "big"] | None,
-        Field(description="Byte order of a raw file. [default: little]"),
-    ] = None
-    spacing: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="Distances between voxels along x, y and z, such as 1,1,1.4 or "
-            "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]"
-        ),
-    ] = None
-    memory: Annotated[
-        str | None,
-        OptionTopic.RESOURCE,
-        Field(
-            description=f"{MEMORY}. [default: all free memory; half of it for the voxels of a "
-            "chunked "
-            "volume (OME-Zarr, zarr)]"
-        ),
-    ] = None
-    level: Annotated[
-        int | None,
-        Field(
-            ge=0,
-            description="Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
-            "levels info lists. [default: 0]",
-        ),
-    ] = None
-    units: Annotated[
-        Literal["hu", "hu+1024", "none"] | None,
-        Field(
-            description="Units of the values: Hounsfield units, these plus 1024, or others. "
-            "[default: those in the file, or guessed from the values]"
-        ),
-    ] = None
+    reader: str | None = optional(
+        "Name of the reader, such as raw:offset=512. [default: the one for the file's suffix]"
+    )
+    shape: str | None = optional(
+        "Size of a raw file's grid along x, y, z, and number of times: "
+        "256x256x128. [default: from the header or the file's name]"
+    )
+    dtype: str | None = optional(
+        "Data type of a raw file: uint8, int16, >i2 (big-endian) ... "
+        "[default: from the header or the file's name]"
+    )
+    endian: Literal["little", "big"] | None = optional(
+        "Byte order of a raw file. [default: little]"
+    )
+    spacing: Annotated[str | None, flags.Hyphen] = optional(
+        "Distances between voxels along x, y and z, such as 1,1,1.4 or "
+        "0.2x0.2x1um. [default: those in the file, otherwise 1,1,1]"
+    )
+    memory: Annotated[str | None, flags.OptionTopic.RESOURCE] = optional(
+        f"{flags.MEMORY}. [default: all free memory; half of it for the voxels of a chunked volume "
+        "(OME-Zarr, zarr)]"
+    )
+    level: int | None = optional(
+        "Level of detail; 0 is the finest. Of a multiscale OME-Zarr, whose "
+        "levels info lists. [default: 0]",
+        ge=0,
+    )
+    units: Literal["hu", "hu+1024", "none"] | None = optional(
+        "Units of the values: Hounsfield units, these plus 1024, or others. "
+        "[default: those in the file, or guessed from the values]"
+    )
 
-    scale: Annotated[
-        str,
-        Field(
-            description="Scale on which values are shown: linear, log, or symlog:linear=0.01, "
-            "which is linear from -0.01 to 0.01. Transfer functions and windows stay in the "
-            "values' own units."
-        ),
-    ] = "linear"
-    time: Annotated[
-        int | None,
-        Hyphen,
-        Field(
-            description="Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
-        ),
-    ] = None
-    channel: Annotated[
-        int | None,
-        Hyphen,
-        Field(
-            description="Index of the channel, from 0. [default: all, if these are colors; "
-            "otherwise 0]"
-        ),
-    ] = None
+    scale: str = described(
+        "linear",
+        "Scale on which values are shown: linear, log, or symlog:linear=0.01, which is linear from "
+        "-0.01 to 0.01. Transfer functions and windows stay in the values' own units.",
+    )
+    time: Annotated[int | None, flags.Hyphen] = optional(
+        "Index of the time, from 0; -1 is the last. [default: 0; animate shows all]"
+    )
+    channel: Annotated[int | None, flags.Hyphen] = optional(
+        "Index of the channel, from 0. [default: all, if these are colors; otherwise 0]"
+    )
 
 
 class Added(Choices):
     """Further volumes in the scene."""
 
     heading: ClassVar[str] = "Further volumes"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    also: Annotated[
-        tuple[str, ...],
-        OptionTopic.SOURCE,
-        Several,
-        Field(
-            description="Another file in the scene, placed by its coordinates: pet.nrrd, or "
-            "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, "
-            "units, spacing, window and, last, transfer. Where volumes overlap, extinctions add "
-            "up."
-        ),
-    ] = ()
-    channels: Annotated[
-        str | None,
-        TRANSFER,
-        Field(
-            description="Appearance of each channel of the file: a color, a transfer function or "
-            "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
-        ),
-    ] = None
+    also: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = several(
+        "Another file in the scene, placed by its coordinates: pet.nrrd, or "
+        "pet.nrrd:window=5,10,transfer=hot:opacity=0.3. Settings: time, channel, level, units, "
+        "spacing, window and, last, transfer. Where volumes overlap, extinctions add up."
+    )
+    channels: Annotated[str | None, TRANSFER] = optional(
+        "Appearance of each channel of the file: a color, a transfer function or "
+        "none (hidden), such as red,#00ff80,none or gray,300..900,auto:opacity=0.2."
+    )
 
 
 class AppearanceChoices(Choices):
     """Appearance of voxels, and the viewpoint."""
 
     heading: ClassVar[str] = "Look"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    transfer: Annotated[
-        str,
-        TRANSFER,
-        Hyphen,
-        Field(
-            description="Transfer function: auto, which adapts to the values; "
-            f"{', '.join(PRESETS)}; for CT {', '.join(TISSUES)}; a matplotlib colormap; a range "
-            "of values such as 300..900; control points value,color,opacity such as "
-            "'40,red,0 90,white,0.5'; or a .json or .toml file of control points over values, or "
-            "of regions over values and gradients. After a name, :opacity=0.2,low=0.3 makes it "
-            "thinner, color=tomato colors it, gradient=0.1,0.5 keeps only its surfaces. Several "
-            "materials: skin:opacity=0.1+bone."
-        ),
-    ] = "auto"
-    window: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="Window of values that auto, gray, bone, vessels, surfaces and colormaps "
-            "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
-            "integrals. [default: all values but padding and outliers]"
-        ),
-    ] = None
-    opacity_unit: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            allow_inf_nan=False,
-            description="Length in scene units to which opacities refer. [default: a voxel's size]",
-        ),
-    ] = None
-    camera: Viewed = FROM_ABOVE
-    fov: FieldOfView = 30.0
-    up: Up = "z"
-    fit: Annotated[
-        Literal["visible", "volume"],
-        under(CAMERA),
-        Field(description="How the picture is filled: by what is visible, or by the whole volume."),
-    ] = "visible"
-    shading: Annotated[
-        bool, Lit, Field(description="Light surfaces: by the light that --light gives.")
-    ] = True
-    light: Annotated[
-        str,
-        Hyphen,
-        Lit,
-        Field(description="Where light comes from: eye, or a scene direction such as 1,-1,2."),
-    ] = "eye"
-    ambient: Annotated[
-        float, Lit, Field(ge=0, allow_inf_nan=False, description="Ambient light.")
-    ] = 0.3
-    diffuse: Annotated[
-        float, Lit, Field(ge=0, allow_inf_nan=False, description="Diffuse light.")
-    ] = 0.7
-    specular: Annotated[
-        float,
-        Lit,
-        Field(ge=0, allow_inf_nan=False, description="Strength of specular highlights."),
-    ] = 0.2
-    shininess: Annotated[
-        float,
-        Lit,
-        Field(
-            gt=0,
-            allow_inf_nan=False,
-            description="Specular exponent: the greater, the smaller the highlights.",
-        ),
-    ] = 32.0
-    shadows: Annotated[bool, Lit, Field(description="Cast shadows; needs --light.")] = False
-    ambient_occlusion: Annotated[
-        bool, Lit, Field(description="Dim ambient light where the surroundings are dense.")
-    ] = False
-    gradient: Annotated[
-        Literal["central", "sobel"],
-        Field(description="How gradients, and so normals, are computed."),
-    ] = "central"
-    gradient_opacity: Annotated[
-        str | None,
-        Field(
-            description="Fade homogeneous regions: opacity rises between these fractions of the "
-            "steepest gradient, such as 0.1,0.5."
-        ),
-    ] = None
+    transfer: Annotated[str, TRANSFER, flags.Hyphen] = described(
+        "auto",
+        f"Transfer function: auto, which adapts to the values; {', '.join(PRESETS)}; for CT "
+        f"{', '.join(TISSUES)}; a matplotlib colormap; a range of values such as 300..900; control "
+        "points value,color,opacity such as '40,red,0 90,white,0.5'; or a .json or .toml file of "
+        "control points over values, or of regions over values and gradients. After a name, "
+        ":opacity=0.2,low=0.3 makes it thinner, color=tomato colors it, gradient=0.1,0.5 keeps "
+        "only its surfaces. Several materials: skin:opacity=0.1+bone.",
+    )
+    window: Annotated[str | None, flags.Hyphen] = optional(
+        "Window of values that auto, gray, bone, vessels, surfaces and colormaps "
+        "span, as center,width or low..high: 40,400, -160..240; for X-rays, of line "
+        "integrals. [default: all values but padding and outliers]"
+    )
+    opacity_unit: float | None = optional(
+        "Length in scene units to which opacities refer. [default: a voxel's size]",
+        gt=0,
+        allow_inf_nan=False,
+    )
+    camera: flags.Viewed = FROM_ABOVE
+    fov: flags.FieldOfView = 30.0
+    up: flags.Up = "z"
+    fit: Annotated[Literal["visible", "volume"], flags.under(flags.CAMERA)] = described(
+        "visible", "How the picture is filled: by what is visible, or by the whole volume."
+    )
+    shading: Annotated[bool, Lit] = described(
+        True, "Light surfaces: by the light that --light gives."
+    )
+    light: Annotated[str, flags.Hyphen, Lit] = described(
+        "eye", "Where light comes from: eye, or a scene direction such as 1,-1,2."
+    )
+    ambient: Annotated[float, Lit] = described(0.3, "Ambient light.", ge=0, allow_inf_nan=False)
+    diffuse: Annotated[float, Lit] = described(0.7, "Diffuse light.", ge=0, allow_inf_nan=False)
+    specular: Annotated[float, Lit] = described(
+        0.2, "Strength of specular highlights.", ge=0, allow_inf_nan=False
+    )
+    shininess: Annotated[float, Lit] = described(
+        32.0,
+        "Specular exponent: the greater, the smaller the highlights.",
+        gt=0,
+        allow_inf_nan=False,
+    )
+    shadows: Annotated[bool, Lit] = off("Cast shadows; needs --light.")
+    ambient_occlusion: Annotated[bool, Lit] = off(
+        "Dim ambient light where the surroundings are dense."
+    )
+    gradient: Literal["central", "sobel"] = described(
+        "central", "How gradients, and so normals, are computed."
+    )
+    gradient_opacity: str | None = optional(
+        "Fade homogeneous regions: opacity rises between these fractions of the "
+        "steepest gradient, such as 0.1,0.5."
+    )
 
-    classify: Annotated[
-        Literal["auto", "pre", "post"],
-        Field(
-            description="Pre: classify voxels, then interpolate colors. Post: interpolate "
-            "values, then classify, which is sharper. Auto: post along rays; pre if a method is "
-            "given."
-        ),
-    ] = "auto"
-    labels: Annotated[
-        str | None,
-        OptionTopic.SOURCE,
-        Field(description="Volume of integers: the label of each voxel."),
-    ] = None
-    label: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(description="Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."),
-    ] = ()
-    crop: Annotated[
-        str | None,
-        Hyphen,
-        Field(description="Crop to ranges along x, y, z: 64:192,:,10: in voxels."),
-    ] = None
-    clip: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Clip by a plane through the center, keep the side the normal points to: "
-            "1,0,-1, or 1,0,-1,20 shifted by 20 scene units."
-        ),
-    ] = ()
-    slab: Annotated[
-        str | None,
-        Hyphen,
-        Field(
-            description="Show only a slab: offset,thickness such as 20,10, in scene units along "
-            "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction."
-        ),
-    ] = None
-    mu_water: Annotated[
-        float | None,
-        Field(
-            gt=0,
-            allow_inf_nan=False,
-            description="Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
-        ),
-    ] = None
-    invert: Annotated[
-        bool,
-        Switch,
-        Field(description="Invert projections of values, so that bones are black."),
-    ] = False
-    depth_cue: Annotated[
-        float | None,
-        Field(ge=0, le=1, description="Fraction of the light lost at the far end. [default: 0]"),
-    ] = None
+    classify: Literal["auto", "pre", "post"] = described(
+        "auto",
+        "Pre: classify voxels, then interpolate colors. Post: interpolate values, then classify, "
+        "which is sharper. Auto: post along rays; pre if a method is given.",
+    )
+    labels: Annotated[str | None, flags.OptionTopic.SOURCE] = optional(
+        "Volume of integers: the label of each voxel."
+    )
+    label: Annotated[tuple[str, ...], flags.Several] = several(
+        "Appearance of a label: 1:color=tomato,opacity=0.5 or 2:hidden."
+    )
+    crop: Annotated[str | None, flags.Hyphen] = optional(
+        "Crop to ranges along x, y, z: 64:192,:,10: in voxels."
+    )
+    clip: Annotated[tuple[str, ...], flags.Several] = several(
+        "Clip by a plane through the center, keep the side the normal points to: "
+        "1,0,-1, or 1,0,-1,20 shifted by 20 scene units."
+    )
+    slab: Annotated[str | None, flags.Hyphen] = optional(
+        "Show only a slab: offset,thickness such as 20,10, in scene units along "
+        "the view, offset from the volume's center; or 20,10,0,0,1, along a scene direction."
+    )
+    mu_water: float | None = optional(
+        "Attenuation of water in an X-ray, per mm. [default: 0.02, as near 70 keV]",
+        gt=0,
+        allow_inf_nan=False,
+    )
+    invert: Annotated[bool, flags.Switch] = off(
+        "Invert projections of values, so that bones are black."
+    )
+    depth_cue: float | None = optional(
+        "Fraction of the light lost at the far end. [default: 0]", ge=0, le=1
+    )
 
     def of_voxels(self) -> "AppearanceChoices":
         """Return this look with classification pre, unless post was chosen."""
@@ -331,9 +225,9 @@ class AppearanceChoices(Choices):
             "invert": self.invert or None,
         }
         if self.slab is not None:
-            from resample_volume.image_planes import Section
+            from resample_volume.meshes import Section
 
-            Section.of(self.slab)
+            Section.of(self.slab)  # raises an error if it is invalid
         extras = [name for name, choice in chosen.items() if choice is not None]
         check_together(resampler, Classification(self.classify), extras)
         return resampler
@@ -361,30 +255,18 @@ class AppearanceChoices(Choices):
             framing = named_transfer(self.transfer, volume, Projection.COMPOSITE, window)
         if self.opacity_unit is not None:
             transfer = replace(transfer, opacity_unit=self.opacity_unit)
-        toward = None
-        if self.light != "eye":
-            x, y, z = _numbers("light", self.light, 3)
-            toward = (x, y, z)
         if not self.shading and (self.shadows or self.ambient_occlusion):
             raise ValueError("shadows and ambient-occlusion need shading; leave no-shading out")
-        light = Light(
-            toward,
-            self.ambient,
-            self.diffuse,
-            self.specular,
-            self.shininess,
-            self.shadows,
-            self.ambient_occlusion,
-        )
-        ramp = None
-        if self.gradient_opacity is not None:
-            low, high = _numbers("gradient-opacity", self.gradient_opacity, 2)
-            ramp = (low, high)
+        toward = None if self.light == "eye" else tuple(_numbers("light", self.light, 3))
+        strengths = (self.ambient, self.diffuse, self.specular, self.shininess)
+        light = Light(toward, *strengths, self.shadows, self.ambient_occlusion)
+        ramp = self.gradient_opacity
+        ends = None if ramp is None else tuple(_numbers("gradient-opacity", ramp, 2))
         return Appearance(
             transfer,
             light if self.shading else None,
             self.gradient,
-            ramp,
+            ends,
             classification=Classification(self.classify),
             labels=self.labels_of(volume),
             cue=None if self.depth_cue is None else DepthCue(self.depth_cue),
@@ -410,11 +292,10 @@ class AppearanceChoices(Choices):
 
         if self.window is None:
             return None
-        if ".." in self.window:
-            low, high = _numbers("window", self.window, 2, "..")
-        else:
-            center, width = _numbers("window", self.window, 2)
-            low, high = center - width / 2, center + width / 2
+        by_ends = ".." in self.window
+        low, high = _numbers("window", self.window, 2, ".." if by_ends else ",")
+        if not by_ends:  # a center and a width
+            low, high = low - high / 2, low + high / 2
         if not -math.inf < low < high < math.inf:
             raise ValueError(f"window {self.window!r}; its width must be above 0, as in 40,400")
         if (by := scale_named(scale)) is None:
@@ -423,68 +304,40 @@ class AppearanceChoices(Choices):
 
     def viewpoint(self) -> "Viewpoint":
         """Return the viewpoint."""
-        return viewpoint(self.camera, self.fov, self.up)
+        return flags.viewpoint(self.camera, self.fov, self.up)
 
 
-class Beside(Choices):
+class Extras(Choices):
     """Annotations, meshes and planes in the volume's scene."""
 
     heading: ClassVar[str] = "Annotations and objects"
-    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+    about: ClassVar[flags.OptionTopic] = flags.OptionTopic.APPEARANCE
 
-    axes: Annotated[
-        bool, Switch, Field(description="Draw the scene's axes x, y and z at the volume's corner.")
-    ] = False
-    box: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Draw the edges of the volume's bounding box, with hidden lines removed."
-        ),
-    ] = False
-    cube: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Draw an orientation cube: R L A P S I for patients, otherwise +X -X and "
-            "so on."
-        ),
-    ] = False
-    scale_bar: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Draw a scale bar of a round length; in perspective it holds at the "
-            "volume's center."
-        ),
-    ] = False
-    mesh: Annotated[
-        tuple[str, ...],
-        OptionTopic.SOURCE,
-        Several,
-        Field(
-            description="Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, "
-            ".glb). Needs the order rays and composite or first-hit. Not clipped by --clip; "
-            "--fit visible includes it."
-        ),
-    ] = ()
-    plane: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
-            "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
-            "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip."
-        ),
-    ] = ()
-    surface: Annotated[
-        tuple[str, ...],
-        Several,
-        Field(
-            description="Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
-            "needs, and the extra vtk; not clipped by --clip."
-        ),
-    ] = ()
+    axes: Annotated[bool, flags.Switch] = off(
+        "Draw the scene's axes x, y and z at the volume's corner."
+    )
+    box: Annotated[bool, flags.Switch] = off(
+        "Draw the edges of the volume's bounding box, with hidden lines removed."
+    )
+    cube: Annotated[bool, flags.Switch] = off(
+        "Draw an orientation cube: R L A P S I for patients, otherwise +X -X and so on."
+    )
+    scale_bar: Annotated[bool, flags.Switch] = off(
+        "Draw a scale bar of a round length; in perspective it holds at the volume's center."
+    )
+    mesh: Annotated[tuple[str, ...], flags.OptionTopic.SOURCE, flags.Several] = several(
+        "Mesh in the scene: stent.ply:color=tomato,opacity=1 (.ply, .obj, .stl, .glb). Needs the "
+        "order rays and composite or first-hit. Not clipped by --clip; --fit visible includes it."
+    )
+    plane: Annotated[tuple[str, ...], flags.Several] = several(
+        "Plane that shows unshaded values: z=40 (voxels), x=50%, or 1,0,-1,20 as "
+        "for --clip; after a colon window=40,400 (or -160..240), colors=gray (or a "
+        "matplotlib colormap), opacity=1. Needs what a mesh needs; not clipped by --clip."
+    )
+    surface: Annotated[tuple[str, ...], flags.Several] = several(
+        "Isosurface in the scene: 300:color=ivory,opacity=0.5. Needs what a mesh "
+        "needs, and the extra vtk; not clipped by --clip."
+    )
 
     @property
     def is_annotated(self) -> bool:
@@ -499,35 +352,28 @@ class Beside(Choices):
         is_dark = background is not None and ink_on(background) == DARK
         return Annotations(self.axes, self.box, self.cube, self.scale_bar, is_dark)
 
-    def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> "SceneObjects":
-        """Read meshes and planes for a renderer that shows them."""
-        from resample_volume.appearance import (
-            Classification,
-            SceneObjects,
-            check_together,
-        )
+    def scene_objects(self, look: AppearanceChoices, resampler: "Resampler") -> dict[str, Any]:
+        """Read planes, surfaces and meshes for a renderer that shows them: fields of a look."""
+        from resample_volume.appearance import Classification, check_together
 
         given = {"mesh": self.mesh, "plane": self.plane, "surface": self.surface}
         names = [name for name, texts in given.items() if texts]
         if not names:
-            return SceneObjects((), (), ())
-        from resample_volume.image_planes import ImagePlane
-        from resample_volume.meshes import IsoSurface, read_mesh
+            return {}
+        from resample_volume.meshes import ImagePlane, IsoSurface, read_mesh
 
         check_together(resampler, Classification(look.classify), names)
-        planes = tuple(ImagePlane.of(text) for text in self.plane)
-        surfaces = tuple(IsoSurface.of(text) for text in self.surface)
-        return SceneObjects(tuple(read_mesh(text) for text in self.mesh), planes, surfaces)
+        planes, surfaces = map(ImagePlane.of, self.plane), map(IsoSurface.of, self.surface)
+        found = {"planes": tuple(planes), "surfaces": tuple(surfaces)}
+        return {**found, "meshes": tuple(map(read_mesh, self.mesh))}
 
 
-class BesideFilm(Beside):
+class FilmExtras(Extras):
     """The same, plus a color bar."""
 
-    color_bar: Annotated[
-        bool,
-        Switch,
-        Field(description="Add a bar to the right: colors, opacities and values."),
-    ] = False
+    color_bar: Annotated[bool, flags.Switch] = off(
+        "Add a bar to the right: colors, opacities and values."
+    )
 
     def check_bar(self, output: "Path", height: int) -> None:
         """Reject an impossible color bar before any work is done."""
@@ -537,26 +383,17 @@ class BesideFilm(Beside):
             check_bar(output, height)
 
 
-class BesidePicture(BesideFilm):
+class PictureExtras(FilmExtras):
     """The same, plus options of a single picture."""
 
-    zoom_in: Annotated[
-        bool,
-        Switch,
-        Field(
-            description="Zoom and pan so that everything visible fills the picture, and print "
-            "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
-            "in space, what is visible fills most of it."
-        ),
-    ] = False
-    deep: Annotated[
-        int | None,
-        Field(
-            ge=1,
-            le=1024,
-            description="Write a deep .exr with this many slabs of depth instead of one layer.",
-        ),
-    ] = None
+    zoom_in: Annotated[bool, flags.Switch] = off(
+        "Zoom and pan so that everything visible fills the picture, and print "
+        "that camera. The zoom of --camera multiplies it. Without --camera, --fit and lines "
+        "in space, what is visible fills most of it."
+    )
+    deep: int | None = optional(
+        "Write a deep .exr with this many slabs of depth instead of one layer.", ge=1, le=1024
+    )
 
     def fit(self, look: AppearanceChoices) -> "Fitted":
         """Return what the camera is fitted to."""
@@ -581,10 +418,9 @@ class BesidePicture(BesideFilm):
             )
 
 
-def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[float]:
+def _numbers(name: str, text: str, count: int, joint: str = ",") -> list[Any]:
     try:
-        parts = parts_of(text) if joint == "," else text.split(joint)
-        numbers = [float(part) for part in parts]
+        numbers = [float(part) for part in (parts_of(text) if joint == "," else text.split(joint))]
     except ValueError:
         numbers = []
     if len(numbers) != count:

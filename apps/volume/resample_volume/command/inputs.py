@@ -1,11 +1,12 @@
 """Open volumes named on the command line."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from resample.outofcore.passes import PassContext
 from resample.painting.choices import Projection
 from resample.progress import told
 from resample.resampler import Resampler
-from resample_volume.appearance import Appearance, SceneObjects, VolumeLayer
+from resample_volume.appearance import Appearance, VolumeLayer
 from resample_volume.classification.presets import BETWEEN, PRESETS
 from resample_volume.classification.scales import LINEAR, scaled
 from resample_volume.classification.value_statistics import (
@@ -29,15 +30,7 @@ from resample_volume.classification.value_statistics import (
     without_padding,
 )
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
-from resample_volume.data.recordings import (
-    SeveralChannelsError,
-    SeveralTimesError,
-    assumed,
-    how,
-    unit_of_space,
-    volume_at,
-    with_times_first,
-)
+from resample_volume.data import recordings
 from resample_volume.data.values import as_array, bricks_of, is_streamed
 from resample_volume.files.readers import Raw, Reader
 from resample_volume.files.source import (
@@ -59,38 +52,31 @@ Found = TypeVar("Found")
 
 
 def opened(
-    source: ReadOptions,
-    name: str,
-    *,
-    streamed: bool = False,
+    source: ReadOptions, name: str, *, streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> Volume:
+) -> Volume:  # fmt: skip
     """Open a volume: a file, a folder or a generated one."""
     return opened_of_several(source, name, streamed=streamed, start_workers=start_workers)[0]
 
 
 def opened_of_several(
-    source: ReadOptions,
-    name: str,
-    *,
-    streamed: bool = False,
+    source: ReadOptions, name: str, *, streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> tuple[Volume, Recording | None]:
-    """Open a volume, and return its recording, if there are several times or channels.
-
-    Of several times the first is taken, with a message, unless another is chosen.
-    """
+) -> tuple[Volume, Recording | None]:  # fmt: skip
+    """Open a volume and its recording; the first time is shown if none is chosen."""
     place, reader = _named(source, name)
     allowed = allowed_memory(source)
-    held = open_streamed(place, reader)
-    if held is None and allowed is not None:
-        allow(allowed)
-    if held is not None:
+    if (held := open_streamed(place, reader)) is not None:
         volume = with_memory(_chosen(held, source), allowed, start_workers)
         volume = volume if streamed else _as_array(volume)
-    else:
-        volume, held = _read(place, reader, source)
-    return scaled(changed(source, volume), source.scale), held
+        return scaled(changed(source, volume), source.scale), held
+    if allowed is not None:
+        allow(allowed)
+    if source.time is None and source.channel is None:
+        with suppress(recordings.SeveralTimesError):
+            return scaled(changed(source, open_volume(place, reader)), source.scale), None
+    held = open_recording(place, reader)
+    return scaled(changed(source, _chosen(held, source)), source.scale), held
 
 
 def of_first_channel(
@@ -99,31 +85,18 @@ def of_first_channel(
     """Read what shows one volume; of several channels the first, with a message."""
     try:
         return read(source), source
-    except SeveralChannelsError:
+    except recordings.SeveralChannelsError:
         say("the first of several channels is shown (--channel)")
         source = source.model_copy(update={"channel": 0})
         return read(source), source
-
-
-def _read(
-    place: Path | str, reader: Reader | None, source: ReadOptions
-) -> tuple[Volume, Recording | None]:
-    """Read a volume as a whole, and its recording; None if it is the only one."""
-    if source.time is None and source.channel is None:
-        try:
-            return open_volume(place, reader), None
-        except SeveralTimesError:
-            pass
-    recording = open_recording(place, reader)
-    return _chosen(recording, source), recording
 
 
 def _chosen(recording: Recording, source: ReadOptions) -> Volume:
     """Return the chosen volume of a recording, by default of the first time."""
     times, parts = recording.values.shape[:2]
     if source.time is not None or times == 1 or (source.channel is not None and parts == 1):
-        return volume_at(recording, source.time, source.channel)
-    shown = volume_at(recording, 0, source.channel)
+        return recordings.volume_at(recording, source.time, source.channel)
+    shown = recordings.volume_at(recording, 0, source.channel)
     say(f"{recording.name} has {times} times, 0 to {times - 1}; the first is shown (--time)")
     return shown
 
@@ -148,7 +121,7 @@ def allowed_memory(source: ReadOptions) -> int | None:
 def with_memory(
     volume: Volume, allowed: int | None, start_workers: "StartWorkers | None" = None
 ) -> Volume:
-    """Return a chunked volume with a memory limit in bytes, or half of the free memory.
+    """Set the memory limit of a chunked volume, by default half of the free memory.
 
     Workers scan a large one, unless its statistics are cached.
     """
@@ -175,26 +148,13 @@ def with_memory(
     return volume
 
 
-def announced(volume: Volume) -> Volume:
-    """Print how a volume is read if that is brick by brick, and return it."""
-    if is_streamed(volume):
-        values = bricks_of(volume)
-        size = " x ".join(map(str, values.shape[::-1]))
-        limit = "" if values.memory is None else f", within {amount(values.memory)} of memory"
-        say(f"{volume.name}: {size} voxels are read brick by brick ({prod(values.count)}){limit}")
-    return volume
-
-
 def levels(source: ReadOptions, name: str) -> list[dict[str, Any]]:
     """Return the levels of a multiscale file, otherwise none; see `Streamer.levels`."""
     return levels_of(*_named(source, name))
 
 
 def over_time(source: ReadOptions, name: str) -> Recording | None:
-    """Open all times and channels of a name; None for a single chunked volume.
-
-    In a store they stay in their file, unless channels are colors, which are read as a whole.
-    """
+    """Open all times and channels of a name, by default unread; None for one chunked volume."""
     found = open_streamed(*_named(source, name))
     if found is None or (found.is_color and source.channel is None):
         return held(source, name)
@@ -212,18 +172,14 @@ def read_as_whole(recording: Recording, source: ReadOptions) -> Recording:
     return recording._replace(values=every.values.reshape(shape))
 
 
-def channels_of(source: ReadOptions, name: str, *, streamed: bool) -> Recording:
+def held(source: ReadOptions, name: str, *, streamed: bool = False) -> Recording:
     """Open all times and channels of a name; of a chunked file unread, where `streamed`."""
-    found = open_streamed(*_named(source, name)) if streamed else None
-    return held(source, name) if found is None else changed(source, found)
-
-
-def held(source: ReadOptions, name: str) -> Recording:
-    """Read all times and channels of a name."""
-    allowed = allowed_memory(source)
-    if allowed is not None:
+    place, reader = _named(source, name)
+    if streamed and (found := open_streamed(place, reader)) is not None:
+        return changed(source, found)
+    if (allowed := allowed_memory(source)) is not None:
         allow(allowed)
-    return changed(source, open_recording(*_named(source, name)))
+    return changed(source, open_recording(place, reader))
 
 
 def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
@@ -231,12 +187,8 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
     if not name:
         raise ValueError("the volume has no name; give a file, a folder or checker-box")
     reader = None if source.reader is None else registry.build("readers", source.reader)
-    of_raw = {
-        "shape": source.shape or "",
-        "dtype": source.dtype or "",
-        "endian": source.endian or "",
-    }
-    told = {name: word for name, word in of_raw.items() if word}
+    given = {name: getattr(source, name) for name in ("shape", "dtype", "endian")}
+    told = {name: word for name, word in given.items() if word}
     if told:
         reader = Raw() if reader is None else reader
         # The reader of raw files, with shape and type from the options
@@ -246,8 +198,7 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
         twice = [name for name in told if getattr(reader, name)]
         if twice:
             raise ValueError(f"give {' and '.join(twice)} once, not to the reader as well")
-        whole = {name: getattr(reader, name) for name in ("shape", "dtype", "endian")} | told
-        reader = replace(reader, shape=whole["shape"], dtype=whole["dtype"], endian=whole["endian"])
+        reader = replace(reader, **told)
     if source.level is not None:
         reader = reader or find_reader(name)
         if "level" not in registry.parameters(type(reader)):
@@ -262,39 +213,36 @@ def _named(source: ReadOptions, name: str) -> tuple[Path | str, Reader | None]:
 def changed(source: ReadOptions, found: Opened) -> Opened:
     """Return a volume with the properties that override its file's."""
     if source.spacing is not None:
-        spacing, length = spacing_of(source.spacing)
-        length = length or unit_of_space(found)
-        found = found._replace(spacing=np.array(spacing), thickness=0.0, length=length)
+        spacing, unit = spacing_of(source.spacing)
+        unit = unit or recordings.unit_of_space(found)
+        found = found._replace(spacing=np.array(spacing), thickness=0.0, length=unit)
     return found if source.units is None else found._replace(units=source.units)
 
 
 def prepared(
-    source: ReadOptions,
-    name: str,
-    *,
-    streamed: bool = False,
+    source: ReadOptions, name: str, *, streamed: bool = False,
     start_workers: "StartWorkers | None" = None,
-) -> Volume:
+) -> Volume:  # fmt: skip
     """Open a volume, remove its padding and print its statistics."""
-    return padding_removed(
-        announced(opened(source, name, streamed=streamed, start_workers=start_workers))
-    )
+    return padding_removed(opened(source, name, streamed=streamed, start_workers=start_workers))
 
 
 def note_assumed(found: Volume | Recording) -> None:
     """Say once in a command what was assumed of lengths, if anything was."""
-    if line := assumed(found):
+    if line := recordings.assumed(found):
         note(line)
 
 
 def padding_removed(volume: Volume) -> Volume:
     """Remove a volume's padding and print its statistics."""
     if is_streamed(volume):
-        count = prod(bricks_of(volume).count)
+        values = bricks_of(volume)
+        size, count = " x ".join(map(str, values.shape[::-1])), prod(values.count)
+        limit = "" if values.memory is None else f", within {amount(values.memory)} of memory"
+        say(f"{volume.name}: {size} voxels are read brick by brick ({count}){limit}")
         with progress_bar("scanning bricks", count) as progress, told(progress):
-            known = survey(volume)
-    else:
-        known = survey(volume)
+            survey(volume)
+    known = survey(volume)
     for line in [volume.note] * bool(volume.note) + findings(known):
         say(line)
     note_assumed(volume)
@@ -312,7 +260,7 @@ def require_values(volume: Volume, what: str) -> None:
     if volume.colors is not None:
         raise ValueError(
             f"{what} is of values, but {volume.name} has colors; "
-            + how("channel", volume.colors.shape[-1])
+            + recordings.how("channel", volume.colors.shape[-1])
         )
 
 
@@ -320,81 +268,58 @@ KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "tran
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # before the settings of a file
 HIDDEN = "none"
 LABELS = "--labels FILE --label 1:color=red colors them"
-
-
-class Other(NamedTuple):
-    """A further volume of the scene."""
-
-    name: str
-    source: ReadOptions
-    appearance: dict[str, str]  # what of the look is its own
+Other = tuple[str, ReadOptions, dict[str, str]]  # name, how it is read, what of its look is its own
 
 
 def others(texts: tuple[str, ...], source: ReadOptions | None = None) -> list[Other]:
-    """Parse further volumes such as `pet.nrrd:window=5,10,transfer=hot:opacity=0.3`.
-
-    Chunked volumes get the memory limit of `source`.
-    """
+    """Parse further volumes such as `pet.nrrd:window=5,10,transfer=hot:opacity=0.3`."""
     memory = {"memory": None if source is None else source.memory}
-    found = [_other(text) for text in texts]
-    return [one._replace(source=one.source.model_copy(update=memory)) for one in found]
-
-
-def can_stream(resampler: Resampler) -> bool:
-    """Return whether a look needs no array of a volume's values."""
-    return resampler.projection is Projection.COMPOSITE
+    return [(name, own.model_copy(update=memory), look) for name, own, look in map(_other, texts)]
 
 
 def media(
-    source: ReadOptions,
-    name: str,
-    look: AppearanceChoices,
-    added: Added,
-    resampler: Resampler,
-    *,
-    recording: Recording | None = None,
-    start_workers: "StartWorkers | None" = None,
-) -> list[VolumeLayer]:
-    """Read the volumes of a scene with their looks, each file once.
-
-    Workers scan a store without cached statistics.
-    """
+    source: ReadOptions, name: str, look: AppearanceChoices, added: Added, resampler: Resampler, *,
+    recording: Recording | None = None, start_workers: "StartWorkers | None" = None,
+) -> list[VolumeLayer]:  # fmt: skip
+    """Read the volumes of a scene with their looks, each file once; workers scan a store."""
     further = others(added.also, source)
     if added.channels is not None:
         first = _channels(source, name, look, added.channels, resampler)
-        return first + beside(further, look, resampler)
+        return first + further_layers(further, look, resampler)
     if recording is None:
-        is_streamed = can_stream(resampler)
+        is_streamed = resampler.projection is Projection.COMPOSITE
         try:
             volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
-        except SeveralChannelsError:
+        except recordings.SeveralChannelsError:
             if resampler.projection is not Projection.COMPOSITE or look.transfer != "auto":
                 raise
             first = _channels(source, name, look, None, resampler)
-            return first + beside(further, look, resampler)
+            return first + further_layers(further, look, resampler)
     else:
-        volume = padding_removed(scaled(volume_at(recording, None, source.channel), source.scale))
+        volume = padding_removed(
+            scaled(recordings.volume_at(recording, None, source.channel), source.scale)
+        )
     if look.labels is None and (count := label_count(volume)):
         note(f"{count} whole numbers in regions, as labels, are drawn as amounts ({LABELS})")
-    return [(volume, look.appearance(volume, resampler)), *beside(further, look, resampler)]
+    return [(volume, look.appearance(volume, resampler)), *further_layers(further, look, resampler)]
 
 
-def beside(
+def further_layers(
     further: list[Other], look: AppearanceChoices, resampler: Resampler
 ) -> list[VolumeLayer]:
     """Read the further volumes with their looks."""
     found = []
-    for other in further:
-        volume = prepared(other.source, other.name, streamed=can_stream(resampler))
-        own = _alone(look, other.appearance.get("transfer", "auto"), other.appearance.get("window"))
-        found.append((volume, own.appearance(volume, resampler)))
+    for name, source, own in further:
+        volume = prepared(source, name, streamed=resampler.projection is Projection.COMPOSITE)
+        alone = _alone(look, own.get("transfer", "auto"), own.get("window"))
+        found.append((volume, alone.appearance(volume, resampler)))
     return found
 
 
-def with_objects(shown: list[VolumeLayer], objects: SceneObjects) -> list[VolumeLayer]:
-    """Add meshes and planes to the look of the first volume."""
+def with_objects(shown: list[VolumeLayer], objects: Mapping[str, Any]) -> list[VolumeLayer]:
+    """Add meshes, planes and surfaces to the look of the first volume."""
     (volume, look), *others = shown
-    return [(volume, objects.beside(look)), *others]
+    return [(volume, replace(look, **objects)), *others]
 
 
 def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
@@ -405,18 +330,18 @@ def times_of(source: ReadOptions, recording: Recording) -> Recording | None:
     if source.channel is not None:
         if 1 in values.shape[:2]:
             return None  # a single channel is chosen, or the channels are times
-        volume_at(recording, 0, source.channel)  # refuses what there is not
+        recordings.volume_at(recording, 0, source.channel)  # refuses what there is not
         at = source.channel % values.shape[1]
         in_file = chunked(recording)
         one = values[:, at : at + 1] if in_file is None else in_file.only(at)
         recording = recording._replace(values=one, is_color=False)
-    ordered = with_times_first(recording)
+    ordered = recordings.with_times_first(recording)
     if ordered.values.shape[0] > 1:
         require_linear(
             source, "a scale needs a single time (--time); without one all times are shown"
         )
     if ordered.values.shape[1] > 1 and not ordered.is_color:
-        volume_at(ordered, 0, None)  # says that one has to be chosen
+        recordings.volume_at(ordered, 0, None)  # says that one has to be chosen
     return ordered if ordered.values.shape[0] > 1 else None
 
 
@@ -433,11 +358,6 @@ def appearance_over_time(
     return series.appearance(chosen, resampler.projection)
 
 
-def labelled(own: Appearance, series: "Series", look: AppearanceChoices) -> Appearance:
-    """Return the look of all times with the labels of another look, if it has some."""
-    return own if look.labels is None else replace(own, labels=look.labels_of(series[0]))
-
-
 def _channels(
     source: ReadOptions, name: str, look: AppearanceChoices, text: str | None, resampler: Resampler
 ) -> list[VolumeLayer]:
@@ -448,13 +368,19 @@ def _channels(
         )
     if look.transfer != "auto":
         raise ValueError("channels give each channel its look; leave transfer out")
-    recording = channels_of(source, name, streamed=can_stream(resampler))
+    recording = held(source, name, streamed=resampler.projection is Projection.COMPOSITE)
     if recording.values.shape[1] == 1 and source.time is None:
         recording = recording._replace(values=recording.values.swapaxes(0, 1))
     count = recording.values.shape[1]
     words: list[tuple[str, str | None]] = []
-    if text is None:
-        words = _looks_in(recording)
+    if text is None:  # as the file says
+        if len(recording.looks) != count:
+            recordings.volume_at(recording, None, None)  # says that one has to be chosen
+        for file in recording.looks:
+            ends = file.window and f"{file.window[0]:.17g}..{file.window[1]:.17g}"
+            words.append((file.color or "white" if file.is_active else HIDDEN, ends))
+        shown = [f"{file.label or n} {words[n][0]}" for n, file in enumerate(recording.looks)]
+        note(f"channels are shown as their file says: {', '.join(shown)} (--channels)")
     else:
         words = [(word.strip(), None) for word in BETWEEN.split(text)]
     if len(words) != count or count == 1:
@@ -462,13 +388,16 @@ def _channels(
             f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
             f"for each, {HIDDEN} for one that is hidden"
         )
+    from matplotlib.colors import is_color_like
+
     found: list[VolumeLayer] = []
     for channel, (word, window) in enumerate(words):
         if word != HIDDEN:
-            volume = volume_at(recording, source.time, channel)
+            volume = recordings.volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
-            volume = padding_removed(announced(volume))
-            transfer = f"auto:color={word}" if _is_color(word) else word
+            volume = padding_removed(volume)
+            is_color = word not in PRESETS and is_color_like(word)
+            transfer = f"auto:color={word}" if is_color else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
             found.append((volume, own.appearance(volume, resampler)))
@@ -477,35 +406,10 @@ def _channels(
     return found
 
 
-def _looks_in(recording: Recording) -> list[tuple[str, str | None]]:
-    """Return look and window of each channel, as its file says."""
-    if len(recording.looks) != recording.values.shape[1]:
-        volume_at(recording, None, None)  # says that one has to be chosen
-    shown, words = [], []
-    for n, look in enumerate(recording.looks):
-        window = look.window and f"{look.window[0]:.17g}..{look.window[1]:.17g}"
-        words.append((look.color or "white" if look.is_active else HIDDEN, window))
-        shown.append(f"{look.label or n} {words[-1][0]}")
-    note(f"channels are shown as their file says: {', '.join(shown)} (--channels)")
-    return words
-
-
 def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> AppearanceChoices:
     """Return the look of a further volume: without labels, with its own colors."""
     own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
     return look.model_copy(update=own)
-
-
-def _is_color(word: str) -> bool:
-    from resample_volume.classification.files import displayed_color
-
-    if word in PRESETS:
-        return False
-    try:
-        displayed_color(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _other(text: str) -> Other:
@@ -520,15 +424,12 @@ def _other(text: str) -> Other:
         )
     if not name:
         raise ValueError(f"also {text!r} names no file; give one, as in pet.nrrd:transfer=hot")
-    of_look: dict[str, str] = {}
-    for key in ("window", "transfer"):
-        if key in given:
-            of_look[key] = given.pop(key)
+    of_look: dict[str, str] = {key: given[key] for key in ("window", "transfer") if key in given}
+    given = {key: value for key, value in given.items() if key not in of_look}
     try:
-        source = ReadOptions.model_validate(given)
+        return name, ReadOptions.model_validate(given), of_look
     except ValueError:
         raise ValueError(
             f"also {text!r}: time, channel and level are whole numbers; units are hu, "
             "hu+1024 or none"
         ) from None
-    return Other(name, source, of_look)

@@ -1,9 +1,9 @@
 """Workers that paint bands of a picture, each of volumes that it reads by itself."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from resample.painting.choices import SUMS, Projection
 from resample.profiles.orders import Summing
 from resample.progress import WorkerPool, shared_out, told
 from resample.resampler import Resampler
-from resample.types import Doubles, Frame
+from resample.types import Frame
 from resample_volume.appearance import (
     VolumeLayer,
     check_several,
@@ -33,38 +33,31 @@ from resample_volume.rendering import (
     AROUND,
     Fit,
     Fitted,
-    Shaded,
+    Painter,
     Subject,
     fields_of,
     filled,
     painted_with_bar,
 )
 from resample_volume.types import Volume
+from resample_volume.voxels.framing import corners
 from resample_volume.voxels.gathered import Gathered
 
 if TYPE_CHECKING:
     from resample.command.workers import StartWorkers
-    from resample_volume.command.choices import BesidePicture
+    from resample_volume.command.choices import PictureExtras
 
 
-class SharedScene(NamedTuple):
-    """The scene that workers paint; each reads the volumes itself."""
-
-    media: Sequence[VolumeLayer]
-    resampler: Resampler
-    fit: Fit
-    camera: AnyCamera
-    size: tuple[int, int]  # height and width, px
-
-
-def painted_by(crew: WorkerPool, scene: SharedScene) -> Frame:
-    """Paint a picture by workers, a band of rows each, bit-identical to this process."""
-    whole = bricks_of(scene.media[0][0]).memory
+def painted_by(
+    crew: WorkerPool, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fit,
+    camera: AnyCamera, size: tuple[int, int],
+) -> Frame:  # fmt: skip
+    """Paint a picture (height, width) by workers, a band of rows each, bit-identical to here."""
+    whole = bricks_of(media[0][0]).memory
     share = whole if whole is None or not crew.is_local else whole // (1 + crew.tasks)
     share = share if crew.memory is None else min(crew.memory, share or crew.memory)
-    job = partial(_painted_rows, scene, share, crew.threads)
-    bands = spans(scene.size[0], min(crew.tasks, scene.size[0]))
-    frames = list(shared_out(crew.executor, job, bands))
+    job = partial(_painted_rows, media, resampler, fit, camera, size, share, crew.threads)
+    frames = list(shared_out(crew.executor, job, spans(size[0], min(crew.tasks, size[0]))))
     first, counts = frames[0], [frame.statistics for frame in frames]
     film = {
         name: np.concatenate([getattr(frame, name) for frame in frames])
@@ -76,29 +69,22 @@ def painted_by(crew: WorkerPool, scene: SharedScene) -> Frame:
 
 
 def _painted_rows(
-    scene: SharedScene, memory: int | None, threads: int, rows: tuple[int, int]
-) -> Frame:
-    """Read a scene, and paint rows of its picture."""
-    media = []
-    for volume, look in scene.media:
+    media: Sequence[VolumeLayer], resampler: Resampler, fit: Fit, camera: AnyCamera,
+    size: tuple[int, int], memory: int | None, threads: int, rows: tuple[int, int],
+) -> Frame:  # fmt: skip
+    """Read the volumes of a scene, and paint rows of its picture."""
+    own = []
+    for volume, look in media:
         bricks = bricks_of(volume).anew()
         bricks.memory = memory
-        media.append((with_bricks(volume, bricks), look))
-    subject = Subject.of_several(media, scene.resampler, scene.fit)
-    seen, (height, width) = subject.samples_for(scene.camera), scene.size
-    frame = scene.resampler.paint_rows(
-        seen,  # type: ignore[arg-type]  # fields, as was checked
-        scene.camera,
-        rows,
-        height=height,
-        width=width,
-        threads=threads,
-        clip=subject.cuts(scene.camera),
-    )
-    return subject.developed(frame)
+        own.append((with_bricks(volume, bricks), look))
+    subject = Subject.of_several(own, resampler, fit)
+    seen: Any = subject.samples_for(camera)  # fields, as was checked
+    shape: dict[str, Any] = {"height": size[0], "width": size[1]}
+    cuts = subject.cuts(camera)
+    frame = resampler.paint_rows(seen, camera, rows, **shape, threads=threads, clip=cuts)
+    return subject.tone.developed(frame)
 
-
-Paint = Callable[[AnyCamera], Frame]
 
 BYTES_PER_PIXEL = 80  # of a picture and its copies for writing
 SCANNED = 4  # bytes of temporaries per voxel during the scan
@@ -108,12 +94,9 @@ REMEDY = "take a smaller or downsampled volume, or show less of it"
 
 
 def scene_of(
-    session: Session,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    fit: Fit = "visible",
+    session: Session, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fit = "visible",
     size: tuple[int, int] = (0, 0),
-) -> Subject:
+) -> Subject:  # fmt: skip
     """Prepare the volumes of a scene for pictures (height, width)."""
     check_memory(media, size)
     if len(media) > 1:
@@ -131,14 +114,6 @@ def scene_of(
     return subject
 
 
-def say_missed(
-    media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
-) -> None:
-    """Warn if a slab is empty; see `slab_missed`."""
-    if missed := slab_missed(media, subject, camera):
-        say(missed)
-
-
 def slab_missed(
     media: Sequence[VolumeLayer], subject: Subject, camera: AnyCamera | None = None
 ) -> str | None:
@@ -147,14 +122,17 @@ def slab_missed(
     if section is None or (section.normal is None) != (camera is not None):
         return None
     forward = np.array(section.normal) if camera is None else camera.view().rotation[2]
-    if not all(subject.misses(volume, forward) for volume, _ in media):
-        return None
+    planes = section.planes(forward)
+    for volume, _ in media:
+        away = corners(subject.placed(volume)) @ planes[:, :3].T + planes[:, 3]
+        if not (away <= 0).all(axis=0).any():
+            return None
     names = ", ".join(volume.name for volume, _ in media)
     return f"the slab {media[0][1].slab} holds nothing of {names}"
 
 
 def picture_of(
-    scene: tuple[Subject, AnyCamera, Paint], media: Sequence[VolumeLayer], projection: Projection
+    scene: tuple[Subject, AnyCamera, Painter], media: Sequence[VolumeLayer], projection: Projection
 ) -> Frame:
     """Paint volumes, as `to_paint` prepared them; warn once if the picture is empty."""
     subject, camera, paint = scene
@@ -168,25 +146,17 @@ def picture_of(
 
 
 def annotated_picture(
-    subject: Subject,
-    camera: AnyCamera,
-    frame: Frame,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    beside: "BesidePicture",
-    background: Color | None,
-) -> Frame:
+    subject: Subject, camera: AnyCamera, frame: Frame, media: Sequence[VolumeLayer],
+    resampler: Resampler, extras: "PictureExtras", background: Color | None,
+) -> Frame:  # fmt: skip
     """Draw the annotations of a picture, and a color bar per volume, as far as asked for."""
-    if beside.is_annotated:
-        from resample_volume.annotations import annotated
-
-        marks = beside.annotations(background)
+    if extras.is_annotated or extras.color_bar:
+        from resample_volume.annotations import annotated, with_bar
+    if extras.is_annotated:
+        marks = extras.annotations(background)
         frame = annotated(frame, camera, subject.placed(media[0][0]), marks)
-    if beside.color_bar:
-        from resample_volume.annotations import with_bar
-
-        for medium in media:
-            frame = with_bar(frame, *medium, resampler, background, subject.tone)
+    for medium in media if extras.color_bar else ():
+        frame = with_bar(frame, *medium, resampler, background, subject.tone)
     return frame
 
 
@@ -207,21 +177,11 @@ def _emptiness(frame: Frame, volume: Volume, projection: Projection) -> str | No
 
 
 def to_paint(
-    session: Session,
-    media: Sequence[VolumeLayer],
-    resampler: Resampler,
-    fit: Fitted,
-    viewpoint: Viewpoint,
-    size: tuple[int, int],
-    threads: int | None,
-    sharing: Sharing,
+    session: Session, media: Sequence[VolumeLayer], resampler: Resampler, fit: Fitted,
+    viewpoint: Viewpoint, size: tuple[int, int], threads: int | None, sharing: Sharing,
     start_workers: "StartWorkers",
-) -> tuple[Subject, AnyCamera, Paint]:
-    """Prepare volumes to be painted here, or by workers; return scene, camera and painter.
-
-    The fits `picture` and `most` are `visible` with the camera zoomed and panned to fill the
-    picture, or most of it; the camera of the first is printed.
-    """
+) -> tuple[Subject, AnyCamera, Painter]:  # fmt: skip
+    """Prepare volumes to be painted here or by workers: return scene, camera and painter."""
     if sharing.has_workers:
         # Workers can share only rays through chunked volumes.
         for volume, _ in media:
@@ -235,7 +195,7 @@ def to_paint(
                 "workers share rays through volumes, and this look paints voxels; leave classify "
                 "pre, the method and the gradient sobel out, or the workers"
             )
-    around: Fit = "volume" if fit == "volume" else "visible"
+    around: Fit = "volume" if fit == "volume" else "visible"  # others move the camera, too
     subject = scene_of(session, media, resampler, around, size)
     if fit == "picture" or (fit == "most" and isinstance(viewpoint, Orbit)):
         viewpoint = filled(viewpoint, subject, size, AROUND if fit == "most" else 0.0)
@@ -252,51 +212,26 @@ def to_paint(
         if crew is not None:
             say(f"rows of the picture are shared by {sharing.description}")
             with session.stage("paint", bar="painting"):
-                return painted_by(crew, SharedScene(media, painter, around, eye, size))
-        frame = painted(session, painter, seen, eye, size, threads, cuts)
-        return subject.developed(frame)
+                return painted_by(crew, media, painter, around, eye, size)
+        frame = painted_with_bar(painter, seen, eye, size, threads, cuts)
+        session.seconds.update(frame.statistics.seconds)
+        return subject.tone.developed(frame)
 
     return subject, camera, paint
 
 
-def painted(
-    session: Session,
-    resampler: Resampler,
-    samples: Shaded,
-    camera: AnyCamera,
-    size: tuple[int, int],
-    threads: int | None = None,
-    clip: Doubles | None = None,
-) -> Frame:
-    """Paint a picture (height, width) of samples, with a progress bar if it takes long."""
-    frame = painted_with_bar(resampler, samples, camera, size, threads, clip)
-    for name, seconds in frame.statistics.seconds.items():
-        session.seconds[name] = seconds
-    return frame
-
-
 def report(session: Session, frame: Frame, subject: Subject) -> dict[str, Any]:
     """Return counts and times, for `--stats`."""
-    counts = frame.statistics
-    return {
-        "classify": str(subject.appearance.classification),
-        "samples": counts.samples,
-        "points": counts.points,
-        "splats": counts.splats,
-        "splat_fraction": counts.splat_fraction,
-        "hidden": counts.hidden,
-        "rays": counts.rays,
-        "subpixels": counts.subpixels,
-        "seconds": session.times(),
-    }
+    names = ("samples", "points", "splats", "splat_fraction", "hidden", "rays", "subpixels")
+    counts = {name: getattr(frame.statistics, name) for name in names}
+    look = str(subject.appearance.classification)
+    return {"classify": look, **counts, "seconds": session.times()}
 
 
 def check_memory(
-    media: Sequence[VolumeLayer],
-    size: tuple[int, int],
-    subject: Subject | None = None,
+    media: Sequence[VolumeLayer], size: tuple[int, int], subject: Subject | None = None,
     fit: Fit = "visible",
-) -> None:
+) -> None:  # fmt: skip
     """Reject a picture that does not fit in memory, and log (DEBUG) what it needs."""
     volumes = [volume for volume, _ in media]
     if any(is_streamed(volume) or is_in_file(volume.values) for volume in volumes):

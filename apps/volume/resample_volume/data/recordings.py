@@ -22,11 +22,9 @@ def in_unit(volume: Volume, unit: str) -> Volume:
     own = unit_of_space(volume)
     if not (own and unit) or own == unit:
         return volume
-    lengths = [
-        times(length, ratio(own, unit))
-        for length in (volume.spacing, volume.origin, volume.thickness)
-    ]
-    return volume._replace(spacing=lengths[0], origin=lengths[1], thickness=lengths[2], length=unit)
+    names = ("spacing", "origin", "thickness")
+    lengths = {name: times(getattr(volume, name), ratio(own, unit)) for name in names}
+    return volume._replace(**lengths, length=unit)
 
 
 def assumed(volume: Volume | Recording) -> str:
@@ -77,13 +75,8 @@ def alone(recording: Recording) -> Volume:
 
 
 def volume_at(recording: Recording, time: int | None, channel: int | None) -> Volume:
-    """Return one volume of a recording.
-
-    `time`, `channel`: index from 0, negative from the end; None if there is only one, or if
-    channels are the components of a color.
-    """
-    chosen = recording
-    times, parts = chosen.values.shape[:2]
+    """Return the volume at a time and channel; None if there is one, or a color's channels."""
+    chosen, (times, parts) = recording, recording.values.shape[:2]
     if (time is not None and times == 1 < parts and channel is None) or (
         channel is not None and parts == 1 < times and time is None
     ):
@@ -94,9 +87,8 @@ def volume_at(recording: Recording, time: int | None, channel: int | None) -> Vo
         return in_color(colors, volume_of(chosen, colors[..., 0], chosen.name))
     values = chosen.values[at, _number(chosen, 1, channel)]
     # The time and the channel follow the name.
-    times, parts = recording.values.shape[:2]
-    words = [] if time is None or times * parts == 1 else [f"time {time}"]
-    words += [] if channel is None or times * parts == 1 else [f"channel {channel}"]
+    told = {"time": time, "channel": channel} if times * parts > 1 else {}
+    words = [f"{name} {number}" for name, number in told.items() if number is not None]
     return volume_of(chosen, values, chosen.name + (f" ({', '.join(words)})" if words else ""))
 
 
@@ -114,12 +106,10 @@ def is_color(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bool:
 
 
 def in_color(values: NDArray[Any], volume: Volume) -> Volume:
-    """Make a volume of colors: its values are their opacity, or otherwise their brightness.
+    """Make a volume of colors (Z, Y, X, 3 or 4), not premultiplied, in sRGB if integers.
 
-    Brightness is the greatest of red, green and blue, so that opacities do not depend on hue.
-
-    `values`: (Z, Y, X, 3 or 4) red, green, blue and perhaps opacity, not premultiplied: integers in
-    sRGB, floats in linear light. A color with NaN is missing.
+    Its values are their opacity, or else the greatest of red, green and blue, so that opacities do
+    not depend on hue. A color with NaN is missing.
     """
     if values.dtype.kind == "f" and any(bool((slab < 0).any()) for slab in slabs(values)):
         raise ValueError(
@@ -147,13 +137,12 @@ def linear_colors(colors: NDArray[Any]) -> Floats:
 
 def volume_of(recording: Recording, values: Any, name: str) -> Volume:
     """Return a volume of values, placed as a recording."""
-    place = (recording.spacing, recording.origin, recording.direction)
-    units, note = recording.units, recording.note
+    note = recording.note
     if len(recording.looks) == 1 and recording.looks[0][1:3] not in UNTOLD:
         _, color, window, _ = recording.looks[0]
         told = f"color {color}" if window is None else f"color {color} and window {window}"
         note = "; ".join(filter(None, [note, f"{told} of its channel: not used (--transfer)"]))
-    found = Volume(values, *place, name, units, note=note, space=recording.space)
+    found = Volume(values, *recording[1:4], name, recording.units, note=note, space=recording.space)
     return found._replace(thickness=recording.thickness, length=recording.length)
 
 

@@ -62,17 +62,50 @@ def rectilinear(
         raise ValueError(f"{name}: a grid has values (Z, Y, X), not {values.shape}")
     axes, sign = [], []
     for axis, given, count in zip("xyz", (x, y, z), values.shape[::-1], strict=True):
-        place = _checked(np.asarray(given, np.float64), axis, count, name)
+        place = np.asarray(given, np.float64)
+        if place.shape != (count,):
+            raise ValueError(
+                f"{name} has {count} planes along {axis}, but coordinates of the shape "
+                f"{place.shape}"
+            )
+        with np.errstate(invalid="ignore", over="ignore"):
+            gaps = np.diff(place)
+        is_sorted = np.isfinite(place).all() and ((gaps > 0).all() or (gaps < 0).all())
+        if count < 2 or not is_sorted:
+            raise ValueError(
+                f"{name}: {axis} must be two or more finite coordinates that ascend or descend"
+            )
         sign.append(-1 if place[0] > place[-1] else 1)
         axes.append(place[:: sign[-1]])
-    upright = values[tuple(slice(None, None, step) for step in reversed(sign))]
+    values = values[tuple(slice(None, None, step) for step in reversed(sign))]
     even = [evened(place) for place in axes]
     sizes = [axis.place.size for axis in even]
     wide = np.prod([float(size) for size in sizes]) / MOST
-    changed = sum(axis.place is not place for axis, place in zip(even, axes, strict=True))
-    if wide > 1 and changed and values.size < MOST:
-        even = [evened(place, float(wide ** (1 / changed))) for place in axes]
-    return _on(upright, axes, even, name)
+    uneven = sum(axis.place is not place for axis, place in zip(even, axes, strict=True))
+    if wide > 1 and uneven and values.size < MOST:
+        even = [evened(place, float(wide ** (1 / uneven))) for place in axes]
+    # Interpolate along uneven axes
+    sizes = [axis.place.size for axis in even]
+    listed = " x ".join(map(str, sizes))
+    changed = [n for n in range(3) if even[n].place is not axes[n]]
+    origin = np.array([axis.place[0] for axis in even])
+    steps = np.array([axis.step for axis in even])
+    plain = Volume(values, steps, origin, np.eye(3), name)
+    if not changed:
+        return plain
+    what = f"{name} on an even lattice of {listed} voxels"
+    require_memory(BYTES_PER_SAMPLE * int(np.prod(sizes)), what)
+    for n in changed:
+        values = along(values, axes[n], even[n], 2 - n)
+    uneven_by = {"xyz"[n]: np.diff(axes[n]) for n in changed}
+    low = ", ".join(f"{axis} {gap.min():.4g} to {gap.max():.4g}" for axis, gap in uneven_by.items())
+    capped = ", not finer than memory and sense allow" if any(a.is_capped for a in even) else ""
+    spacing = " x ".join(f"{step:.4g}" for step in steps)
+    note = (
+        f"uneven distances ({low}) were interpolated onto an even lattice of {listed} voxels, "
+        f"{spacing} apart{capped}"
+    )
+    return plain._replace(values=values, note=note)
 
 
 def evened(place: Doubles, coarser: float = 1.0) -> Even:
@@ -107,57 +140,12 @@ def along(values: NDArray[Any], place: Doubles, even: Even, axis: int) -> NDArra
         if known:
             curve = Akima1DInterpolator(place, given[at], axis=axis, method="makima")
             found[at] = np.clip(curve(even.place), given[at].min(), given[at].max())
-        else:
-            found[at] = _linear(given[at], place, even.place, axis)
+            continue
+        # Linearly; at given planes, missing neighbours do not matter.
+        first = np.clip(np.searchsorted(place, even.place, "right") - 1, 0, place.size - 2)
+        share = (even.place - place[first]) / (place[first + 1] - place[first])
+        share = share.reshape([-1 if n == axis else 1 for n in range(given.ndim)])
+        below, above = given[at].take(first, axis), given[at].take(first + 1, axis)
+        between = (1 - share) * below + share * above
+        found[at] = np.where(share <= 0, below, np.where(share >= 1, above, between))
     return found
-
-
-def _linear(values: NDArray[Any], place: Doubles, places: Doubles, axis: int) -> NDArray[Any]:
-    """Interpolate linearly along an axis; at given planes, missing neighbours do not matter."""
-    low = np.clip(np.searchsorted(place, places, "right") - 1, 0, place.size - 2)
-    share = (places - place[low]) / (place[low + 1] - place[low])
-    share = share.reshape([-1 if n == axis else 1 for n in range(values.ndim)])
-    below, above = values.take(low, axis), values.take(low + 1, axis)
-    between = (1 - share) * below + share * above
-    return np.where(share <= 0, below, np.where(share >= 1, above, between))
-
-
-def _on(values: NDArray[Any], axes: list[Doubles], even: list[Even], name: str) -> Volume:
-    """Return the volume on even axes, from the values' own; x, y, z each."""
-    sizes = [axis.place.size for axis in even]
-    listed = " x ".join(map(str, sizes))
-    changed = [n for n in range(3) if even[n].place is not axes[n]]
-    origin = np.array([axis.place[0] for axis in even])
-    steps = np.array([axis.step for axis in even])
-    plain = Volume(values, steps, origin, np.eye(3), name)
-    if not changed:
-        return plain
-    require_memory(
-        BYTES_PER_SAMPLE * int(np.prod(sizes)), f"{name} on an even lattice of {listed} voxels"
-    )
-    for n in changed:
-        values = along(values, axes[n], even[n], 2 - n)
-    low = ", ".join(
-        f"{'xyz'[n]} {np.diff(axes[n]).min():.4g} to {np.diff(axes[n]).max():.4g}" for n in changed
-    )
-    capped = ", not finer than memory and sense allow" if any(a.is_capped for a in even) else ""
-    spacing = " x ".join(f"{step:.4g}" for step in steps)
-    note = (
-        f"uneven distances ({low}) were interpolated onto an even lattice of {listed} voxels, "
-        f"{spacing} apart{capped}"
-    )
-    return plain._replace(values=values, note=note)
-
-
-def _checked(place: Doubles, axis: str, count: int, name: str) -> Doubles:
-    if place.shape != (count,):
-        raise ValueError(
-            f"{name} has {count} planes along {axis}, but coordinates of the shape {place.shape}"
-        )
-    with np.errstate(invalid="ignore", over="ignore"):
-        gaps = np.diff(place)
-    if count < 2 or not (np.isfinite(place).all() and ((gaps > 0).all() or (gaps < 0).all())):
-        raise ValueError(
-            f"{name}: {axis} must be two or more finite coordinates that ascend or descend"
-        )
-    return place

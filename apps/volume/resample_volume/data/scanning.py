@@ -37,50 +37,31 @@ class BrickStats(NamedTuple):
     codes: NDArray[np.int64] | None  # counts of each value, by its bits, for types of few values
 
 
-class _Layers(NamedTuple):
-    """Result of the scan of some layers of bricks."""
-
-    least: Doubles
-    greatest: Doubles
-    infinite: int
-    missing: int
-    some: NDArray[Any]
-    sides: list[NDArray[Any]]  # two along each axis; along z only in the outermost layers
-    codes: NDArray[np.int64] | None
-    reads: int
-
-
 def scanned(bricks: BrickArray, helpers: PassContext | None = None) -> BrickStats:
-    """Scan all values; each brick is read once, some of floating-point values twice.
-
-    `helpers`: workers; None: this process only. A part is repeated if its worker ended.
-    """
+    """Scan all values; each brick is read once, some of floating-point values twice."""
     layers, context = bricks.count[0], helpers or PassContext()
     parts = spans(layers, 1 if context.executor is None else PARTS)
-    found: list[_Layers] = []
-    for part in passed(partial(_scan_layers, bricks), parts, context):
-        found.append(part)
-        bricks.reads += part.reads
+    found: list[tuple[BrickStats, list[NDArray[Any]]]] = []
+    for stats, sides, reads in passed(partial(_scan_layers, bricks), parts, context):
+        found.append((stats, sides))
+        bricks.reads += reads
         report(parts[len(found) - 1][1], layers)
-    least, greatest, some = (np.concatenate([part[n] for part in found]) for n in (0, 1, 4))
-    codes = [part.codes for part in found if part.codes is not None]
-    sides = [found[0].sides[0], found[-1].sides[1]]  # below and above; then those around
-    sides += [np.concatenate([part.sides[n] for part in found]) for n in range(2, 6)]
+    least, greatest, some = (np.concatenate([part[n] for part, _ in found]) for n in (0, 1, 4))
+    codes = [part.codes for part, _ in found if part.codes is not None]
+    every = [found[0][1][0], found[-1][1][1]]  # below and above; then those around
+    every += [np.concatenate([sides[n] for _, sides in found]) for n in range(2, 6)]
+    infinite = sum(part.infinite for part, _ in found)
+    missing = sum(part.missing for part, _ in found)
+    border = np.concatenate([side.ravel() for side in every])
     beyond = _outliers(bricks, (least, greatest), some, context)
-    return BrickStats(
-        least,
-        greatest,
-        sum(part.infinite for part in found),
-        sum(part.missing for part in found),
-        some,
-        np.concatenate([side.ravel() for side in sides]),
-        beyond,
-        np.sum(codes, axis=0) if codes else None,
-    )
+    total = np.sum(codes, axis=0) if codes else None
+    return BrickStats(least, greatest, infinite, missing, some, border, beyond, total)
 
 
-def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
-    """Scan a range of layers of bricks."""
+def _scan_layers(
+    bricks: BrickArray, span: tuple[int, int]
+) -> tuple[BrickStats, list[NDArray[Any]], int]:
+    """Scan layers of bricks: statistics, two sides along z, y and x (z: outer layers), reads."""
     own, (first, last), (_, down, across) = bricks.anew(), span, bricks.count
     indices = list(product(range(first, last), range(down), range(across)))
     low, high = bricks.box(indices[0])[0].start, bricks.box(indices[-1])[0].stop
@@ -118,7 +99,9 @@ def _scan_layers(bricks: BrickArray, span: tuple[int, int]) -> _Layers:
             codes += counted
     for side, is_outer in ((0, low == 0), (1, high == bricks.shape[0])):
         sides[side] = sides[side] if is_outer else sides[side][:0]
-    return _Layers(least, greatest, infinite, missing, some, sides, codes, own.reads)
+    nothing = some[:0].ravel()
+    stats = BrickStats(least, greatest, infinite, missing, some, nothing, nothing, codes)
+    return stats, sides, own.reads
 
 
 def _outliers(
@@ -223,10 +206,7 @@ class Histogram(NamedTuple):
 
 
 def otsu(levels: Histogram, classes: int = 2) -> list[float]:
-    """Return ascending thresholds between classes; values above one are of the next class.
-
-    `classes`: 2 or 3. Result: one less than classes; none if there are fewer values than classes.
-    """
+    """Return ascending thresholds between 2 or 3 classes; none if there are fewer values."""
     value, count = levels
     if value.size < classes:
         return []
@@ -269,11 +249,10 @@ class Peak(NamedTuple):
 def peak_between(
     levels: Histogram, low: float, high: float, dip: float, each: int = 1
 ) -> Peak | None:
-    """Find a peak between the most frequent value of a range and another value; or None.
+    """Find a peak between the most frequent value of a range and another; or None.
 
-    Blurred edges of denser objects spread over all lower values, and make no peak.
-
-    `high`: upper limit of the valley behind the peak. `each`: voxels per voxel of the sample.
+    Blurred edges of denser objects spread over all lower values, and make no peak. `each` is the
+    number of voxels per voxel of the sample.
     """
     edges = np.linspace(levels.value[0], levels.value[-1], BINS + 1)
     count, _ = np.histogram(levels.value, edges, weights=levels.number)

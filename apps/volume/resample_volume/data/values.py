@@ -18,14 +18,7 @@ from resample.outofcore.bricks import Box, BrickArray, Step, is_known_by_its_end
 from resample.outofcore.passes import PassContext, in_order, threads_at_work
 from resample.painting.splines import bytes_of_field
 from resample.types import Doubles
-from resample_volume.data.scanning import (
-    BrickStats,
-    are_few,
-    count_codes,
-    finite_outside,
-    scanned,
-    step_of,
-)
+from resample_volume.data import scanning
 from resample_volume.types import Volume
 
 REMEDY = "take a smaller or downsampled volume"
@@ -69,16 +62,15 @@ class PlaneRange(NamedTuple):
 
 
 def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[PlaneRange]:
-    """Yield the parts of a volume (Z, Y, X) that contain voxels, in the types of kernels.
+    """Yield the parts of a volume that contain voxels, as float32 or float64.
 
-    Indices (N,) into the flat volume come in the order of an array or of the painter's bricks. The
-    two types hold all others exactly. A contiguous volume of these types is passed as it is; others
-    are converted some planes at a time, where there are voxels.
+    Indices (N,) come in the order of an array or of the painter's bricks. A contiguous volume of
+    these types is passed as it is; others are converted some planes at a time.
     """
-    from resample_volume.kernels.gradients import BRICK
+    from resample_volume.kernels.voxels import BRICK
 
     if values.dtype in AS_THEY_ARE and values.flags.c_contiguous:
-        yield PlaneRange(slice(0, index.size), _read_only(values), 0)
+        yield PlaneRange(slice(0, index.size), _frozen(values), 0)
         return
     kind = np.float32 if values.dtype.newbyteorder("=") in (*SHORT, AS_THEY_ARE[0]) else np.float64
     plane, begin = values[0].size, 0
@@ -90,11 +82,11 @@ def kernel_layers(values: NDArray[Any], index: NDArray[np.int64]) -> Iterator[Pl
         end = bisect_left(index, number + 1, begin, key=lambda n: n // many)
         above = max(0, number * thick - 1)
         near = values[above : (number + 1) * thick + 1].astype(kind, order="C")
-        yield PlaneRange(slice(begin, end), _read_only(near), above * plane)
+        yield PlaneRange(slice(begin, end), _frozen(near), above * plane)
         begin = end
 
 
-def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+def _frozen(values: NDArray[Any]) -> NDArray[Any]:
     """Return a read-only view, so that arrays and mapped files share one compiled kernel."""
     given = values.view()
     given.setflags(write=False)
@@ -102,39 +94,29 @@ def _read_only(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def side_by_side(job: Callable[[slice], None], count: int) -> None:
-    """Run a job on ranges of `count` voxels, on several threads if they are many.
-
-    NumPy and kernels release the GIL. The job's result for a voxel must not depend on others.
-    """
+    """Run a job on ranges of `count` voxels, on threads if they are many; GIL is released."""
     shares = [slice(n, min(n + SHARE, count)) for n in range(0, count, SHARE)]
-    threads = min(threads_at_work(), len(shares))
-    if threads < 2:
-        for share in shares:
-            job(share)
-        return
-    for _ in in_order(job, shares):
+    is_alone = min(threads_at_work(), len(shares)) < 2
+    for _ in map(job, shares) if is_alone else in_order(job, shares):
         pass
 
 
 class StatisticsCache(Protocol):
     """Stores statistics of values for later commands."""
 
-    def load(self, bricks: "Bricks") -> BrickStats | None:
+    def load(self, bricks: "Bricks") -> scanning.BrickStats | None:
         """Return the stored statistics; None if there are none that are valid."""
 
     def state(self) -> str | None:
         """Return the state of the file, to notice changes; None if they may go unnoticed."""
 
-    def keep(self, bricks: "Bricks", found: BrickStats, state: str | None) -> None:
+    def keep(self, bricks: "Bricks", found: scanning.BrickStats, state: str | None) -> None:
         """Store the statistics of a file in a state."""
 
 
 @dataclass(eq=False)
 class Bricks(BrickArray):
-    """Values (Z, Y, X) of a volume in a file, instead of a NumPy array.
-
-    Statistics of all values are found in one pass and cached.
-    """
+    """Values (Z, Y, X) of a volume in a file; statistics are found in one pass and cached."""
 
     shape: tuple[int, int, int]
     replaced: tuple[NDArray[Any], Any] | None = None  # of values that stand for missing ones
@@ -190,15 +172,15 @@ class Bricks(BrickArray):
         return self.statistics.least, self.statistics.greatest
 
     @cached_property
-    def statistics(self) -> BrickStats:
+    def statistics(self) -> scanning.BrickStats:
         """Return statistics of all values; the first call reads each brick."""
         cache = self.statistics_cache
-        kept = None if cache is None else cache.load(self)
-        if cache is None or kept is not None:
-            return kept or scanned(self, self._helped())
-        state = cache.state()
-        found = scanned(self, self._helped())
-        cache.keep(self, found, state)
+        if cache is not None and (kept := cache.load(self)) is not None:
+            return kept
+        state = None if cache is None else cache.state()
+        found = scanning.scanned(self, None if self.helpers is None else self.helpers())
+        if cache is not None:
+            cache.keep(self, found, state)
         return found
 
     def is_kept(self) -> bool:
@@ -223,19 +205,18 @@ class Bricks(BrickArray):
 
     def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
         """Return finite values (N,) outside the range of a sample, and the number of infinite."""
-        found, infinite = finite_outside([self.statistics.beyond], low, high)
+        found, infinite = scanning.finite_outside([self.statistics.beyond], low, high)
         return found, infinite + self.statistics.infinite
 
     def codes(self) -> NDArray[np.int64]:
         """Return counts of each value, by its bits, for types of few values."""
-        found = self.statistics.codes
-        if found is None:
+        if (found := self.statistics.codes) is None:
             raise TypeError(f"{self.dtype} has too many values to count each")
         return found
 
     def unique(self) -> set[int]:
         """Return all whole numbers that occur."""
-        if are_few(self.dtype):
+        if scanning.are_few(self.dtype):
             code = np.flatnonzero(self.codes()).astype(f"u{self.dtype.itemsize}")
             return set(code.view(self.dtype).tolist())
         _ = self.ends  # constant bricks need not be read after that
@@ -243,9 +224,6 @@ class Bricks(BrickArray):
         for part in in_order(lambda index: np.unique(self.brick(index)), self.all()):
             found.update(part.tolist())
         return found
-
-    def _helped(self) -> PassContext | None:
-        return None if self.helpers is None else self.helpers()
 
 
 LOG = logging.getLogger("resample")
@@ -287,7 +265,7 @@ class ArrayValues:
         return low, high
 
     def sample(self) -> NDArray[Any]:
-        step = step_of(self.array.size)
+        step = scanning.step_of(self.array.size)
         return self.array[::step, ::step, ::step]
 
     def border(self) -> NDArray[Any]:
@@ -295,12 +273,12 @@ class ArrayValues:
         return np.concatenate(sides)
 
     def outside(self, low: float, high: float) -> tuple[NDArray[Any], int]:
-        return finite_outside(self.parts(), low, high)
+        return scanning.finite_outside(self.parts(), low, high)
 
     def codes(self) -> NDArray[np.int64]:
         total = np.zeros(1 << (self.dtype.itemsize * 8), np.int64)
         for part in self.parts():
-            total += count_codes(part, of=prod(self.shape))
+            total += scanning.count_codes(part, of=prod(self.shape))
         return total
 
     def unique(self) -> set[int]:
@@ -317,15 +295,9 @@ class ArrayValues:
         return values
 
 
-def streamed(stored: object) -> Bricks | None:
-    """Return values that stay in their file; None if these do not."""
-    return stored if isinstance(stored, Bricks) else None
-
-
 def values_of(stored: Stored) -> ArrayValues | Bricks:
     """Return values with what can be asked of arrays and of bricks alike."""
-    bricks = streamed(stored)
-    return ArrayValues(cast("NDArray[Any]", stored)) if bricks is None else bricks
+    return stored if isinstance(stored, Bricks) else ArrayValues(stored)
 
 
 def bricks_of(volume: Volume) -> Bricks:
@@ -343,7 +315,7 @@ def with_bricks(volume: Volume, bricks: Any) -> Volume:
 
 def is_streamed(volume: Volume) -> bool:
     """Return whether a volume's values stay in their file."""
-    return streamed(volume.values) is not None
+    return isinstance(volume.values, Bricks)
 
 
 def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
@@ -351,20 +323,15 @@ def as_arrays(volumes: Sequence[Volume]) -> list[Volume]:
     sizes = [values_of(volume.values).bytes_to_load for volume in volumes]
     found = []
     for volume, size in zip(volumes, sizes, strict=True):
-        bricks = streamed(volume.values)
-        if bricks is not None and bricks.memory is not None:
-            share = bricks.memory * size // sum(sizes)
-            bricks = replace(bricks.anew(), memory=share)
-        found.append(as_array(volume if bricks is None else with_bricks(volume, bricks)))
+        bricks: Any = volume.values
+        if is_streamed(volume) and bricks.memory is not None:
+            bricks = replace(bricks.anew(), memory=bricks.memory * size // sum(sizes))
+        found.append(as_array(with_bricks(volume, bricks)))
     return found
 
 
 def as_array(volume: Volume) -> Volume:
-    """Return the volume with its values as an array, also if they are bricks.
-
-    If they and a field of them may not fit in memory, they are in a mapped file
-    (`resample.memory.mapped`). Its pages get the memory that a field leaves, at least a quarter.
-    """
+    """Return the volume with its values as an array, in a mapped file if memory is short."""
     if not is_streamed(volume):
         return volume
     bricks = bricks_of(volume)

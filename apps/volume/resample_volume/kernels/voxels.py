@@ -1,12 +1,12 @@
-"""Kernels of voxels: what a pointer meets, and their light."""
+"""Kernels of voxels: what a pointer meets, their light, and gradients of their values."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, kernel, parallel_kernel, tasks
+from resample.engine.jit import Counter, inner_step, kernel, parallel_kernel, tasks
 from resample.engine.rays.coefficients import value_and_slope_at
 from resample.engine.vectors import Vector, dot, matrix_of, multiply
 from resample.types import Doubles, Flags, Floats, Indices, Lamp, SplineField
@@ -72,15 +72,6 @@ def _vector(rows: Doubles, n: int) -> Vector:
 
 
 @kernel
-def _integral(footprint: Floats, squared: float) -> float:
-    """Look up the line integral at a squared distance, radii², below 1."""
-    place = squared * (footprint.size - 1)
-    k = min(int(place), footprint.size - 2)
-    low, high = float(footprint[k]), float(footprint[k + 1])
-    return low + (place - k) * (high - low)
-
-
-@kernel
 def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: float) -> int:
     """Insert a voxel into the queue; equal depths keep the volume's order."""
     # Move farther voxels back; a full queue loses its last.
@@ -98,22 +89,10 @@ def _put(waiting: Waiting, count: int, depth: float, voxel: int, thickness: floa
 
 
 @kernel
-def _axis_of(direction: Vector) -> int:
-    """Axis along which a ray advances most."""
-    x, y, z = abs(direction[0]), abs(direction[1]), abs(direction[2])
-    return 2 if z >= max(x, y) else 1 if y >= x else 0
-
-
-@kernel
 def _meet(
-    splatted: SplattedVoxels,
-    rays: PickingRays,
-    n: int,
-    axis: int,
-    k: int,
-    waiting: Waiting,
+    splatted: SplattedVoxels, rays: PickingRays, n: int, axis: int, k: int, waiting: Waiting,
     count: int,
-) -> int:
+) -> int:  # fmt: skip
     """Queue the voxels of slice k across an axis whose kernels ray n meets."""
     origin, direction, size = _vector(rays.origin, n), _vector(rays.direction, n), splatted.size
     one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -137,7 +116,10 @@ def _meet(
                 deeper = splatted.deeper
                 own = splatted.nearest + k * deeper[axis] + b * deeper[one] + c * deeper[two]
                 # Find the optical depth along the ray.
-                integral = _integral(splatted.footprint, max(away, 0.0))
+                squared = max(away, 0.0) * (splatted.footprint.size - 1)
+                m = min(int(squared), splatted.footprint.size - 2)
+                low, high = float(splatted.footprint[m]), float(splatted.footprint[m + 1])
+                integral = low + (squared - m) * (high - low)
                 thickness = splatted.extinction[voxel] * per * integral
                 count = _put(waiting, count, own, voxel, thickness)
     return count
@@ -147,11 +129,7 @@ def _meet(
 def _pass(
     waiting: Waiting, count: int, until: float, kept: float, level: float
 ) -> tuple[int, float, int]:
-    """Attenuate light by the queued voxels in front of a depth.
-
-    Returns how many stay in the queue, the transmittance, and the voxel at which the absorbed share
-    exceeds the level.
-    """
+    """Attenuate light by queued voxels before a depth; return the rest, light and a voxel."""
     # Composite front to back until the level is passed.
     n = 0
     while n < count and waiting.depth[n] < until:
@@ -175,7 +153,8 @@ def _pick_voxel(
     """Voxel at which the share of light that ray n loses exceeds a level."""
     # Slice the volume across the axis along which the ray advances most.
     origin, direction = _vector(rays.origin, n), _vector(rays.direction, n)
-    axis = _axis_of(direction)
+    x, y, z = abs(direction[0]), abs(direction[1]), abs(direction[2])
+    axis = 2 if z >= max(x, y) else 1 if y >= x else 0
     speed, fastest = math.sqrt(dot(direction, direction)), abs(direction[axis])
     beyond = splatted.radius * speed / fastest
     one, two = splatted.deeper[(axis + 1) % 3], splatted.deeper[(axis + 2) % 3]
@@ -201,13 +180,9 @@ def _pick_voxel(
 
 @parallel_kernel
 def pick_voxels(
-    counter: Counter,
-    splatted: SplattedVoxels,
-    rays: PickingRays,
-    level: float,
-    voxel: Indices,
+    counter: Counter, splatted: SplattedVoxels, rays: PickingRays, level: float, voxel: Indices,
     kept: Doubles,
-) -> None:
+) -> None:  # fmt: skip
     """Find voxels (N,) where absorbed light exceeds a level, and transmittances."""
     waiting = Waiting(np.empty(MOST), np.empty(MOST, np.int64), np.empty(MOST))
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
@@ -217,10 +192,7 @@ def pick_voxels(
 
 @kernel
 def _extinction(looked: PickedField, number: int, value: float, slope: Vector) -> float:
-    """Optical depth per scene unit of a value and its slope per voxel.
-
-    `number` selects the transfer function.
-    """
+    """Optical depth per scene unit of a value and its slope in transfer function `number`."""
     if number < 0:
         return 0.0
     # Find the column by the value.
@@ -238,15 +210,6 @@ def _extinction(looked: PickedField, number: int, value: float, slope: Vector) -
     share, k = float(place - k), k + number * (columns + 1)
     low, high = float(looked.table[row, k, 3]), float(looked.table[row, k + 1, 3])
     return low + share * (high - low)
-
-
-@kernel
-def _number_at(looked: PickedField, place: Vector) -> int:
-    """Transfer function of the voxel at a place; below 0 if the voxel is missing."""
-    if looked.known.size == 0:
-        return 0
-    i, j, k = int(place[0] + 1.5), int(place[1] + 1.5), int(place[2] + 1.5)
-    return int(looked.known[k * looked.spline.plane + j * looked.spline.row + i]) - 1
 
 
 @kernel
@@ -276,7 +239,12 @@ def _in_field(looked: PickedField, rays: PickingRays, n: int, level: float) -> F
         value, slope = value_and_slope_at(looked.spline, place)
         # Composite until the level is passed, stop at the surface, or track the extreme.
         if wanted == COMPOSITE:
-            extinction = _extinction(looked, _number_at(looked, place), value, slope)
+            number = 0  # transfer function of the voxel; below 0 if that is missing
+            if looked.known.size > 0:
+                i, j, k = int(place[0] + 1.5), int(place[1] + 1.5), int(place[2] + 1.5)
+                at = k * looked.spline.plane + j * looked.spline.row + i
+                number = int(looked.known[at]) - 1
+            extinction = _extinction(looked, number, value, slope)
             kept *= math.exp(-extinction * step * rays.length[n])
             if 1 - kept > level:
                 return _voxel_at(place, looked.spline.shape), kept
@@ -291,13 +259,9 @@ def _in_field(looked: PickedField, rays: PickingRays, n: int, level: float) -> F
 
 @parallel_kernel
 def pick_in_field(
-    counter: Counter,
-    looked: PickedField,
-    rays: PickingRays,
-    level: float,
-    voxel: Indices,
+    counter: Counter, looked: PickedField, rays: PickingRays, level: float, voxel: Indices,
     kept: Doubles,
-) -> None:
+) -> None:  # fmt: skip
     """Return `pick_voxels` for a field: voxels around which it is found."""
     for chunk in tasks(counter, (voxel.size + CHUNK - 1) // CHUNK):
         for n in range(chunk * CHUNK, min((chunk + 1) * CHUNK, voxel.size)):
@@ -403,9 +367,9 @@ def shade_voxels(
 def _envelope(away: Indices, stack: Indices) -> int:
     """Keep the places of a line that are nearest to some part of it; return how many.
 
-    `away` (N,) is the squared distance from the line to the known voxel of each place; below 0
-    there is none. `stack` (N,) receives the places, ascending. Section 4 of the paper: of three,
-    the middle one is dropped where one of the two others is nearer all along the line.
+    `away` (N,) is the squared distance from the line to the known voxel of each place, or below 0.
+    `stack` (N,) receives the places, ascending. Section 4 of the paper: of three, the middle one is
+    dropped where one of the two others is nearer all along the line.
     """
     count = 0
     for n in range(away.size):
@@ -427,10 +391,7 @@ def _envelope(away: Indices, stack: Indices) -> int:
 
 @kernel
 def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
-    """Find the place with the nearest known voxel for all places of a line.
-
-    Of equal distances the first counts.
-    """
+    """Find the (first) place with the nearest known voxel for all places of a line."""
     count, at = _envelope(away, stack), 0
     for n in range(away.size):
         if count == 0:
@@ -471,10 +432,7 @@ def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> 
 def nearest_in_rows(
     counter: Counter, deep: Places, down: Places, z: int, known: NDArray[np.bool_], across: Places
 ) -> None:
-    """Find the column (Y, X) in each row that leads to the nearest known voxel.
-
-    `down` (Y, X) is of `nearest_in_columns`; rows in which all are `known` (Y, X) are skipped.
-    """
+    """Find the column (Y, X) in each row, if not all known, with the nearest known voxel."""
     height, width = deep.shape
     away, stack = np.empty(width, np.int64), np.empty(width, np.int64)
     found = np.empty(width, np.int64)
@@ -516,3 +474,165 @@ def number_parts(part: NDArray[np.int64]) -> int:
                                 part[z, y, x] = count
                                 waiting.append((z, y, x))
     return count
+
+
+BRICK = 8  # voxels
+
+Step = tuple[int, int, int]  # z, y, x
+
+
+@kernel
+def _next_place(index: int, before: int, at: Step, size: Step) -> Step:
+    """Voxel of a flat index, given that of the previous index: mostly in the same row."""
+    x = at[2] + index - before
+    if 0 <= x < size[2]:
+        return at[0], at[1], x
+    row, x = divmod(index, size[2])
+    z, y = divmod(row, size[1])
+    return z, y, x
+
+
+@kernel
+def brick_order(index: Indices, size: Step, order: Indices) -> None:
+    """Find the order (N,) that sorts voxels by flat index into bricks; stable."""
+    rows, columns = (size[1] + BRICK - 1) // BRICK, (size[2] + BRICK - 1) // BRICK
+    layers = (size[0] + BRICK - 1) // BRICK
+    start = np.zeros(layers * rows * columns + 1, np.int64)
+    brick = np.empty(index.size, np.int32)
+    # Count the voxels of each brick.
+    before, at = 0, (0, 0, 0)
+    for n in range(index.size):
+        at = _next_place(index[n], before, at, size)
+        before = index[n]
+        z, y, x = at
+        brick[n] = (z // BRICK * rows + y // BRICK) * columns + x // BRICK
+        start[brick[n] + 1] += 1
+    # Turn counts into start positions.
+    for b in range(start.size - 1):
+        start[b + 1] += start[b]
+    # Place each voxel (counting sort).
+    for n in range(index.size):
+        order[start[brick[n]]] = n
+        start[brick[n]] += 1
+
+
+@kernel
+def place(index: Indices, size: Step, lattice: Doubles, origin: Doubles, position: Floats) -> None:
+    """Scene positions (N, 3) of voxels, given by their flat index into (Z, Y, X)."""
+    steps = matrix_of(lattice)
+    before, at = 0, (0, 0, 0)
+    for n in range(index.size):
+        at = _next_place(index[n], before, at, size)
+        before = index[n]
+        z, y, x = at
+        moved = multiply(steps, (float(x), float(y), float(z)))
+        for c in range(3):
+            position[n, c] = origin[c] + moved[c]
+
+
+@kernel
+def _mean(behind: float, ahead: float) -> float:
+    """Mean of two differences, of which those that are not finite are left out; NaN if both are."""
+    if not math.isfinite(ahead):
+        return behind if math.isfinite(behind) else math.nan
+    return 0.5 * (ahead + behind) if math.isfinite(behind) else ahead
+
+
+@kernel
+def _value(values: NDArray[Any], place: Step) -> float:
+    """Value of a voxel; NaN outside the volume."""
+    z, y, x = place
+    depth, height, width = values.shape
+    if 0 <= z < depth and 0 <= y < height and 0 <= x < width:
+        return float(values[z, y, x])
+    return math.nan
+
+
+@kernel
+def _slopes_at_border(values: NDArray[Any], place: Step) -> Vector:
+    """Slopes along x, y and z from known neighbours; 0 where there is none."""
+    z, y, x = place
+    here = _value(values, place)
+    # Difference to both sides along each axis; outside the volume these are NaN.
+    left, right = here - _value(values, (z, y, x - 1)), _value(values, (z, y, x + 1)) - here
+    above, below = here - _value(values, (z, y - 1, x)), _value(values, (z, y + 1, x)) - here
+    before, after = here - _value(values, (z - 1, y, x)), _value(values, (z + 1, y, x)) - here
+    x_slope, y_slope, z_slope = _mean(left, right), _mean(above, below), _mean(before, after)
+    # Replace slopes without any neighbour.
+    return (
+        x_slope if math.isfinite(x_slope) else 0.0,
+        y_slope if math.isfinite(y_slope) else 0.0,
+        z_slope if math.isfinite(z_slope) else 0.0,
+    )
+
+
+@inner_step
+def _central_slopes(values: NDArray[Any], place: Step) -> Vector:
+    """Slopes along x, y and z from a voxel's neighbours; 0 where there is none."""
+    z, y, x = place
+    depth, height, width = values.shape
+    # Inside the volume, and if all neighbours are finite, take central differences at once.
+    if 0 < z < depth - 1 and 0 < y < height - 1 and 0 < x < width - 1:
+        # Unsigned indices spare a test for negative ones.
+        k, j, i, one = np.uint64(z), np.uint64(y), np.uint64(x), np.uint64(1)
+        # Numba's float() of a float32 stays one: convert explicitly.
+        here = np.float64(values[k, j, i])
+        left, right = here - values[k, j, i - one], values[k, j, i + one] - here
+        above, below = here - values[k, j - one, i], values[k, j + one, i] - here
+        before, after = here - values[k - one, j, i], values[k + one, j, i] - here
+        slope = (0.5 * (right + left), 0.5 * (below + above), 0.5 * (after + before))
+        if math.isfinite(slope[0] + slope[1] + slope[2]):
+            return slope
+    return _slopes_at_border(values, place)
+
+
+@kernel
+def _moved(place: Step, count: int, step: Step) -> Step:
+    """Move a voxel's place by so many steps."""
+    return (place[0] + count * step[0], place[1] + count * step[1], place[2] + count * step[2])
+
+
+@kernel
+def _smooth_slope(values: NDArray[Any], place: Step, step: Step) -> float:
+    """Mean slope of nine parallel lines, weighted 1-2-1 × 1-2-1; 0 if none is known."""
+    # Find the two axes across the step's.
+    across = (step[1], step[2], step[0])
+    along = (step[2], step[0], step[1])
+    total = weight = 0.0
+    for a in range(-1, 2):
+        line = _moved(place, a, across)
+        for b in range(-1, 2):
+            middle = _moved(line, b, along)
+            # Difference along the line, and weigh it unless nothing is known.
+            here = _value(values, middle)
+            behind = here - _value(values, _moved(middle, -1, step))
+            slope = _mean(behind, _value(values, _moved(middle, 1, step)) - here)
+            if math.isfinite(slope):
+                share = (2 - abs(a)) * (2 - abs(b))
+                total += share * slope
+                weight += share
+    return total / weight if weight > 0.0 else 0.0
+
+
+@kernel
+def find_gradients(
+    values: NDArray[Any], index: Indices, to_scene: Doubles, is_smooth: bool, gradient: Floats
+) -> None:
+    """Gradients (N, 3) of `values` (Z, Y, X) at flat indices; 0 if unknown.
+
+    `to_scene` (3, 3), the inverse transpose of the lattice, takes slopes to scene units.
+    """
+    turn = matrix_of(to_scene)
+    before, at = 0, (0, 0, 0)
+    for n in range(index.size):
+        at = _next_place(index[n], before, at, values.shape)
+        before = index[n]
+        if is_smooth:
+            x_slope = _smooth_slope(values, at, (0, 0, 1))
+            y_slope = _smooth_slope(values, at, (0, 1, 0))
+            slope = (x_slope, y_slope, _smooth_slope(values, at, (1, 0, 0)))
+        else:
+            slope = _central_slopes(values, at)
+        # Unsigned indices spare a test for negative ones.
+        k, one = np.uint64(n), np.uint64(1)
+        gradient[k, one - one], gradient[k, one], gradient[k, one + one] = multiply(turn, slope)

@@ -1,6 +1,7 @@
 """Volumes for `resample-volume view`: pages, notebook widgets and pictures."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,11 +9,10 @@ from resample.lazy import attributes
 
 if TYPE_CHECKING:
     from resample.view.widgets import Viewer
-    from resample_volume.viewing.painter import VolumePainter
-    from resample_volume.viewing.volumes import picture, volume_view
+    from resample_volume.viewing.volumes import VolumePainter, picture, volume_view
 
 __all__ = ["VolumePainter", "picture", "suits", "view", "volume_view"]
-HOMES = {"VolumePainter": "painter", "picture": "volumes", "volume_view": "volumes"}
+HOMES = dict.fromkeys(("VolumePainter", "picture", "volume_view"), "volumes")
 __getattr__ = attributes(__name__, HOMES)
 
 
@@ -69,15 +69,11 @@ def suits(names: Sequence[str]) -> bool:
     from resample_volume.files.generated import GENERATED
     from resample_volume.files.source import find_reader
 
-    if len(names) != 1:
-        return False
-    (name,) = names
-    if is_address(name):
+    if len(names) != 1 or is_address(names[0]):
+        return len(names) == 1
+    if not Path(names[0]).exists():
+        return names[0].partition(":")[0] in GENERATED
+    with suppress(ValueError, OSError):
+        find_reader(Path(names[0]))
         return True
-    if not Path(name).exists():
-        return name.partition(":")[0] in GENERATED
-    try:
-        find_reader(Path(name))
-    except (ValueError, OSError):
-        return False
-    return True
+    return False

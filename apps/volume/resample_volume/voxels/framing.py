@@ -20,7 +20,7 @@ from resample_volume.classification.transfer import Transfer, visible_places
 from resample_volume.classification.value_statistics import ends, survey
 from resample_volume.data.scanning import step_of
 from resample_volume.data.values import SHARE, slabs, values_of
-from resample_volume.types import Placed, Volume
+from resample_volume.types import Volume
 from resample_volume.voxels.shading import along
 from resample_volume.voxels.visible import Voxels, finite_range, lattice_of, positions_at
 
@@ -35,26 +35,40 @@ CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1,0,
 def planes(
     volume: Volume, crop: str | None = None, clip: Sequence[str] = (), name: str = "clip"
 ) -> Doubles:
-    """Return the planes that bound the shown part of a volume.
+    """Return the planes (M, 4) that bound the shown part of a volume.
 
-    `crop`: ranges of voxels along x, y and z as in NumPy, `64:192,:,10:`: the end is excluded, and
-    negative numbers count from the end. Voxel i extends from i - 1/2 to i + 1/2. A range that ends
-    with the volume cuts nothing there. `clip`: each `nx/ny/nz` or `nx/ny/nz/offset`: a plane
-    through the volume's center with that normal in scene axes, shifted along it by the offset in
-    scene units. The side that the normal points to is kept. Result: (M, 4) normals n of length 1
-    and distances d; a point p is kept where n·p + d >= 0 for all.
+    A point p is kept where n·p + d >= 0 for all (n, d); |n| = 1. `crop` has ranges of voxels along
+    x, y and z as in NumPy, `64:192,:,10:`; voxel i extends from i - 1/2 to i + 1/2. `clip` has
+    normals n, perhaps with an offset: planes through the volume's center, shifted along n.
     """
-    rows = [] if crop is None else _box(volume, crop)
+    rows, parts = [], [] if crop is None else crop.split(",")
+    if crop is not None and len(parts) != 3:
+        raise ValueError(f"crop {crop!r}; {CROP_FORM}")
+    to_index = np.linalg.inv(lattice_of(volume))
+    for axis, part in enumerate(parts):
+        size, where = volume.values.shape[2 - axis], f"crop {crop!r}, {'xyz'[axis]}"
+        try:
+            numbers = [int(word) if word.strip() else None for word in part.split(":")]
+        except ValueError:
+            numbers = []
+        if len(numbers) == 1 and numbers[0] is not None:
+            numbers.append(numbers[0] + 1 if numbers[0] != -1 else None)
+        if len(numbers) != 2:
+            raise ValueError(f"{where}: {part!r} is not a range; {CROP_FORM}")
+        start, stop, _ = slice(*numbers).indices(size)
+        if start >= stop:
+            raise ValueError(f"{where}: {part!r} holds none of the {size} voxels")
+        # The index, `row` times p - origin, is at least so much
+        ends = ((to_index[axis], start - 0.5), (-to_index[axis], 0.5 - stop))
+        for (row, least), is_cut in zip(ends, (start > 0, stop < size), strict=True):
+            if is_cut:
+                rows.append(np.append(row, -row @ volume.origin - least) / np.linalg.norm(row))
     rows += [_plane(volume, text, name) for text in clip]
     return np.array(rows, np.float64).reshape(-1, 4)
 
 
 def inside(position: Floats, lattice: Doubles, planes: Doubles, radius: float) -> NDArray[np.bool_]:
-    """Return whether voxels may extend into what planes keep, (N,).
-
-    `position`: (N, 3) scene units. `lattice`: (3, 3) columns are the steps to the neighbours, scene
-    units. `planes`: (M, 4) as from `planes`. `radius`: radius of the kernels, voxels.
-    """
+    """Return whether kernels of voxels (N, 3) may extend into what planes keep, (N,)."""
     is_near = np.ones(len(position), bool)
     for plane in planes:
         normal = plane[:3]
@@ -67,11 +81,7 @@ def keep(voxels: Voxels, planes: Doubles, radius: float = 2.0) -> Voxels:
     """Remove voxels that are wholly cut away; see `inside`."""
     if not len(planes):
         return voxels
-    return chosen(voxels, np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius)))
-
-
-def chosen(voxels: Voxels, index: NDArray[np.int64]) -> Voxels:
-    """Return the voxels of the given indices, in their order."""
+    index = np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
     of_each = voxels._asdict().keys() & PER_VOXEL
     parts = {name: array[index] for name in of_each if len(array := getattr(voxels, name))}
     return voxels._replace(**parts)
@@ -80,70 +90,22 @@ def chosen(voxels: Voxels, index: NDArray[np.int64]) -> Voxels:
 def faced(voxels: Voxels, planes: Doubles) -> Voxels:
     """Replace gradients near a cut by the cut's normal, keeping their lengths.
 
-    A cut through homogeneous tissue meets only noise, whose gradients would make it look rough. So
-    it is shaded as a plane: Weiskopf, Engel and Ertl, Interactive Clipping Techniques for
-    Texture-Based Volume Visualization and Volume Shading, 2003.
-
-    `planes`: (M, 4) as from `planes`.
+    A cut through homogeneous tissue meets only noise, so it is shaded as a plane (Weiskopf, Engel
+    and Ertl, Interactive Clipping Techniques, 2003).
     """
     if not len(planes) or not len(voxels.gradient):
         return voxels
-    normal, (near, nearest) = planes[:, :3], _near(voxels, planes)
+    normal = planes[:, :3]
+    away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)
+    away += planes[:, 3]
+    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
+    near, nearest = np.flatnonzero(away.min(axis=1) < CUT), away.argmin(axis=1)
     length = np.linalg.norm(voxels.gradient, axis=1)
     # Homogeneous regions have no normal.
     least = np.float32(STEEPER) * length.max()
     gradient = voxels.gradient.copy()
     gradient[near] = normal[nearest[near]] * np.maximum(length[near], least)[:, np.newaxis]
     return voxels._replace(gradient=gradient)
-
-
-def _near(voxels: Voxels, planes: Doubles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the voxels near a plane, and the nearest plane (N,) of each voxel."""
-    normal = planes[:, :3]
-    away = np.column_stack([along(voxels.position, one) for one in normal]).astype(np.float64)
-    away += planes[:, 3]
-    away /= np.linalg.norm(normal @ voxels.lattice, axis=1)
-    return np.flatnonzero(away.min(axis=1) < CUT), away.argmin(axis=1)
-
-
-def _box(volume: Volume, text: str) -> list[Doubles]:
-    """Return the planes of a crop box."""
-    parts = text.split(",")
-    if len(parts) != 3:
-        raise ValueError(f"crop {text!r}; {CROP_FORM}")
-    to_index = np.linalg.inv(lattice_of(volume))
-    rows = []
-    for axis, part in enumerate(parts):
-        size = volume.values.shape[2 - axis]
-        start, stop = _range(part, size, f"crop {text!r}, {'xyz'[axis]}")
-        if start > 0:
-            rows.append(_side(to_index[axis], start - 0.5, volume.origin))
-        if stop < size:
-            rows.append(_side(-to_index[axis], 0.5 - stop, volume.origin))
-    return rows
-
-
-def _range(text: str, size: int, where: str) -> tuple[int, int]:
-    """Parse a range to its first voxel and the one after the last."""
-    words = text.split(":")
-    try:
-        numbers = [int(word) if word.strip() else None for word in words]
-    except ValueError:
-        numbers = []
-    if len(numbers) == 1 and numbers[0] is not None:
-        only = numbers[0]
-        numbers = [only, only + 1 if only != -1 else None]
-    if len(numbers) != 2:
-        raise ValueError(f"{where}: {text!r} is not a range; {CROP_FORM}")
-    start, stop, _ = slice(*numbers).indices(size)
-    if start >= stop:
-        raise ValueError(f"{where}: {text!r} holds none of the {size} voxels")
-    return start, stop
-
-
-def _side(axis: Doubles, least: float, origin: Doubles) -> Doubles:
-    """Return the plane where the index, `axis` times p - origin, is at `least`."""
-    return np.append(axis, -axis @ origin - least) / np.linalg.norm(axis)
 
 
 def _plane(volume: Volume, text: str, name: str) -> Doubles:
@@ -171,10 +133,7 @@ ROW = 512  # points processed together
 
 SOME = 64  # stride of the sample that tests first whether there can be outliers
 FEW, STRAY_SHARE = 4, 1e-4  # fraction of visible voxels that may be outliers at one end of an axis
-STRAY_GAP, STRAY_VOXELS = (
-    0.05,
-    3.0,
-)  # distance of outliers from the others: fraction of the extent, and voxels
+STRAY_GAP, STRAY_VOXELS = 0.05, 3.0  # of outliers from others: fraction of the extent, and voxels
 FLESH = -200.0  # HU, from which on voxels are a body's
 REACH = 2.0  # voxels by which kernels extend beyond the outermost voxels
 BINS = 4096  # along an axis
@@ -196,26 +155,19 @@ class FramedVoxels(NamedTuple):
     lattice: Doubles  # (3, 3) columns are the steps to the neighbours, scene units
 
 
-def depth_parts(voxels: "Placed | FramedVoxels") -> Parts:
-    """Return the positions of voxels in parts; of most there is one."""
-    if isinstance(voxels, FramedVoxels):
-        return voxels.parts
-    return partial(iter, (voxels.position,))
+# Cells (Z, Y, X) with the visible voxels that count for a camera, and voxels along their sides.
+Counting = tuple[NDArray[np.bool_], int]
 
 
 def shown_by(
     volume: Volume, transfer: Transfer, planes: Doubles, radius: float, iso: float | None = None
 ) -> FramedVoxels:
-    """Return the voxels that are visible when composited, under any projection.
-
-    `planes`: (M, 4) clip planes, as from `framing.planes`. `radius`: radius of the kernels,
-    voxels.
-    """
+    """Return the voxels that are visible when composited, under any projection."""
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     lattice = lattice_of(volume)
     shape = volume.values.shape
 
-    def places() -> Iterator[Indices]:
+    def indices() -> Iterator[Indices]:
         start = 0
         for slab in slabs(volume.values, SHARE):
             value = slab.reshape(-1)
@@ -225,10 +177,10 @@ def shown_by(
             yield start + seen
             start += value.size
 
-    kept: Callable[[], Iterable[Indices]] = places
+    kept: Callable[[], Iterable[Indices]] = indices
     if not is_in_file(volume.values):
         found, count = [], 0
-        for seen in places():
+        for seen in indices():
             found.append(seen)
             count += seen.size
             require_memory(
@@ -241,23 +193,15 @@ def shown_by(
 
     def placed() -> Iterator[Floats]:
         for place in kept():
-            counted = place
             if counting is not None:
-                cell = _cells_at(place, shape, counting.side)
-                counted = place[counting.cells.reshape(-1)[cell]]
-            position = positions_at(volume, counted)
+                cells, side = counting
+                place = place[cells.reshape(-1)[_cells_at(place, shape, side)]]  # noqa: PLW2901
+            position = positions_at(volume, place)
             yield position[inside(position, lattice, planes, radius)] if len(planes) else position
 
     if is_in_file(volume.values):
         return FramedVoxels(placed, lattice)
     return FramedVoxels(partial(iter, tuple(placed())), lattice)
-
-
-class Counting(NamedTuple):
-    """Cells of a volume with the visible voxels that count for a camera."""
-
-    cells: NDArray[np.bool_]  # (Z, Y, X)
-    side: int  # voxels
 
 
 def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
@@ -271,11 +215,7 @@ def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
 
 
 def _body(volume: Volume) -> Counting | None:
-    """Return the bodies in a CT scan, without tables, headrests and cables.
-
-    These are thin: nothing of them is left when a surface of `THIN` is worn off. None: the values
-    are no CT scan, or all of it is thin.
-    """
+    """Return the bodies in a CT scan that are thicker than a surface of `THIN`; or None."""
     known = survey(volume)
     if known.units.added is None:
         return None
@@ -292,20 +232,17 @@ def _body(volume: Volume) -> Counting | None:
     sizes = np.bincount(part.ravel())
     sizes[0] = 0
     bodies = (sizes >= LEAST_BODY * sizes.max())[part]
-    return Counting(maximum_filter(bodies, tuple(2 * worn + 3)), step)
+    return maximum_filter(bodies, tuple(2 * worn + 3)), step
 
 
-def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
-    """Return the large visible parts, by flat indices of voxels.
-
-    None: small parts are too many to be left out.
-    """
+def _main_parts(indices: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
+    """Return the large visible parts; None if small ones are too many to be left out."""
     from resample_volume.kernels.voxels import number_parts
 
     side = -(-max(shape) // CELLS)
     cells = tuple(-(-size // side) for size in shape)
     number = np.zeros(prod(cells), np.int64)
-    for place in places:
+    for place in indices:
         number += np.bincount(_cells_at(place, shape, side), minlength=number.size)
     part = -(number.reshape(cells) > 0).astype(np.int64)
     number_parts(part)
@@ -314,15 +251,12 @@ def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting |
     is_small[0] = False
     if not 0 < sizes[is_small].sum() <= MOST_LEFT_OUT * sizes.sum():
         return None
-    return Counting(~is_small[part], side)
+    return ~is_small[part], side
 
 
 def corners(volume: Volume) -> Doubles:
     """Return the corners (8, 3) of a volume's box, scene units; x changes slowest."""
-    ends = np.stack([np.full(3, -0.5), np.array(volume.values.shape[::-1]) - 0.5])
-    index = np.array(
-        [[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in product((0, 1), repeat=3)]
-    )
+    index = np.array(list(product(*((-0.5, count - 0.5) for count in volume.values.shape[::-1]))))
     return np.asarray(volume.origin + index @ lattice_of(volume).T)
 
 
@@ -333,18 +267,15 @@ def bounding_sphere(volume: Volume) -> Sphere:
     return Sphere(center, float(np.linalg.norm(corner - center, axis=1).max()))
 
 
-def sphere_around(voxels: "Placed | FramedVoxels", volume: Volume) -> Sphere:
-    """Return the bounding sphere of the visible voxels, or of the volume if there are none.
-
-    A few outliers far from all others do not count: they would make the others small.
-    """
+def sphere_around(voxels: Voxels | FramedVoxels, volume: Volume) -> Sphere:
+    """Return the bounding sphere of the visible voxels without outliers, or of the volume."""
     voxel = float(np.linalg.norm(voxels.lattice, axis=0).max())
-    parts = depth_parts(voxels)
+    parts = voxels.parts if isinstance(voxels, FramedVoxels) else partial(iter, (voxels.position,))
     count, low, high = _extent(parts)
     if not count:
         last = np.array(volume.values.shape[::-1]) - 1
-        ends = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
-        parts = partial(iter, (ends.astype(np.float32),))
+        box = volume.origin + np.stack([last * 0, last]) @ voxels.lattice.T
+        parts = partial(iter, (box.astype(np.float32),))
         count, low, high = _extent(parts)
     shown = _without_strays(parts, voxel, (count, low, high))
     if shown is not parts:
@@ -378,30 +309,26 @@ def around_both(ball: Sphere, corner: Doubles) -> Sphere:
 
 
 def filling(
-    orbit: Orbit,
-    sphere: Sphere,
-    shown: "Placed | FramedVoxels",
-    size: tuple[int, int],
-    corner: Doubles = NO_CORNERS,
-    around: float = 0.0,
-) -> Orbit:
-    """Zoom and pan an orbit so that everything visible fills the picture; unchanged if nothing is.
+    orbit: Orbit, sphere: Sphere, shown: Voxels | FramedVoxels, size: tuple[int, int],
+    corner: Doubles = NO_CORNERS, around: float = 0.0,
+) -> Orbit:  # fmt: skip
+    """Zoom and pan an orbit so that everything visible fills the picture (height, width).
 
-    `shown`: visible voxels; outliers as of `sphere_around` do not count. `size`: height and width
-    of the picture, px. `corner`: (N, 3) vertices of meshes, which are framed, too.
-    `around`: fraction of the sphere's radius that is left free on each side.
+    Vertices of meshes, `corner` (N, 3), are framed, too. `around` is the fraction of the sphere's
+    radius that is left free on each side.
     """
     voxel = float(np.linalg.norm(shown.lattice, axis=0).max())
-    kept = _without_strays(depth_parts(shown), voxel)
+    parts = shown.parts if isinstance(shown, FramedVoxels) else partial(iter, (shown.position,))
+    kept = _without_strays(parts, voxel)
     view = replace(orbit, zoom=1.0, pan=(0.0, 0.0)).around(sphere, *size).view()
 
-    def places() -> Iterator[Floats]:
-        """Yield places to the right, below and ahead of the sphere's center."""
+    def offsets() -> Iterator[Floats]:
+        """Yield offsets to the right, below and ahead of the sphere's center."""
         for position in chain(kept(), (corner.astype(np.float32),)):
             away = position - sphere.center.astype(np.float32)
             yield away @ view.rotation.T.astype(np.float32)
 
-    count, low, high = _extent(places)
+    count, low, high = _extent(offsets)
     if not count:
         return orbit
     # The radius of kernels.
@@ -416,7 +343,7 @@ def filling(
     else:
         slope = half / view.focal  # of the rays at the picture's sides
         ends = np.full((2, 2), -np.inf)
-        for place in places():
+        for place in offsets():
             along = place[:, 2] - reach
             for axis in range(2):
                 for n, sign in enumerate((1, -1)):
@@ -443,14 +370,20 @@ def _extent(parts: Parts) -> tuple[int, Doubles, Doubles]:
 def _without_strays(
     parts: Parts, voxel: float, known: tuple[int, Doubles, Doubles] | None = None
 ) -> Parts:
-    """Remove the few outliers of points far from all others along an axis.
-
-    `known`: from `_extent`; None: found here.
-    """
+    """Remove the few outliers of points far from all others along an axis."""
     total, low, high = known or _extent(parts)
     # At one end of an axis so many may be outliers.
     most, extent = max(min(FEW, total // 500), int(STRAY_SHARE * total)), high - low
-    if not most or not np.isfinite(extent).all() or _is_filled(parts, low, extent, most):
+    if not most or not np.isfinite(extent).all():
+        return parts
+    # Are there, in a sample, too many voxels near all six sides for outliers?
+    near, first = np.zeros((2, 3), np.int64), SOME // 2
+    for position in parts():
+        some = position[first::SOME]
+        near[0] += (some <= low + STRAY_GAP * extent).sum(axis=0)
+        near[1] += (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
+        first = (first - len(position)) % SOME
+    if near.min() > 2 + 2 * most // SOME:
         return parts
     axes = np.flatnonzero(extent > 0).tolist()
     count = np.zeros((3, BINS), np.int64)
@@ -485,17 +418,6 @@ def _codes(position: Floats, low: Doubles, extent: Doubles, axis: int) -> NDArra
     return np.minimum((along * np.float32(BINS / extent[axis])).astype(np.int64), BINS - 1)
 
 
-def _is_filled(parts: Parts, low: Doubles, extent: Doubles, most: int) -> bool:
-    """Return whether a sample shows too many voxels near all six sides for outliers."""
-    near, first = np.zeros((2, 3), np.int64), SOME // 2
-    for position in parts():
-        some = position[first::SOME]
-        near[0] += (some <= low + STRAY_GAP * extent).sum(axis=0)
-        near[1] += (some >= low + (1 - STRAY_GAP) * extent).sum(axis=0)
-        first = (first - len(position)) % SOME
-    return bool(near.min() > 2 + 2 * most // SOME)
-
-
 def bounds(position: Floats) -> tuple[Doubles, Doubles]:
     """Return least and greatest coordinates of points (N, 3); two steps, for speed in NumPy."""
     whole = len(position) // ROW * ROW
@@ -520,10 +442,7 @@ class Shifted:
 
 
 def centered(volume: Volume) -> tuple[Volume, Doubles]:
-    """Center a volume at the scene's origin; also return its former center, (3,) scene units.
-
-    Far from the origin, float32 could not resolve neighbouring voxels.
-    """
+    """Center a volume at the scene's origin, for float32; also return its former center (3,)."""
     last = np.array(volume.values.shape[::-1]) - 1.0
     half = volume.direction @ (volume.spacing * last) / 2
     return volume._replace(origin=-half), volume.origin + half

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from resample import types
 from resample.memory.mapped import array_like, is_in_file
 from resample.outofcore.passes import DIGIT, counts_by_digit, memo_of, memoized, ranked
 from resample.painting.choices import MAXIMA, MEASURING, Projection
@@ -14,23 +15,7 @@ from resample.painting.rays import bricks_to_next, thickest, visible_cells
 from resample.painting.splines import FIELD, levels_of_samples, spline_of
 from resample.profiles.orders import MONOTONE
 from resample.resampler import Resampler
-from resample.types import (
-    UNBLOCKED,
-    UNBOUNDED,
-    UNKNOWN,
-    UNMEASURED,
-    UNTINTED,
-    BlockLevels,
-    Bounds,
-    Classifier,
-    Doubles,
-    Flags,
-    Floats,
-    LatticeField,
-    Reached,
-    SplineField,
-    Tint,
-)
+from resample.types import Doubles, Flags, Floats
 from resample_volume.classification.transfer import (
     Transfer,
     TransferTable,
@@ -55,7 +40,6 @@ from resample_volume.voxels.thin import (
     Thin,
     cells_over_samples,
     of_samples,
-    repeated,
     thin_that_fits,
     thinned,
     with_true_thickness,
@@ -64,16 +48,15 @@ from resample_volume.voxels.visible import (
     finite_range,
     gradients_at,
     lattice_of,
-    steep_between,
-    steep_rank,
-    steepness,
+    max_gradient,
+    steep_of,
     unit_of,
 )
 
 if TYPE_CHECKING:
     from resample_volume.classification.labels import Labels
 
-BYTES_PER_SLOPE = 40  # bytes per voxel, until the steepness of a full surface is known
+BYTES_PER_SLOPE = 40  # bytes per voxel, until the max_gradient of a full surface is known
 NOTHING = -1  # in place of an index, see `kernels.voxels`
 BESIDE = 0.1  # fraction of the way between two values that the field of one does not reach
 OPAQUE = 4.0  # optical depth of a voxel beyond a surface
@@ -87,8 +70,8 @@ UNLIT = Light(ambient=1.0, diffuse=0.0, specular=0.0)
 class Gathered(NamedTuple):
     """A volume as a field on its lattice."""
 
-    spline: SplineField
-    bounds: Bounds  # data units
+    spline: types.SplineField
+    bounds: types.Bounds  # data units
     known: Flags  # as of `LatticeField`
     lattice: Doubles  # (3, 3) columns are the steps from a voxel to its neighbours, scene units
     origin: Doubles  # (3,) scene position of the first voxel
@@ -96,31 +79,30 @@ class Gathered(NamedTuple):
     steepest: float  # data units per scene unit, approximate greatest gradient
     visible: int  # visible voxels, regardless of labels
     each: int = 1  # looks side by side in the table: of voxels, and of labels
-    tint: Tint = UNTINTED
-    reached: Reached = UNBLOCKED
+    tint: types.Tint = types.UNTINTED
+    reached: types.Reached = types.UNBLOCKED
     thin: Thin = SAME  # samples of the field for each voxel
-    cells: NDArray[np.uint64] = UNKNOWN  # as of `LatticeField`
-    apart: Flags = UNMEASURED  # as of `LatticeField`
-    levels: BlockLevels = UNBOUNDED  # as of `LatticeField`
+    cells: NDArray[np.uint64] = types.UNKNOWN  # as of `LatticeField`
+    apart: Flags = types.UNMEASURED  # as of `LatticeField`
+    levels: types.BlockLevels = types.UNBOUNDED  # as of `LatticeField`
 
 
 def gathered(
-    volume: Volume,
-    transfer: Transfer,
-    resampler: Resampler,
-    gradient: str,
+    volume: Volume, transfer: Transfer, resampler: Resampler, gradient: str,
     labels: "Labels | None" = None,
-) -> Gathered:
-    """Prepare a volume as a field on its lattice.
-
-    `gradient`: one of `resample_volume.voxels.visible.GRADIENTS`, for the steepness of a full
-    surface if the transfer function depends on it. `labels`: rules for voxels of some labels.
-    """
+) -> Gathered:  # fmt: skip
+    """Prepare a volume as a field on its lattice, with its look by value and slope."""
     lattice = lattice_of(volume)
     data_range, unit = finite_range(volume.values), unit_of(transfer, volume)
     check_iso(resampler.iso, volume, data_range)
     is_composite = resampler.projection is Projection.COMPOSITE
-    two = _only_two(volume, data_range) if is_composite else np.zeros(0)
+    two, kind = np.zeros(0), volume.values.dtype  # the only values, if there are two
+    if is_composite and are_few(kind):
+        two = counted(volume.values).value
+    elif is_composite:
+        two = np.unique(data_range)
+        parts = (np.isin(part, two) | ~np.isfinite(part) for part in slabs(volume.values))
+        two = two if all(part.all() for part in parts) else two[:0]
     if not transfer.normalized and resampler.iso is None:
         data_range = _table_range(volume, transfer, data_range)
     is_plain = getattr(resampler.order, "interpolation", MONOTONE) != MONOTONE
@@ -129,15 +111,21 @@ def gathered(
     is_within = thin.parts > 1 and resampler.projection in EXTREMES
     sharpness = getattr(resampler.order, "sharpness", 1.0)
     spline, bounds, known = _on_lattice(volume, sharpness, thin, two, is_within=is_within)
-    levels, is_whole = UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
+    levels, is_whole = types.UNBOUNDED, thin.parts == 1 and sharpness == 1 and known.size == 0
     if resampler.projection in EXTREMES and is_whole and not is_plain:
         levels = _levels(volume.values, resampler.projection is Projection.MINIMUM)
-    shape, steep = (1, _columns_of(volume, data_range)), 1.0
-    count = _visible_count(volume, transfer, data_range, resampler)
+    columns, steep, span = COLUMNS, 1.0, data_range[1] - data_range[0]
+    if kind.kind in "iu" and 1 <= span < MOST_COLUMNS:  # integers fall on columns
+        columns = int(span) * max(1, COLUMNS // int(span)) + 1
+    visible_of = partial(_visible_places, transfer, data_range, resampler)
+    if are_few(kind):
+        every = counted(volume.values)
+        count = int(every.number[visible_of(every.value.astype(kind))].sum())
+    else:
+        count = sum(visible_of(chunk.reshape(-1)).size for chunk in slabs(volume.values))
     if transfer.needs_gradient:
-        shape = (64, shape[1])
-        parts = partial(_visible, volume, transfer, data_range, resampler)
-        steep = _steepness_of(volume, parts, gradient, count)
+        steep = _max_gradient_of(volume, visible_of, gradient, count)
+    shape = (64 if transfer.needs_gradient else 1, columns)
     table_of = partial(tabulated, transfer, data_range, steep, unit, shape)
     tables = [table_of()]
     if labels is not None:
@@ -146,36 +134,23 @@ def gathered(
     looks, beside = tables[0]._replace(table=table), len(tables)
     if labels is not None:
         known = numbered(known, labels.numbers, volume.values)
-    tint = UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
+    tint = types.UNTINTED if volume.colors is None else tint_of(volume, looks, labels)
     if two.size == 2 and volume.colors is not None and labels is None:
-        looks, beside = _of_either(looks, two), 2
-        known = numbered(
-            known, lambda part: 1 + (volume.values[part] == two[1]).astype(np.uint8), volume.values
-        )
+        looks, beside, values = _of_either(looks, two), 2, volume.values
+        known = numbered(known, lambda at: 1 + (values[at] == two[1]).astype(np.uint8), values)
     elif two.size == 2:
         looks = _cut_between(looks, two, beside)
     steepest = (data_range[1] - data_range[0]) / float(np.linalg.norm(lattice, axis=0).min())
-    cells, apart = UNKNOWN, UNMEASURED
+    cells, apart = types.UNKNOWN, types.UNMEASURED
     if is_composite and resampler.iso is None:
         ends = looks.low, looks.high
         cells = visible_cells(spline, bounds, thickest(looks.table, beside), ends)
         apart = bricks_to_next(cells > 0)
+    place = lattice_of(samples), np.asarray(samples.origin, np.float64)
     return Gathered(
-        spline,
-        bounds,
-        known,
-        lattice_of(samples),
-        np.asarray(samples.origin, np.float64),
-        looks,
-        steepest,
-        count,
-        beside,
-        tint,
-        thin=thin,
-        cells=cells,
-        apart=apart,
-        levels=levels,
-    )
+        *(spline, bounds, known, *place, looks, steepest, count, beside, tint), thin=thin,
+        cells=cells, apart=apart, levels=levels,
+    )  # fmt: skip
 
 
 def check_iso(iso: float | None, volume: Volume, data_range: tuple[float, float]) -> None:
@@ -200,25 +175,6 @@ def _table_range(
     look = np.column_stack([color, opacity]).reshape(2, MARGIN, 4)
     same = (look[0] == look[0, -1]).all() and (look[1] == look[1, 0]).all()
     return (low, high) if same else data_range
-
-
-def _columns_of(volume: Volume, data_range: tuple[float, float]) -> int:
-    """Return the number of columns of a table of looks, such that integers fall on columns."""
-    span = data_range[1] - data_range[0]
-    if volume.values.dtype.kind not in "iu" or not 1 <= span < MOST_COLUMNS:
-        return COLUMNS
-    return int(span) * max(1, COLUMNS // int(span)) + 1
-
-
-def _only_two(volume: Volume, ends: tuple[float, float]) -> Doubles:
-    """Return the finite values of a volume if there are two, else others."""
-    if are_few(volume.values.dtype):
-        return counted(volume.values).value
-    two = np.unique(ends)
-    for part in slabs(volume.values):
-        if not (np.isin(part, two) | ~np.isfinite(part)).all():
-            return two[:0]
-    return two
 
 
 def _cut_between(looks: TransferTable, two: Doubles, count: int) -> TransferTable:
@@ -246,44 +202,21 @@ def _of_either(looks: TransferTable, two: Doubles) -> TransferTable:
 
 def lit_lattice(
     field: Gathered, light: Light | None, viewer: Doubles, cue: tuple[float, float, float]
-) -> LatticeField:
-    """Shade a field.
-
-    `light`: None leaves the colors as they are. `viewer`: (4,) position and 1, or direction to the
-    viewer and 0; scene axes. `cue`: of `Classifier`: near, far and dimmed.
-    """
+) -> types.LatticeField:
+    """Shade a field for a viewer (4,); `cue`: near, far and dimmed, as of `Classifier`."""
     steepest = np.full((1, 3), field.steepest, np.float32)
     lamp = lamp_of(light or UNLIT, viewer, steepest)
-    classifier = Classifier(*field.table, lamp, *cue)
-    return LatticeField(
-        field.spline,
-        field.bounds,
-        field.known,
-        field.lattice,
-        field.origin,
-        classifier,
-        field.reached,
-        classifiers=field.each,
-        tint=field.tint,
-        cells=field.cells,
-        apart=field.apart,
-        levels=field.levels,
-    )
+    classifier = types.Classifier(*field.table, lamp, *cue)
+    same = ("spline", "bounds", "known", "lattice", "origin", "reached", "tint", "cells", "apart")
+    parts = {name: getattr(field, name) for name in (*same, "levels")}
+    return types.LatticeField(classifier=classifier, classifiers=field.each, **parts)
 
 
 def with_shadows(
-    fields: Sequence[Gathered],
-    volumes: Sequence[Volume],
-    scene: Volume,
-    resampler: Resampler,
-    clip: Doubles,
-    light: Light,
-) -> list[Gathered]:
-    """Add shadows and ambient occlusion by all fields of a scene.
-
-    `volumes`: of the fields. `scene`: covers them. `clip`: (M, 4) planes; what they cut away
-    occludes no light.
-    """
+    fields: Sequence[Gathered], volumes: Sequence[Volume], scene: Volume, resampler: Resampler,
+    clip: Doubles, light: Light,
+) -> list[Gathered]:  # fmt: skip
+    """Add shadows and ambient occlusion by all fields of a scene, outside clip planes."""
     pairs = list(zip(fields, volumes, strict=True))
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
     lit = []
@@ -325,48 +258,39 @@ def _extinctions(field: Gathered, volume: Volume, iso: float | None) -> Iterator
 
 def _on_lattice(
     volume: Volume, sharpness: float, thin: Thin, two: Doubles, *, is_within: bool
-) -> tuple[SplineField, Bounds, Flags]:
-    """Return the field of values, its bounds, and which are known, if not all.
-
-    `two`: the only values, ascending, if there are two.
-    """
+) -> tuple[types.SplineField, types.Bounds, Flags]:
+    """Return the field of values, its bounds, and which are known, if not all."""
     # Surfaces of samples with colors lie where the color changes, not where the field does.
     values, is_cut = volume.values, two.size == 2 and volume.colors is None
     is_cut = is_cut and thin.parts == 1 and sharpness == 1
-    memo: dict[Any, tuple[SplineField, Bounds, Flags]] = memo_of(values)
+    memo: dict[Any, tuple[types.SplineField, types.Bounds, Flags]] = memo_of(values)
     key = (_on_lattice, id(values), sharpness, thin, is_cut, is_within)
     if key in memo:
         return memo[key]
     filled, known = _without_gaps(values)
-    if is_cut:
-        levels = with_true_thickness(filled, two)
-        found = _rescaled(*spline_of(levels.level), levels.scale, levels.zero)
-        return memo.setdefault(key, (*found, known))
-    if thin.parts == 1:
+    if thin.parts == 1 and not is_cut:
         return memo.setdefault(key, (*spline_of(filled, sharpness), known))
-    samples, low = thinned(filled, thin, is_within=is_within)
-    spline, bounds = _rescaled(*spline_of(samples, sharpness, values.dtype), 1.0, low)
-    if known.size:
-        padded = known.reshape([count + 2 * PAD for count in values.shape])
-        known = np.pad(repeated(padded[PAD:-PAD, PAD:-PAD, PAD:-PAD], thin), PAD, "edge").ravel()
-    return memo.setdefault(key, (spline, bounds, known))
-
-
-def _rescaled(
-    spline: SplineField, bounds: Bounds, scale: float, zero: float
-) -> tuple[SplineField, Bounds]:
-    """Return a field and its bounds, multiplied and raised."""
+    if is_cut:
+        level, zero, scale = with_true_thickness(filled, two)
+        spline, bounds = spline_of(level)
+    else:
+        scale, (samples, zero) = 1.0, thinned(filled, thin, is_within=is_within)
+        spline, bounds = spline_of(samples, sharpness, values.dtype)
     least, greatest = (scale * bound + zero for bound in bounds)
-    return spline._replace(
+    spline = spline._replace(
         scale=scale * spline.scale,
         zero=scale * spline.zero + zero,
         floor=scale * spline.floor + zero,
         ceiling=scale * spline.ceiling + zero,
-    ), Bounds(least, greatest)
+    )
+    if known.size and not is_cut:  # of voxels, repeated for samples
+        inner = known.reshape([count + 2 * PAD for count in values.shape])[(slice(PAD, -PAD),) * 3]
+        known = np.pad(np.repeat(inner, thin.parts, thin.axis), PAD, "edge").ravel()
+    return memo.setdefault(key, (spline, types.Bounds(least, greatest), known))
 
 
 @memoized(lambda values: values)
-def _levels(values: NDArray[np.generic], is_least: bool) -> BlockLevels:
+def _levels(values: NDArray[np.generic], is_least: bool) -> types.BlockLevels:
     """Return the bounds of maxima or minima of a field, once per volume."""
     return levels_of_samples(values, is_least)
 
@@ -416,62 +340,42 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
     return filled, known.reshape(-1)
 
 
-def _visible_count(
-    volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
-) -> int:
-    """Count the visible voxels, regardless of gradients."""
-    if not are_few(volume.values.dtype):
-        parts = (chunk.reshape(-1) for chunk in slabs(volume.values))
-        return sum(_visible_places(part, transfer, data_range, resampler).size for part in parts)
-    levels = counted(volume.values)
-    value = levels.value.astype(volume.values.dtype)
-    return int(levels.number[_visible_places(value, transfer, data_range, resampler)].sum())
+def _max_gradient_of(
+    volume: Volume, visible_of: Callable[[NDArray[Any]], NDArray[np.int64]], gradient: str,
+    count: int,
+) -> float:  # fmt: skip
+    """Return `max_gradient` of visible voxels; of values in a file not all gradients are held."""
 
+    def parts() -> Iterator[NDArray[np.int64]]:
+        """Yield flat indices of the voxels visible themselves, not only by interpolation."""
+        start = 0
+        for chunk in slabs(volume.values):
+            yield visible_of(chunk.reshape(-1)) + start
+            start += chunk.size
 
-def _visible(
-    volume: Volume, transfer: Transfer, data_range: tuple[float, float], resampler: Resampler
-) -> Iterator[NDArray[np.int64]]:
-    """Yield flat indices of the voxels visible themselves, not only by interpolation, by slabs."""
-    start = 0
-    for chunk in slabs(volume.values):
-        value = chunk.reshape(-1)
-        yield _visible_places(value, transfer, data_range, resampler) + start
-        start += value.size
-
-
-def _steepness_of(
-    volume: Volume, parts: Callable[[], Iterator[NDArray[np.int64]]], gradient: str, count: int
-) -> float:
-    """Return `steepness` of the voxels of parts; of values in a file not all gradients are held.
-
-    Lengths are not negative, so they sort as their bits do.
-    """
     if not is_in_file(volume.values):
         require_memory(BYTES_PER_SLOPE * count, f"slopes of {count} voxels of {volume.name}")
         every = np.concatenate(list(parts()))
-        return steepness(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
+        return max_gradient(np.linalg.norm(gradients_at(volume, every, gradient), axis=1))
+    if not count:
+        return 0.0
 
-    def counted(prefix: int, digit: int) -> NDArray[np.int64]:
+    def counts(prefix: int, digit: int) -> NDArray[np.int64]:
+        """Count lengths by a digit of their bits: not negative, they sort as these do."""
         total = np.zeros(1 << DIGIT, np.int64)
         for seen in parts():
             length = np.linalg.norm(gradients_at(volume, seen, gradient), axis=1)
             total += counts_by_digit(length.astype(np.float32).view(np.uint32), prefix, digit)
         return total
 
-    if not count:
-        return 0.0
-    first, share = steep_rank(count)
-    bits = ranked([first, min(first + 1, count - 1)], counted, 2)
-    low, high = np.array(bits, np.uint32).view(np.float32).tolist()
-    return steep_between(low, high, share)
+    return steep_of(
+        count, lambda at: np.array(ranked(at, counts, 2), np.uint32).view(np.float32).tolist()
+    )
 
 
 def _visible_places(
-    value: NDArray[Any],
-    transfer: Transfer,
-    data_range: tuple[float, float],
-    resampler: Resampler,
-) -> NDArray[np.int64]:
+    transfer: Transfer, data_range: tuple[float, float], resampler: Resampler, value: NDArray[Any],
+) -> NDArray[np.int64]:  # fmt: skip
     """Return which of values (N,) are visible."""
     if resampler.iso is not None:
         return np.flatnonzero(value >= resampler.iso)

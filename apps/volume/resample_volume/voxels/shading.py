@@ -13,7 +13,6 @@ from resample.colors import from_srgb
 from resample.memory.mapped import array_like
 from resample.messages import check_numbers
 from resample.types import Doubles, Flags, Floats, Lamp, Reached, Samples, Tint
-from resample_volume.classification.labels import Labels
 from resample_volume.classification.transfer import TransferTable
 from resample_volume.data.recordings import linear_colors
 from resample_volume.data.values import require_memory
@@ -23,6 +22,7 @@ from resample_volume.voxels.visible import Voxels, lattice_of
 if TYPE_CHECKING:
     from resample.cameras.models import AnyCamera
     from resample.cameras.viewpoints import Sphere
+    from resample_volume.classification.labels import Labels
 
 FLAT = 1e-6  # of the steepest gradient: smaller ones are rounding and give no normal
 PAD = 2  # voxels by which colors and flags are padded on each side, as coefficients are
@@ -58,7 +58,7 @@ class Light:
     def __post_init__(self) -> None:
         check_numbers(self, "ambient", "diffuse", "specular", "shininess")
         if self.direction is not None:
-            _unit("light direction", self.direction)
+            _vector("light direction", self.direction, is_unit=True)
         for name in ("ambient", "diffuse", "specular"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"{name} must be 0 or more (got {getattr(self, name)})")
@@ -78,10 +78,7 @@ class Light:
 
 @dataclass(frozen=True)
 class DepthCue:
-    """Fading of light with depth, so that near parts stand out.
-
-    Raises ValueError: the fraction is not between 0 and 1.
-    """
+    """Fading of light with depth, so that near parts stand out."""
 
     share: float = 0.5  # fraction of light lost at the far end of the visible part, 0..1
 
@@ -91,10 +88,7 @@ class DepthCue:
 
 
 def cue_range(camera: "AnyCamera", sphere: "Sphere") -> tuple[float, float]:
-    """Return the depths of a sphere's ends, scene units, where cueing begins and ends.
-
-    Cueing begins at the near plane at the earliest.
-    """
+    """Return the depths of a sphere's ends (or of the near plane), where cueing begins and ends."""
     view = camera.view()
     depth = float(view.rotation[2] @ sphere.center + view.translation[2])
     near = max(depth - sphere.radius, view.near)
@@ -108,10 +102,7 @@ def along(position: Floats, axis: Floats | Doubles) -> Floats | Doubles:
 
 
 def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far: float) -> Samples:
-    """Fade samples linearly with depth.
-
-    `samples`: shaded; colors are multiplied by 1 up to `near` and by 1 - share from `far` on.
-    """
+    """Fade shaded samples linearly with depth: by none at `near`, by the share at `far`."""
     view = camera.view()
     forward, ahead = view.rotation[2].astype(np.float32), np.float32(view.translation[2] - near)
     depth = (along(samples.position, forward) + ahead) / np.float32(far - near)
@@ -120,126 +111,86 @@ def cued(samples: Samples, camera: "AnyCamera", cue: DepthCue, near: float, far:
 
 
 def shade(
-    voxels: Voxels,
-    light: Light | None,
-    eye: Sequence[float] | Doubles | None = None,
-    *,
+    voxels: Voxels, light: Light | None, eye: Sequence[float] | Doubles | None = None, *,
     view: Sequence[float] | Doubles | None = None,
-) -> Samples:
+) -> Samples:  # fmt: skip
     """Shade voxels: return samples with the light that they send to the viewer.
 
-    `voxels`: with gradients, unless `light` is None. Shading is two-sided; a voxel without gradient
-    is shaded as if it faced the light. `light`: None leaves the colors as they are. `eye`: (3,)
-    scene position of a perspective camera. `view`: (3,) scene direction of view of a parallel
-    camera, instead of `eye`.
+    Shading is two-sided; a voxel without gradient is shaded as if it faced the light. The viewer is
+    at the `eye` (3,), or looks along the direction `view` (3,) of a parallel camera.
     """
-    color = voxels.color
-    if light is not None and len(voxels.reached):  # shadows and ambient occlusion
-        of_lamp = _lit(voxels, replace(light, ambient=0.0), viewer_of(eye, view))
+    if light is None:
+        return Samples(voxels.position, voxels.color, voxels.extinction, voxels.lattice)
+    from resample_volume.kernels.voxels import shade_voxels
+
+    if len(voxels.gradient) != len(voxels.position):
+        raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
+    is_dimmed = len(voxels.reached) > 0  # by shadows and ambient occlusion
+    source = replace(light, ambient=0.0) if is_dimmed else light
+    lamp = lamp_of(source, viewer_of(eye, view), voxels.gradient)
+    flat = [part.reshape(-1) for part in (voxels.position, voxels.color, voxels.gradient)]
+    color = np.empty(voxels.color.shape, np.float32)
+    shade_voxels(flat[0], flat[1], flat[2], lamp, color.reshape(-1))
+    if is_dimmed:
         everywhere = np.float32(light.ambient) * voxels.color
-        color = voxels.reached[:, :1] * of_lamp + voxels.reached[:, 1:] * everywhere
-    elif light is not None:
-        color = _lit(voxels, light, viewer_of(eye, view))
+        color = voxels.reached[:, :1] * color + voxels.reached[:, 1:] * everywhere
     return Samples(voxels.position, color, voxels.extinction, voxels.lattice)
 
 
 def viewer_of(
     eye: Sequence[float] | Doubles | None = None, view: Sequence[float] | Doubles | None = None
 ) -> Doubles:
-    """Return the viewer for a `Lamp`, (4,): position and 1, or direction to the viewer and 0.
-
-    Parameters and errors as of `shade`.
-    """
+    """Return the viewer for a `Lamp`, (4,): position and 1, or direction to the viewer and 0."""
     if eye is not None and view is None:
-        return np.append(_finite("eye", eye), 1.0)
+        return np.append(_vector("eye", eye), 1.0)
     if view is not None and eye is None:
-        return np.append(-_unit("view", view), 0.0)
+        return np.append(-_vector("view", view, is_unit=True), 0.0)
     raise ValueError("light needs the eye of a perspective or the view of a parallel camera")
 
 
-def _lit(voxels: Voxels, light: Light, viewer: Doubles) -> Floats:
-    from resample_volume.kernels.voxels import shade_voxels
-
-    if len(voxels.gradient) != len(voxels.position):
-        raise ValueError("light needs gradients; classify with gradient='central' or 'sobel'")
-    shaded = np.empty(voxels.color.shape, np.float32)
-    lamp = lamp_of(light, viewer, voxels.gradient)
-    shade_voxels(
-        voxels.position.reshape(-1),
-        voxels.color.reshape(-1),
-        voxels.gradient.reshape(-1),
-        lamp,
-        shaded.reshape(-1),
-    )
-    return shaded
-
-
 def lamp_of(light: Light, viewer: Doubles, gradient: Floats) -> Lamp:
-    """Convert a light for kernels.
-
-    `viewer`: (4,) from `viewer_of`. `gradient`: (N, 3) of all shaded voxels: gradients far below
-    the steepest give no normal.
-    """
+    """Convert a light for kernels; gradients far below the steepest of (N, 3) give no normal."""
     # The greatest component is at least 1 / √3 of the greatest length.
     steepest = max(float(gradient.max()), -float(gradient.min())) if gradient.size else 0.0
-    flat = FLAT * steepest
-    toward = np.zeros(3) if light.direction is None else _unit("light direction", light.direction)
-    numbers = (light.ambient, light.diffuse, light.specular, light.shininess, flat)
+    toward = np.zeros(3)
+    if light.direction is not None:
+        toward = _vector("light direction", light.direction, is_unit=True)
+    numbers = (light.ambient, light.diffuse, light.specular, light.shininess, FLAT * steepest)
     return Lamp(toward, viewer, *map(float, numbers))
 
 
-def _finite(name: str, vector: Sequence[float] | Doubles) -> Doubles:
+def _vector(name: str, vector: Sequence[float] | Doubles, *, is_unit: bool = False) -> Doubles:
     array = np.asarray(vector, np.float64)
     if array.shape != (3,) or not np.isfinite(array).all():
         raise ValueError(f"{name} must be three finite numbers (got {vector})")
-    return array
-
-
-def _unit(name: str, vector: Sequence[float] | Doubles) -> Doubles:
-    array = _finite(name, vector)
-    length = np.linalg.norm(array)
+    length = np.linalg.norm(array) if is_unit else 1.0
     if not length:
         raise ValueError(f"{name} must not be of length 0")
     return np.asarray(array / length)
 
 
-def tint_of(volume: Volume, looks: TransferTable, labels: Labels | None) -> Tint:
+def tint_of(volume: Volume, looks: TransferTable, labels: "Labels | None") -> Tint:
     """Return the colors of a volume that has some; for labels, the colors of their rules.
 
     Colors are interpolated, so invisible voxels take the mean color of visible ones around them.
-
-    `volume`: with colors (Z, Y, X, 3 or 4). `labels`: labels of its voxels.
     """
-    assert volume.colors is not None
-    deep, down, across = volume.values.shape
-    padded = (deep + 2 * PAD, down + 2 * PAD, across + 2 * PAD)
-    require_memory(6 * prod(padded), f"colors of {volume.name}")
-    most = 1.0  # linear light of the brightest channel of any voxel, at least 1
-    if volume.colors.dtype.kind == "f":
-        lights = (float(linear_colors(plane).max(initial=0.0)) for plane in volume.colors)
-        most = max(most, *lights)
-    found = np.empty((*padded, 3), np.uint16)
-    for z, plane in enumerate(_filled(volume, looks, labels)):
-        levels = np.rint(np.clip(plane / most, 0, 1) * FULL).astype(np.uint16)
-        found[z + PAD] = np.pad(levels, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
-    found[:PAD], found[-PAD:] = found[PAD], found[-PAD - 1]
-    return Tint(found.reshape(-1, 3), most)
-
-
-def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iterator[Floats]:
-    """Yield planes (Y, X, 3) of linear light; invisible voxels get colors from around them."""
     import cv2
 
+    colors, deep = np.asarray(volume.colors), len(volume.values)
+    padded = tuple(count + 2 * PAD for count in volume.values.shape)
+    require_memory(6 * prod(padded), f"colors of {volume.name}")
+    most = 1.0  # linear light of the brightest channel of any voxel, at least 1
+    if colors.dtype.kind == "f":
+        most = max(most, *(float(linear_colors(plane).max(initial=0.0)) for plane in colors))
     thick = looks.table[..., 3].max(axis=0) > 0
     thick = thick.reshape(1 if labels is None else 1 + len(labels.rules), -1)
 
     def plane_at(z: int) -> tuple[Floats, Floats]:
+        """Return the linear light (Y, X, 3) of a slice, and which of its voxels are visible."""
         values = volume.values[z].astype(np.float64)
         column = (values - looks.low) / (looks.high - looks.low) * (thick.shape[1] - 1)
         column = np.rint(np.clip(np.nan_to_num(column), 0, thick.shape[1] - 1))
-        number = np.zeros(values.shape, np.uint8)
-        assert volume.colors is not None
-        light = linear_colors(volume.colors[z])
+        number, light = np.zeros(values.shape, np.uint8), linear_colors(colors[z])
         if labels is not None:
             number = labels.numbers(slice(z, z + 1))[0] - 1
             for n, rule in enumerate(labels.rules.values()):
@@ -248,8 +199,9 @@ def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iter
         seen = thick[number, column.astype(np.int64)] & np.isfinite(values)
         return light, seen.astype(np.float32)
 
-    planes = {z: plane_at(z) for z in range(min(2, len(volume.values)))}
-    for z in range(len(volume.values)):
+    found = np.empty((*padded, 3), np.uint16)
+    planes = {z: plane_at(z) for z in range(min(2, deep))}
+    for z in range(deep):
         light, seen = planes[z]
         if not seen.all():
             near = [planes[n] for n in (z - 1, z, z + 1) if n in planes]
@@ -257,18 +209,18 @@ def _filled(volume: Volume, looks: TransferTable, labels: Labels | None) -> Iter
             count = np.asarray(sum(cv2.blur(mask, (3, 3)) for _, mask in near))
             mean = total / np.maximum(count, 1e-9)[..., None]
             light = np.where(((seen == 0) & (count > 1e-6))[..., None], mean, light)
-        yield np.asarray(light, np.float32)
+        levels = np.clip(np.asarray(light, np.float32) / most, 0, 1)
+        levels = np.rint(levels * FULL).astype(np.uint16)
+        found[z + PAD] = np.pad(levels, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
         planes.pop(z - 1, None)
-        if z + 2 < len(volume.values):
+        if z + 2 < deep:
             planes[z + 2] = plane_at(z + 2)
+    found[:PAD], found[-PAD:] = found[PAD], found[-PAD - 1]
+    return Tint(found.reshape(-1, 3), most)
 
 
 def numbered(known: Flags, numbers: Callable[[slice], Flags], values: NDArray[np.generic]) -> Flags:
-    """Return the look index of voxels as in `LatticeField.known`: 0 where missing.
-
-    `known`: which are not missing, in the same form; or (0,): all. `numbers`: returns the indices
-    of some slices' voxels, from 1. `values`: (Z, Y, X) of all voxels.
-    """
+    """Return look indices of voxels, from 1, as in `LatticeField.known`: 0 if missing."""
     padded = tuple(count + 2 * PAD for count in values.shape)
     found = array_like(values, padded, np.uint8, "the numbers of looks")
     for z in range(len(values)):
@@ -281,9 +233,7 @@ def numbered(known: Flags, numbers: Callable[[slice], Flags], values: NDArray[np
 
 
 SKIPPED = 2  # slices next to a voxel that do not shadow it, so that surfaces are fully lit
-FINEST = (
-    320  # cells along the longest side of the grid of light; of larger volumes, voxels share cells
-)
+FINEST = 320  # cells along the longest side of the grid of light; in larger ones, voxels share them
 COARSE = 128  # the same for ambient light, which varies slowly
 AROUND = 32  # directions of ambient light
 REACH = 0.12  # of the visible diagonal: matter farther away occludes no ambient light
@@ -297,10 +247,9 @@ Extinctions = Iterable[Floats]
 
 
 def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
-    """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light that reach cells.
+    """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light at cells.
 
-    `extinction`: (Z, Y, X) optical depth per scene unit. `lattice`: (3, 3) columns are the steps to
-    the next cell along x, y and z, scene units.
+    `lattice`: (3, 3) columns are the steps to the next cell along x, y and z, scene units.
     """
     share = np.full((*extinction.shape, 2), ALL, np.uint8)
     if light.shadows and light.direction is not None:
@@ -340,15 +289,26 @@ def _merged(values: Floats, per: tuple[int, int, int]) -> Floats:
     return np.asarray(wide.reshape(z, per[0], y, per[1], x, per[2]).mean(axis=(1, 3, 5)))
 
 
+def _around(shift: Doubles, size: tuple[int, ...]) -> list[tuple[tuple[slice, slice], np.float32]]:
+    """Return where a slice of a size lies at the four integer shifts around one, and weights."""
+    whole = np.floor(shift).astype(int)
+    part, found = shift - whole, []
+    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        weight = (part[0] if down else 1 - part[0]) * (part[1] if right else 1 - part[1])
+        if weight > 0:
+            top, left = whole[0] + down, whole[1] + right
+            at = slice(top, top + size[0]), slice(left, left + size[1])
+            found.append((at, np.float32(weight)))
+    return found
+
+
 def optical_depths(
     extinction: Floats, lattice: Doubles, toward: Doubles, reach: float = math.inf
 ) -> Iterator[tuple[tuple[slice | int, ...], Floats]]:
-    """Yield optical depths between the cells of each slice and a distant light.
+    """Yield an index and optical depths of each slice of cells to a distant light.
 
-    `extinction`: (Z, Y, X) optical depth per scene unit; 0 outside. `lattice`: (3, 3) columns are
-    the steps to the next cell along x, y and z, scene units. `toward`: (3,) scene direction of the
-    light. Yields: a slice's index in `extinction`, and the depths of its cells. The `SKIPPED`
-    nearest slices do not count.
+    `extinction`: (Z, Y, X) optical depth per scene unit; 0 outside. `toward`: (3,) direction of the
+    light. The `SKIPPED` nearest slices do not count.
     """
     along = np.linalg.solve(lattice, toward)[::-1]  # cells along z, y and x
     axis = int(np.argmax(np.abs(along)))
@@ -367,12 +327,13 @@ def optical_depths(
         for before, sign in ((n - SKIPPED, length), (n - first_out, -length)):
             if before >= 0:
                 part = sign * slices[order[before]]
-                shift = base - before * shear
-                rows, columns = part.shape
-                for down, right, weight in _parts(shift):
-                    total[down : down + rows, right : right + columns] += weight * part
+                for at, weight in _around(base - before * shear, part.shape):
+                    total[at] += weight * part
+        found = np.zeros(slices.shape[1:], np.float32)  # the slice in the sheared buffer
+        for at, weight in _around(base - n * shear, found.shape):
+            found += weight * total[at]
         place: tuple[slice | int, ...] = (*(slice(None),) * axis, index)
-        yield place, np.maximum(0, _read(total, slices.shape[1:], base - n * shear))
+        yield place, np.maximum(0, found)
 
 
 def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
@@ -383,7 +344,7 @@ def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
     index = np.rint((voxels.position - voxels.position[0]) @ to_index.T).astype(np.int64)[:, ::-1]
     index = index - index.min(axis=0)
     size = index.max(axis=0) + 1
-    per = cells_of(size)
+    per = math.ceil(max(size) / FINEST)  # voxels along the sides of a cell
     grid = _grid_of(size, per)
     depth, densest = voxels.extinction.astype(np.float64), float(voxels.extinction.max())
     if per > 1 and densest > 0:
@@ -411,16 +372,27 @@ def field_transmittance(
 ) -> list[Reached]:
     """Return the light at the points of fields, dimmed by all of them.
 
-    `scene`: covers all of them. `parts`: each volume, and its optical depths per scene unit of
-    some slices at a time, in order. `clip`: (M, 4) planes; what they cut away takes no light.
+    `scene` covers the volumes of `parts`, whose optical depths come in slabs. What the planes of
+    `clip` (M, 4) cut away takes no light.
     """
     size, lattice = np.array(scene.values.shape), lattice_of(scene)
-    per = cells_of(size)
+    per = math.ceil(max(size) / FINEST)
     total, pers = np.zeros(_grid_of(size, per), np.float32), []
     for volume, extinctions in parts:
         coarser = per * np.cbrt(abs(np.linalg.det(lattice) / np.linalg.det(lattice_of(volume))))
-        pers.append(max(cells_of(volume.values.shape), round(coarser)))
-        thick = _thickness(volume, extinctions, clip, pers[-1])
+        pers.append(max(math.ceil(max(volume.values.shape) / FINEST), round(coarser)))
+        # Mean optical depths of cells, outside of what planes cut away
+        thick, first = np.zeros(_grid_of(np.array(volume.values.shape), pers[-1]), np.float32), 0
+        for part in extinctions:
+            z, y, x = np.ogrid[first : first + len(part), : part.shape[1], : part.shape[2]]
+            kept = np.ones(part.shape, bool)
+            for plane in clip:
+                a, b, c = plane[:3] @ lattice_of(volume)
+                kept &= a * x + b * y + c * z + plane[:3] @ volume.origin >= -plane[3]
+            across = _merged(np.where(kept, part, np.float32(0)), (1, pers[-1], pers[-1]))
+            for n, row in enumerate(across, first):
+                thick[n // pers[-1]] += row / np.float32(pers[-1])
+            first += len(part)
         total += _moved(thick, (volume, pers[-1]), (scene, per), total.shape, "grid-constant")
     share = light_transmittance(total, per * lattice, light)
     found = []
@@ -432,12 +404,9 @@ def field_transmittance(
 
 
 def _moved(
-    values: NDArray[Any],
-    of: tuple[Volume, int],
-    to: tuple[Volume, int],
-    grid: tuple[int, ...],
+    values: NDArray[Any], of: tuple[Volume, int], to: tuple[Volume, int], grid: tuple[int, ...],
     mode: str,
-) -> NDArray[Any]:
+) -> NDArray[Any]:  # fmt: skip
     """Interpolate one volume's cell values at the cells of another; `mode`: beyond its border."""
     (given, per), (wanted, other) = of, to
     to_cell = np.linalg.inv(per * lattice_of(given))
@@ -455,49 +424,8 @@ def _moved(
     )
 
 
-def _thickness(volume: Volume, extinctions: Extinctions, clip: Doubles, per: int) -> Floats:
-    """Return mean optical depths (Z, Y, X) per scene unit of cells, `per` voxels a side."""
-    thick = np.zeros(_grid_of(np.array(volume.values.shape), per), np.float32)
-    first = 0
-    for part in extinctions:
-        z, y, x = np.ogrid[first : first + len(part), : part.shape[1], : part.shape[2]]
-        kept = np.ones(part.shape, bool)  # what planes do not cut away
-        for plane in clip:
-            a, b, c = plane[:3] @ lattice_of(volume)
-            kept &= a * x + b * y + c * z + plane[:3] @ volume.origin >= -plane[3]
-        across = _merged(np.where(kept, part, np.float32(0)), (1, per, per))
-        for n, row in enumerate(across, first):
-            thick[n // per] += row / np.float32(per)
-        first += len(part)
-    return thick
-
-
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:
     """Return the number of cells along z, y and x."""
     grid = tuple((-(-size // per)).tolist())
     require_memory(BYTES_PER_CELL * math.prod(grid), "the grid of light")
     return grid
-
-
-def cells_of(size: NDArray[np.int64] | tuple[int, ...]) -> int:
-    """Return the samples per side of a cell of light, for a volume's size."""
-    return math.ceil(max(size) / FINEST)
-
-
-def _parts(shift: Doubles) -> Iterator[tuple[int, int, np.float32]]:
-    """Return the four integer shifts around a shift, with their weights."""
-    whole = np.floor(shift).astype(int)
-    part = shift - whole
-    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        weight = (part[0] if down else 1 - part[0]) * (part[1] if right else 1 - part[1])
-        if weight > 0:
-            yield whole[0] + down, whole[1] + right, np.float32(weight)
-
-
-def _read(total: Floats, size: tuple[int, ...], shift: Doubles) -> Floats:
-    """Read a slice from the sheared buffer."""
-    rows, columns = size
-    found = np.zeros((rows, columns), np.float32)
-    for down, right, weight in _parts(shift):
-        found += weight * total[down : down + rows, right : right + columns]
-    return found

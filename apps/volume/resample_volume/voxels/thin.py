@@ -27,18 +27,10 @@ from resample_volume.types import Volume
 VALUES = (1.0, 0.75, 0.95, 1.1)
 
 
-class Levels(NamedTuple):
-    """Samples of a field in 8 bits, and what they mean."""
-
-    level: Flags  # (Z, Y, X)
-    zero: float  # data units of level 0
-    scale: float  # data units
-
-
-def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
+def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> tuple[Flags, float, float]:
     """Samples of a spline as thick as the voxels of the higher of two values.
 
-    `values`: (Z, Y, X). `two`: ascending, all that there are.
+    Result: levels (Z, Y, X) of 8 bits, and the value of level 0 and of a step.
     """
     zero = 1.0 - max(VALUES)
     scale = (max(VALUES) - zero) / np.iinfo(np.uint8).max
@@ -58,7 +50,7 @@ def with_true_thickness(values: NDArray[np.generic], two: Doubles) -> Levels:
         level[z] = table[here.view(np.uint8), thin]
         before, here = here, behind
     span = float(two[1] - two[0])
-    return Levels(level, float(two[0]) + zero * span, scale * span)
+    return level, float(two[0]) + zero * span, scale * span
 
 
 BYTES_PER_THIN = 8  # bytes of a sample between thick slices, besides its field
@@ -94,10 +86,7 @@ SAME = Thin(0, 1)
 
 
 def thin_of(volume: Volume) -> Thin:
-    """Return how slices are made thin; not at all if they are about as far apart as samples.
-
-    Nor if there are too many voxels, if these have colors, or if they are in a mapped file.
-    """
+    """Return how slices are made thin; `SAME` if they are near, many, colored or in a file."""
     spacing = np.abs(np.asarray(volume.spacing, np.float64))[::-1]
     axis = int(spacing.argmax())
     within = [n for n in range(3) if n != axis]
@@ -112,10 +101,7 @@ def thin_of(volume: Volume) -> Thin:
 
 
 def thin_that_fits(volume: Volume, projection: Projection, *, stays: bool) -> Thin:
-    """Return how slices are made thin; not if only thick ones fit in memory or are wanted.
-
-    Nor for means along rays: a spline preserves sums of voxels.
-    """
+    """Return how slices are made thin, if they fit in memory and rays do not average."""
     is_mean = projection in MEASURING and projection not in EXTREMES
     thin = SAME if is_mean or stays else thin_of(volume)
     for one in dict.fromkeys((thin, SAME)):
@@ -146,11 +132,6 @@ def of_samples(volume: Volume, thin: Thin) -> Volume:
     return volume._replace(values=values, spacing=spacing, origin=origin)
 
 
-def repeated(flags: NDArray[Any], thin: Thin) -> NDArray[Any]:
-    """Repeat properties of voxels (Z, Y, X, ...) for samples."""
-    return np.repeat(flags, thin.parts, axis=thin.axis)
-
-
 def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
     """Convert cells of light over voxels to cells over samples along the thin axis."""
     if thin.parts == 1:
@@ -179,11 +160,7 @@ def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> 
 
 
 def thinned(values: NDArray[Any], thin: Thin, *, is_within: bool) -> tuple[Floats, float]:
-    """Compute the samples of thin slices, minus the least value, and that value.
-
-    `values`: (Z, Y, X) all finite. `thin`: axis and number of samples per voxel, more than one.
-    `is_within`: clamp samples to the voxels that they come from.
-    """
+    """Compute samples of thin slices minus the least value, and that; clamped if `is_within`."""
     from scipy.ndimage import spline_filter1d
 
     shape = list(values.shape)
@@ -215,23 +192,15 @@ class _Slices(NamedTuple):
     grain: Plane  # levels of 255, the same on all slices: straight edges only move across
 
 
-class _Path(NamedTuple):
-    """Flow (Y, X, 2) from a slice to an adjacent one, samples."""
-
-    way: Plane
-    opposite: Plane  # on the adjacent one, back
-    turn: Plane  # as of `_flow_mismatch`
-    is_back: bool  # whether to the slice before
-
-
 def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
     """Write the thin slices of a group of thick ones."""
     last = len(slices.value) - 1
     # Flows (Y, X, 2) from a slice to the next and back, samples, by the first slice of the pair.
     flows: dict[int, tuple[Plane, Plane]] = {}
     for before in range(first, min(first + GROUP, last + 1)):
-        start = max(0, _first_after(before, parts))
-        end = min(len(found), _first_after(before + 1, parts))
+        # Thin slices at or after a thick one, and before the next
+        start, end = (-((-(2 * n + 1) * parts + 1) // 2) for n in (before, before + 1))
+        start, end = max(0, start), min(len(found), end)
         at = [(n + 0.5) / parts - 0.5 for n in range(start, end)]
         if before < 0 or before == last or slices.span == 0:
             # Beyond the outermost slices there is only a spline.
@@ -242,55 +211,33 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
                 flows[pair] = _flows(slices, pair)
         for pair in [pair for pair in flows if pair < before - 1]:
             del flows[pair]
-        _put_between(slices, found[start:end], at, before, flows)
-
-
-def _put_between(
-    slices: _Slices,
-    found: Floats,
-    at: list[float],
-    before: int,
-    flows: dict[int, tuple[Plane, Plane]],
-) -> None:
-    """Write thin slices at some positions between a thick one and the next."""
-    on, back = flows[before]
-    _, back_before = flows.get(before - 1, (None, None))
-    on_next, _ = flows.get(before + 1, (None, None))
-    paths = (
-        _Path(on, back, _flow_mismatch(on, back_before), is_back=False),
-        _Path(back, on, _flow_mismatch(back, on_next), is_back=True),
-    )
-    # Bound the spline's error between two slices: small where differences do not grow
-    fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
-    for middle in (before, before + 1):
-        a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
-        np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
-        np.maximum(second, np.abs(b + d - 2 * c), out=second)
-    fourth, second = _smooth(fourth), _smooth(second)
-    growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
-    trust = _fit(slices, np.asarray(fourth * growth**GROWTH), UNSURE)
-    for n, place in enumerate(at):
-        share = trust
-        total = trust * _spline_at(slices, place)
-        for path in paths:
-            between, apart = _along(slices, before, place - before, path)
-            fit = _fit(slices, _smooth(apart), 1.0)
-            share = share + fit
-            total += fit * between
-        found[n] = total / share
-
-
-def _flow_mismatch(way: Plane, other: Plane | None) -> Plane:
-    """Return how much the flow from a slice differs from the flow to it, given negated."""
-    if other is None:
-        return np.zeros_like(way)
-    most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
-    return _smooth(np.clip(way + other, -most, most))
-
-
-def _first_after(slice_: int, count: int) -> int:
-    """Return the index of the first thin slice at or after a thick one."""
-    return -((-(2 * slice_ + 1) * count + 1) // 2)
+        on, back = flows[before]
+        others = flows.get(before - 1, (None, None))[1], flows.get(before + 1, (None, None))[0]
+        paths = []  # how flows from a slice differ from those to it, given negated
+        for way, opposite, other in ((on, back, others[0]), (back, on, others[1])):
+            turn = np.zeros_like(way)
+            if other is not None:
+                most = np.float32(MOST_TURN) * (np.abs(way) + np.abs(other))
+                turn = _smooth(np.clip(way + other, -most, most))
+            paths.append((way, opposite, turn, way is back))
+        # Bound the spline's error between two slices: small where differences do not grow
+        fourth, second = np.zeros((2, *slices.value.shape[1:]), np.float32)
+        for middle in (before, before + 1):
+            a, b, c, d, e = (slices.value[_mirrored(middle + n, slices)] for n in range(-2, 3))
+            np.maximum(fourth, np.abs(a + e - 4 * (b + d) + 6 * c), out=fourth)
+            np.maximum(second, np.abs(b + d - 2 * c), out=second)
+        fourth, second = _smooth(fourth), _smooth(second)
+        growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
+        trust = _fit(slices, np.asarray(fourth * growth**GROWTH), UNSURE)
+        for n, place in enumerate(at, start):
+            share = trust
+            total = trust * _spline_at(slices, place)
+            for path in paths:
+                between, apart = _along(slices, before, place - before, *path)
+                fit = _fit(slices, _smooth(apart), 1.0)
+                share = share + fit
+                total += fit * between
+            found[n] = total / share
 
 
 def _spline_at(slices: _Slices, at: float) -> Plane:
@@ -298,12 +245,8 @@ def _spline_at(slices: _Slices, at: float) -> Plane:
     first = int(np.floor(at))
     t = at - first
     u = 1.0 - t
-    weight = (
-        u**3 / 6,
-        (3 * t**3 - 6 * t * t + 4) / 6,
-        (3 * u**3 - 6 * u * u + 4) / 6,
-        t**3 / 6,
-    )
+    inner = (3 * t**3 - 6 * t * t + 4) / 6, (3 * u**3 - 6 * u * u + 4) / 6
+    weight = (u**3 / 6, *inner, t**3 / 6)
     planes = (slices.coefficient[_mirrored(first + n, slices)] for n in range(-1, 3))
     found = np.asarray(sum(np.float32(w) * p for w, p in zip(weight, planes, strict=True)))
     if not slices.is_within:
@@ -346,14 +289,16 @@ def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
 
 
-def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, Plane]:
+def _along(
+    slices: _Slices, before: int, t: float, way: Plane, opposite: Plane, turn: Plane, is_back: bool
+) -> tuple[Plane, Plane]:
     """Interpolate at 0..1 along the flow between slices; also return how much they differ.
 
-    Where the backward flow disagrees, that adds to the difference.
+    `way`: flow (Y, X, 2) from a slice to an adjacent one, before it if `is_back`, and `opposite`
+    on that one, back; samples.
     """
     import cv2
 
-    way, turn, is_back = path.way, path.turn, path.is_back
     height, width = way.shape[:2]
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     edge = cv2.BORDER_REPLICATE
@@ -371,7 +316,7 @@ def _along(slices: _Slices, before: int, t: float, path: _Path) -> tuple[Plane, 
     one = _moved(slices, start, right + before_it * here[..., 0], down + before_it * here[..., 1])
     right, down = right + behind_it * here[..., 0], down + behind_it * here[..., 1]
     two = _moved(slices, end, right, down)
-    lost = here + cv2.remap(path.opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
+    lost = here + cv2.remap(opposite, right, down, cv2.INTER_LINEAR, borderMode=edge)
     astray = np.hypot(lost[..., 0], lost[..., 1])
     between = behind_it * one + passed * two
     off = np.abs(one - two) + np.float32(ASTRAY * slices.span) * np.minimum(astray, MOST_ASTRAY)

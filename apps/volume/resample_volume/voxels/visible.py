@@ -1,5 +1,6 @@
 """Classify voxels: apply the transfer function, leave transparent voxels out."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -7,25 +8,16 @@ from numpy.typing import NDArray
 
 from resample.outofcore.passes import memoized
 from resample.types import Doubles, Floats, Indices
-from resample_volume.classification.regions import Faded
 from resample_volume.classification.transfer import (
     DataRange,
+    Faded,
     Transfer,
     evaluated,
     extinction,
     visible_places,
 )
+from resample_volume.data import values as stored
 from resample_volume.data.recordings import linear_colors
-from resample_volume.data.values import (
-    Stored,
-    as_array,
-    kernel_layers,
-    require_beside,
-    require_memory,
-    side_by_side,
-    slabs,
-    values_of,
-)
 from resample_volume.types import Volume
 
 if TYPE_CHECKING:
@@ -54,24 +46,15 @@ class Voxels(NamedTuple):
 
 
 def classify(
-    volume: Volume,
-    transfer: Transfer,
-    *,
-    gradient: str | None = "central",
-    gradient_opacity: tuple[float, float] | None = None,
-    labels: "Labels | None" = None,
-) -> Voxels:
+    volume: Volume, transfer: Transfer, *, gradient: str | None = "central",
+    gradient_opacity: tuple[float, float] | None = None, labels: "Labels | None" = None,
+) -> Voxels:  # fmt: skip
     """Apply a transfer function, and return the visible voxels.
 
-    `volume`: of any type, also mapped from a file: it is read in chunks and not copied. `transfer`:
-    gives colors and opacities. If all voxels are transparent, none is returned. `gradient`: one of
-    `GRADIENTS`: central differences, or these smoothed across (1-2-1) for noisy data; None if
-    voxels will not be shaded. Missing and infinite values take no part. `gradient_opacity`: opacity
-    is multiplied by a ramp that rises from 0 to 1 between these two lengths of the gradient, as
-    fractions of their 99th percentile; so surfaces stay and homogeneous regions vanish. `labels`:
-    rules for voxels of some labels, applied after all of the above. Raises ValueError: the gradient
-    is unknown or missing, the ramp descends, the labels are of another shape, or the voxels do not
-    fit in memory.
+    Values in a file are read in chunks. `gradient` is one of `GRADIENTS`: central differences, or
+    these smoothed across (1-2-1) for noisy data; None if voxels will not be shaded. Missing and
+    infinite values take no part. `gradient_opacity` multiplies opacity by a ramp between two
+    gradient lengths, as fractions of their 99th percentile. Labels are applied last.
     """
     whole = transfer if gradient_opacity is None else Faded(transfer, gradient_opacity)
     if gradient is not None and gradient not in GRADIENTS:
@@ -84,20 +67,22 @@ def classify(
     data_range = finite_range(volume.values) if transfer.normalized else (0.0, 1.0)
     place, value, slope = visible_with_slopes(volume, whole, data_range, gradient)
     length = np.linalg.norm(slope, axis=1) if whole.needs_gradient else None
-    steep, count = steepness(length), value.size
+    steep, count = max_gradient(length), value.size
     color, opacity = np.empty((count, 3), np.float32), np.empty(count, np.float32)
 
     def look(share: slice) -> None:
         slopes = None if length is None else length[share]
         color[share], opacity[share] = whole.classify(value[share], slopes, data_range, steep)
 
-    side_by_side(look, count)
+    stored.side_by_side(look, count)
     if volume.colors is not None:
         color = linear_colors(volume.colors.reshape(-1, volume.colors.shape[-1])[place])
     if labels is not None:
         color, opacity = labels.applied(place, color, opacity)
     kept = np.flatnonzero(opacity > 0)
-    require_memory(BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels")
+    stored.require_memory(
+        BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels"
+    )
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
         slope = slope if gradient is None else slope[kept]
@@ -106,8 +91,7 @@ def classify(
     if whole.needs_gradient or labels is not None:
         thickness = extinction(opacity, unit)
     else:
-        shown = value if kept.size == count else value[kept]
-        thickness = np.empty(shown.size, np.float32)
+        shown, thickness = value[kept], np.empty(kept.size, np.float32)
 
         def thick(values: NDArray[Any], data_range: DataRange) -> Floats:
             return extinction(whole.classify(values, None, data_range, 0.0)[1], unit)
@@ -115,33 +99,23 @@ def classify(
         def find(share: slice) -> None:
             thickness[share] = evaluated(thick, shown[share], data_range)
 
-        side_by_side(find, shown.size)
+        stored.side_by_side(find, shown.size)
     return Voxels(positions_at(volume, place), color, thickness, slope, lattice)
 
 
-def steepness(length: Floats | None) -> float:
-    """Return the gradient length of a full surface.
-
-    `length`: (N,) data units per scene unit, of the voxels whose value the transfer function may
-    show. If empty, the result is 0.
-    """
+def max_gradient(length: Floats | None) -> float:
+    """Return the gradient length of a full surface, of lengths (N,); 0 without any."""
     if length is None or not length.size:
         return 0.0
-    first, share = steep_rank(length.size)
-    last = min(first + 1, length.size - 1)
-    ordered = np.partition(length, [first, last])
-    return steep_between(float(ordered[first]), float(ordered[last]), share)
+    return steep_of(length.size, lambda ranks: np.partition(length, ranks)[ranks].tolist())
 
 
-def steep_rank(count: int) -> tuple[int, float]:
-    """Return the rank of a full surface among ascending lengths, and the fraction to the next."""
+def steep_of(count: int, lengths_at: Callable[[list[int]], list[float]]) -> float:
+    """Return the length of a full surface, interpolated between two ranks of ascending lengths."""
     place = (count - 1) * STEEP / 100
-    return int(place), place - int(place)
-
-
-def steep_between(low: float, high: float, share: float) -> float:
-    """Interpolate the length of a full surface between two."""
-    return low if low == high else low + share * (high - low)
+    first = int(place)
+    low, high = lengths_at([first, min(first + 1, count - 1)])
+    return low if low == high else low + (place - first) * (high - low)
 
 
 def unit_of(transfer: Transfer, volume: Volume) -> float:
@@ -151,9 +125,9 @@ def unit_of(transfer: Transfer, volume: Volume) -> float:
 
 
 @memoized(lambda values: values)
-def finite_range(values: Stored) -> DataRange:
+def finite_range(values: stored.Stored) -> DataRange:
     """Return the least and greatest finite value; (0, 1) if there is none."""
-    low, high = values_of(values).range()
+    low, high = stored.values_of(values).range()
     return (low, high) if low <= high else (0.0, 1.0)
 
 
@@ -163,28 +137,24 @@ def lattice_of(volume: Volume) -> Doubles:
 
 
 def gradients_at(volume: Volume, voxel: Indices, gradient: str) -> Floats:
-    """Return gradients (N, 3) of voxels, data units per scene unit, along the scene's axes.
-
-    `voxel`: (N,) indices into the flat volume, z slowest, in the order of it or of the painter's
-    bricks.
-    """
-    from resample_volume.kernels.gradients import find_gradients
+    """Return gradients (N, 3) of voxels by flat index, data units per scene unit."""
+    from resample_volume.kernels.voxels import find_gradients
 
     to_scene = np.ascontiguousarray(np.linalg.inv(lattice_of(volume)).T)  # from slopes per voxel
     slope, is_smooth = np.empty((voxel.size, 3), np.float32), gradient == "sobel"
-    for voxels, near, first in kernel_layers(np.asarray(volume.values), voxel):
+    for voxels, near, first in stored.kernel_layers(np.asarray(volume.values), voxel):
         place, found = voxel[voxels] - first if first else voxel[voxels], slope[voxels]
 
         def fill(share: slice, near: Any = near, place: Any = place, found: Any = found) -> None:
             find_gradients(near, place[share], to_scene, is_smooth, found[share])
 
-        side_by_side(fill, place.size)
+        stored.side_by_side(fill, place.size)
     return slope
 
 
 def positions_at(volume: Volume, voxel: Indices) -> Floats:
     """Return scene positions (N, 3) of voxels by flat index (N,), z slowest."""
-    from resample_volume.kernels.gradients import place
+    from resample_volume.kernels.voxels import place
 
     position = np.empty((voxel.size, 3), np.float32)
     origin = np.asarray(volume.origin, np.float64)
@@ -193,31 +163,31 @@ def positions_at(volume: Volume, voxel: Indices) -> Floats:
     def find(share: slice) -> None:
         place(voxel[share], shape, lattice, origin, position[share])
 
-    side_by_side(find, voxel.size)
+    stored.side_by_side(find, voxel.size)
     return position
 
 
 def visible_with_slopes(
     volume: Volume, transfer: Transfer, data_range: DataRange, gradient: str | None
 ) -> tuple[Indices, NDArray[Any], Floats]:
-    """Return the voxels with non-zero opacity at some slope, neighbours close to each other.
+    """Return flat indices (N,), values (N,) and slopes (N, 3) of the visible voxels.
 
-    Result: indices (N,) into the flat volume, values (N,), and slopes (N, 3) in data units per
-    scene unit, or (0, 3) without a gradient. Parameters and errors as of `classify`. They are in
-    the order of the painter's bricks, which speeds painters up.
+    They may be visible at some slope, and come in the order of the painter's bricks.
     """
-    from resample_volume.kernels.gradients import brick_order
+    from resample_volume.kernels.voxels import brick_order
 
-    volume = as_array(volume)
+    volume = stored.as_array(volume)
     size = BYTES_PER_CANDIDATE if transfer.needs_gradient else BYTES_PER_VOXEL
     parts = []
     start = count = 0
-    for chunk in slabs(volume.values):
+    for chunk in stored.slabs(volume.values):
         value = chunk.reshape(-1)
         index = visible_places(transfer, value, data_range)
         parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
-        require_beside(volume.values, size * count, f"{volume.name} with {count} visible voxels")
+        stored.require_beside(
+            volume.values, size * count, f"{volume.name} with {count} visible voxels"
+        )
     place, found = map(np.concatenate, zip(*parts, strict=True))
     order = np.empty(place.size, np.int64)
     brick_order(place, volume.values.shape, order)

@@ -169,7 +169,7 @@ class Contest:
         seen = subject.samples_for(self.camera)
         cuts = self.subject.cuts(self.camera)
         frame = painted_with_bar(resampler, seen, self.camera, self.size, clip=cuts)
-        frame = subject.developed(frame)
+        frame = subject.tone.developed(frame)
         return frame.rgba, frame.statistics.splat_fraction
 
 
