@@ -7,11 +7,10 @@ from scipy.spatial import cKDTree
 from resample_points.data.cloud import Cloud
 from resample_points.data.curves import curve_through
 from resample_points.geometry import sorting, spacing
-from resample_points.geometry.kernels.cells import Spaced
-from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
-from resample_points.geometry.kernels.neighbours import blocks_of
 from resample_points.geometry.sorting import canonical
 from resample_points.geometry.spacing import prepare_cloud
+from resample_points.kernels.cells import Spaced
+from resample_points.kernels.neighbours import NeighbourCounts, blocks_of, measure_all
 
 RNG = np.random.default_rng(5)
 FEW, MANY = spacing.NEIGHBOURS, spacing.MORE_NEIGHBOURS

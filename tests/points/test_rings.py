@@ -7,7 +7,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample_points import Cloud, prepare_cloud, render_cloud
-from resample_points.geometry import rings
+from resample_points.geometry import scans as rings
 from tests.points import spinning
 
 NONE = np.empty((0, 3), np.float32)

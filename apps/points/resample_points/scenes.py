@@ -23,8 +23,7 @@ from resample_points.files.readers import read_cloud
 from resample_points.geometry.framing import FIELD, ball_around, framed, framed_together
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, ProjectedCamera, places_at, shrunken
-from resample_points.painting.indexing import index_cloud
-from resample_points.painting.rendering import CloudStyle, render_cloud
+from resample_points.painting.rendering import CloudStyle, index_cloud, render_cloud
 
 FEW = 200_000  # most points of previews
 Shape = tuple[int, int]  # height and width, px
@@ -259,3 +258,21 @@ def _zoomed(camera: Camera, zoom: float) -> Camera:
     matrix = camera.matrix.copy()
     matrix[:2, :2] *= zoom
     return replace(camera, matrix=matrix)
+
+
+def film_job(cameras: Sequence[Any], shape: Shape, background: Any) -> dict[str, Any]:
+    """Return what the frames of every film depend on."""
+    from resample.files.animations import fingerprint
+    from resample.lazy import installed_version
+
+    numbers = [  # intrinsics, in perspective or parallel
+        each.matrix if hasattr(each, "matrix") else (each.sx, each.sy, each.cx, each.cy)
+        for each in cameras
+    ]
+    poses = np.stack([camera.world_to_camera for camera in cameras])
+    return {
+        "cameras": fingerprint(np.array(numbers, np.float64), poses),
+        "size": list(shape),
+        "background": list(background),
+        "version": installed_version(),
+    }

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from resample.cameras.calibrations import Calibration
     from resample.cameras.viewpoints import Viewpoint
     from resample_points.data.cloud import Cloud
-    from resample_points.data.selecting import Wanted
+    from resample_points.data.columns import Wanted
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import Shape
 
@@ -140,7 +140,7 @@ class CloudOptions(Choices):
         from resample import registry
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
-        from resample_points.data.selecting import box_of
+        from resample_points.data.columns import box_of
 
         self.style()
         self.conditions()
@@ -156,7 +156,7 @@ class CloudOptions(Choices):
 
     def conditions(self) -> "list[Wanted]":
         """Return the conditions of --only."""
-        from resample_points.data.selecting import wanted_of
+        from resample_points.data.columns import wanted_of
 
         return [wanted_of(text) for text in self.only]
 

@@ -21,8 +21,8 @@ def facts_in(path: Path) -> dict[str, Any]:
     ValueError, OSError
         It cannot be read.
     """
-    from resample_points.files.coordinate_systems import coordinate_system_of
-    from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
+    from resample_points.files.gaussians.formats import is_gaussians, read_gaussians
+    from resample_points.files.las import coordinate_system_of
     from resample_points.files.readers import LASER, read_cloud
 
     if is_gaussians(path):
@@ -35,7 +35,7 @@ def facts_in(path: Path) -> dict[str, Any]:
 
 
 def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
-    from resample_points.data.coloring import MEANINGS, SCANNED
+    from resample_points.data.columns import MEANINGS, SCANNED
 
     columns = {name: _ends(values) for name, values in sorted(cloud.columns.items())}
     number = cloud.columns.get(SCANNED[1], np.zeros(0, np.uint8))

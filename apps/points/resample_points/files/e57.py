@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from resample.progress import report
 from resample.reading.limits import check_ratio
 from resample.reading.native import damage, lacking
-from resample_points.data.cloud import Cloud
-from resample_points.data.coloring import colored_as_scanned
-from resample_points.data.fields import COLORS, Fields, cloud_of
+from resample_points.data.cloud import COLORS, Cloud, Fields, cloud_of
+from resample_points.data.columns import colored_as_scanned
 from resample_points.data.parts import STEP, CloudBuilder, storage_for
 
 SIGNATURE = b"ASTM-E57"

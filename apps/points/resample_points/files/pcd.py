@@ -9,9 +9,8 @@ import numpy as np
 
 from resample.console import say_of
 from resample.reading.limits import check_unpacked
-from resample_points.data.cloud import Cloud
-from resample_points.data.fields import Fields, cloud_of
-from resample_points.files.parsing import NUMBER, binary_cloud, header_of, text_fields
+from resample_points.data.cloud import Cloud, Fields, cloud_of
+from resample_points.files.plain import NUMBER, binary_cloud, header_of, text_fields
 
 UNMOVED = [0, 0, 0, 1, 0, 0, 0]  # x, y, z and a quaternion, w first
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
@@ -63,7 +62,7 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
 
 def _compressed_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
     """Read columns stored one after the other, compressed by LZF."""
-    from resample_points.files.kernels.lzf import unpack
+    from resample_points.kernels.lzf import unpack
 
     sizes = file.read(8)
     packed, size = struct.unpack("<II", sizes) if len(sizes) == 8 else (0, 0)

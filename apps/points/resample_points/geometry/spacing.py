@@ -26,8 +26,7 @@ from resample.types import Doubles, Floats, Indices
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.curves import curve_through
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
-from resample_points.geometry.rings import MeasuredDiscs, has_lines, shape_of, widened
-from resample_points.geometry.scanner import scanned
+from resample_points.geometry.scans import MeasuredDiscs, has_lines, scanned, shape_of, widened
 from resample_points.geometry.sorting import Ordered, in_order
 
 NEIGHBOURS = 13  # with the point itself
@@ -47,9 +46,8 @@ WIDTH = 9  # numbers per point: a normal and two half axes
 # Modules that measure discs.
 CODE = (
     "resample_points.geometry.spacing",
-    "resample_points.geometry.rings",
-    "resample_points.geometry.scanner",
-    "resample_points.geometry.kernels",
+    "resample_points.geometry.scans",
+    "resample_points.kernels",
 )
 UNKNOWN = np.zeros(0, np.int32)
 
@@ -153,7 +151,7 @@ def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
             measure = partial(_measured, position, normal, axes, largest, -ordered.origin)
             measured_once(position, normal, axes, largest, -ordered.origin, measure)
     if count and len(cloud.radius):
-        from resample_points.geometry.kernels.cells import lay
+        from resample_points.kernels.cells import lay
 
         lay(normal, cloud.radius, axes)
     return Surfels(ordered.origin, position, axes, cloud.color, is_oriented, ordered.source)
@@ -235,7 +233,7 @@ def _measured_places(
 
     `is_along`: the curve is that through the points' bounding box.
     """
-    from resample_points.geometry.kernels.cells import limit
+    from resample_points.kernels.cells import limit
 
     count = len(position)
     is_known = bool(len(normal)) and bool(normal[:1].any())
@@ -281,9 +279,8 @@ def _measured_alone(
     position: Floats, normal: Floats, axes: Floats, neighbours: int = NEIGHBOURS
 ) -> MeasuredDiscs:
     """Fill in normals and discs by the nearest neighbours alone."""
-    from resample_points.geometry.kernels.cells import Spaced
-    from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
-    from resample_points.geometry.kernels.neighbours import blocks_of
+    from resample_points.kernels.cells import Spaced
+    from resample_points.kernels.neighbours import NeighbourCounts, blocks_of, measure_all
 
     count = len(position)
     discs = Spaced(axes, zeros_beside(position, (count,), F4))
@@ -318,7 +315,7 @@ def _sizes(axes: Floats) -> Floats:
 
 def _is_crowded(position: Floats) -> bool:
     """Whether many points of a sorted cloud share a code, because of far stray points."""
-    from resample_points.geometry.kernels.neighbours import BLOCK
+    from resample_points.kernels.neighbours import BLOCK
 
     if len(position) <= BLOCK:
         return False

@@ -11,7 +11,7 @@ from resample.messages import check_threads
 from resample.progress import report
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import Cloud, check_cloud, columns_of
-from resample_points.data.coloring import SCANNED
+from resample_points.data.columns import SCANNED
 from resample_points.data.parts import rows_of, span_in
 
 QUANTITIES = ("z", "color", "class", "intensity", "density")
@@ -229,7 +229,7 @@ def _band(
 
     `side`: of bins of points, cells. `is_class`: values are those of single points.
     """
-    from resample_points.painting.kernels.rasters import DOUBLINGS, fill_cells
+    from resample_points.kernels.rasters import DOUBLINGS, fill_cells
 
     border, (first, last) = side * (1 << DOUBLINGS), band
     places, given = [], []
