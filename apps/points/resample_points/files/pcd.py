@@ -41,21 +41,15 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
     try:
         names = header["FIELDS"] if "FIELDS" in header else header["COLUMNS"]
         counts = [int(word) for word in header.get("COUNT", ["1"] * len(names))]
-        sizes, types = (
-            map(int, header["SIZE"]),
-            [PCD_TYPES[word.upper()] for word in header["TYPE"]],
-        )
+        sizes = map(int, header["SIZE"])
+        types = [PCD_TYPES[word.upper()] for word in header["TYPE"]]
         sides = ["POINTS"] if "POINTS" in header else ["WIDTH", "HEIGHT"]
         points = math.prod(int(header[side][0]) for side in sides)
         # Padding is often called _ several times.
         own = [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
         described = zip(own, types, sizes, counts, strict=True)
-        return points, np.dtype(
-            [
-                (name, f"<{letter}{size}", (count,) if count > 1 else ())
-                for name, letter, size, count in described
-            ]
-        )
+        fields = [(n, f"<{t}{size}", (k,) if k > 1 else ()) for n, t, size, k in described]
+        return points, np.dtype(fields)
     except (KeyError, IndexError, ValueError, TypeError):
         raise ValueError("has no PCD header with FIELDS, SIZE, TYPE and POINTS that fit") from None
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -182,18 +183,12 @@ def _has_decimal_commas(text: str) -> bool:
 def _names(line: str) -> list[str]:
     """Return the column names of a line; empty if it holds a number."""
     words = line.strip().lstrip("#/").split()
-    if any(_is_number(word) for word in words):
-        return []
+    for word in words:
+        with suppress(ValueError):
+            float(word)
+            return []
     known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
     return [word.lower() if word.lower() in known else word for word in words]
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _without_counts(path: Path, lines: list[str]) -> list[str]:
@@ -213,26 +208,20 @@ def _is_comment(line: str) -> bool:
 
 def _usual_names(table: Doubles, suffix: str) -> list[str]:
     """Return the usual names of columns for a table without names."""
-    width = table.shape[1]
+    width, rest = table.shape[1], table[:, 3:]
     usual = {6: WITH_NORMALS} if suffix == ".xyzn" else COLUMNS
     if width not in usual:
         raise ValueError(f"has {width} columns; known are {', '.join(usual.values())}, or {NAMED}")
     names = usual[width]
-    if width == len(WITH_NORMALS.split()) and _are_normals(table[:, 3:]):
-        names = WITH_NORMALS
-    if width == len(COLORS_FIRST.split()) and _are_levels(table[:, 3:6]) > _are_levels(
-        table[:, 4:]
-    ):
+    # Vectors of length 1, one of which has a negative part, are normals: colors have none.
+    if width == len(WITH_NORMALS.split()) and rest.min(initial=0) < 0:
+        are_unit = np.all(np.abs(np.sqrt((rest * rest).sum(axis=1)) - 1) < UNIT)
+        names = WITH_NORMALS if are_unit else names
+    if width == len(COLORS_FIRST.split()) and _are_levels(rest[:, :3]) > _are_levels(rest[:, 1:]):
         names = COLORS_FIRST
     if suffix == ".pts":
         names = names.replace("value", "intensity")
     return names.split()
-
-
-def _are_normals(values: Doubles) -> bool:
-    """Whether vectors (N, 3) have the length 1, and one has a negative part; colors have none."""
-    lengths = np.sqrt((values * values).sum(axis=1))
-    return bool(values.min(initial=0) < 0 and np.all(np.abs(lengths - 1) < UNIT))
 
 
 def _are_levels(values: Doubles) -> bool:
