@@ -183,14 +183,21 @@ def cloud_of(fields: Fields, white: float | None = None) -> Cloud:
     if position is None:
         raise ValueError(f"has no x, y and z; it has {', '.join(fields) or 'nothing'}")
     single = position.dtype.kind == "f" and position.dtype.itemsize <= 4
-    normal = _stacked(fields, NORMALS)
+    normal, levels = _stacked(fields, NORMALS), _stacked(fields, COLORS)
+    for name in PACKED:
+        if levels is None and name in fields:
+            packed, white = fields[name], BITS_8
+            if packed.dtype.itemsize != 4:
+                raise ValueError(f"packs colors into {packed.dtype.itemsize} bytes; 4 can be read")
+            bits = np.ascontiguousarray(packed).view(np.uint32 if packed.dtype.isnative else ">u4")
+            levels = np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], 1).astype(np.uint8)
     radius = fields.get("radius", np.zeros(0))
     known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
     known |= {*PACKED, "radius"}
     return Cloud(
         position.astype(np.float32 if single else np.float64),
-        np.zeros((0, 3), np.float32) if normal is None else normal.astype(np.float32),
-        _colors(fields, white),
+        NO_ROWS if normal is None else normal.astype(np.float32),
+        NO_ROWS if levels is None else linear(levels, white),
         radius.astype(np.float32),
         {
             name: column
@@ -227,17 +234,6 @@ def white_of(kind: np.dtype[Any], most: float) -> float:
     return float(min(bits, greatest))
 
 
-def _colors(fields: Fields, white: float | None) -> Floats:
-    """Return a file's colors in linear light (N, 3), or (0, 3)."""
-    levels = _stacked(fields, COLORS)
-    for name in PACKED:
-        if levels is None and name in fields:
-            levels, white = _unpacked(fields[name]), BITS_8
-    if levels is None:
-        return np.zeros((0, 3), np.float32)
-    return linear(levels, white)
-
-
 def linear(levels: NDArray[Any], white: float | None = None) -> Floats:
     """Return linear light of sRGB levels; `white` as of `cloud_of`."""
     if white is None:
@@ -249,11 +245,3 @@ def linear(levels: NDArray[Any], white: float | None = None) -> Floats:
 def most_of(levels: NDArray[Any]) -> float:
     """Return the greatest finite level, at least 0."""
     return float(np.nan_to_num(levels, nan=0.0, posinf=0.0).max(initial=0))
-
-
-def _unpacked(packed: NDArray[Any]) -> NDArray[np.uint8]:
-    """Unpack red, green and blue (N, 3) from the bits of numbers."""
-    if packed.dtype.itemsize != 4:
-        raise ValueError(f"packs colors into {packed.dtype.itemsize} bytes; 4 can be read")
-    bits = np.ascontiguousarray(packed).view(np.uint32 if packed.dtype.isnative else ">u4")
-    return np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], axis=1).astype(np.uint8)

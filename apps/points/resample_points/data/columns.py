@@ -1,6 +1,7 @@
 """Color and choose the points of a cloud by its columns, and join clouds."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,7 +92,14 @@ def colored(
         return color
 
     color = _per_point(cloud, color_of)
-    classes = tuple(number for number in _classes(value) if low <= number <= high)
+    # Few whole numbers are classes.
+    found = set[float]()
+    for rows in rows_of(value):
+        found.update(np.unique(value[rows])[: CLASSES + 1].tolist())
+        if len(found) > CLASSES or not all(float(number).is_integer() for number in found):
+            found = set()
+            break
+    classes = tuple(number for number in sorted(map(int, found)) if low <= number <= high)
     return cloud._replace(color=color), Scale(column, colormap, (low, high), classes)
 
 
@@ -101,17 +109,6 @@ def _share(value: Doubles, span: Range) -> Doubles:
     if not low < high:
         return np.full_like(value, 0.5)
     return np.asarray(np.clip((value - low) / (high - low), 0.0, 1.0))
-
-
-def _classes(values: NDArray[Any]) -> list[int]:
-    """Return the distinct values, if they are at most `CLASSES` whole numbers; else nothing."""
-    found = set[float]()
-    for rows in rows_of(values):
-        part = np.unique(values[rows])
-        found.update(part[: CLASSES + 1].tolist())
-        if len(found) > CLASSES or not all(float(value).is_integer() for value in found):
-            return []
-    return sorted(map(int, found))
 
 
 def colored_as_scanned(cloud: Cloud) -> Cloud:
@@ -178,10 +175,15 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
     if given is None:
         return whole
     words = given.split(",") if isinstance(given, str) else [str(float(end)) for end in given]
-    try:
-        first, last = (_end(word.strip(), values) for word in words)
-    except ValueError:
-        raise ValueError(f"a range of {given!r}; give low,high, such as 0,255 or 2%,98%") from None
+    ends = list[float]()
+    with suppress(ValueError):
+        ends = [
+            quantile_of(values, float(word[:-1]) / 100.0) if word.endswith("%") else float(word)
+            for word in map(str.strip, words)
+        ]
+    if len(ends) != 2 or not np.isfinite(ends).all():
+        raise ValueError(f"a range of {given!r}; give low,high, such as 0,255 or 2%,98%")
+    first, last = ends
     if first == last:
         raise ValueError(
             f"a range of {given!r}, which is from {first:g} to {last:g}; give a wider one"
@@ -192,16 +194,6 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
             "for reversed colors"
         )
     return first, last
-
-
-def _end(word: str, values: NDArray[Any]) -> float:
-    """Return one end of a span."""
-    if word.endswith("%"):
-        return quantile_of(values, float(word[:-1]) / 100.0)
-    number = float(word)
-    if not np.isfinite(number):
-        raise ValueError
-    return number
 
 
 GRAY = 0.8  # linear color of points without one, beside points that have colors
@@ -216,8 +208,8 @@ class Wanted(NamedTuple):
     @property
     def text(self) -> str:
         """The condition as it is given."""
-        spans = (f"{a:g}" if a == b else f"{_told(a)}:{_told(b)}" for a, b in self.ranges)
-        return f"{self.column}={','.join(spans)}"
+        spans = (f"{a:g}" if a == b else f"{a:g}:{b:g}" for a, b in self.ranges)
+        return f"{self.column}={','.join(spans).replace('-inf', '').replace('inf', '')}"
 
     def holds(self, values: NDArray[Any]) -> NDArray[np.bool_]:
         """Mark the values (N,) to keep."""
@@ -260,7 +252,7 @@ def select_points(cloud: Cloud, only: Sequence[str] = (), crop: str | None = Non
     kept: NDArray[np.bool_] = zeros_beside(cloud.position, (len(cloud.position),), np.bool_)
     kept[:] = True
     for wanted in conditions:
-        values = _values(cloud, wanted.column)
+        values = _column(cloud, wanted.column)
         for rows in rows_of(values):
             kept[rows] &= wanted.holds(np.asarray(values[rows]))
         if not kept.any():
@@ -360,15 +352,3 @@ def _range(word: str) -> Range | None:
     except ValueError:
         return None
     return (low, high) if low <= high else None
-
-
-def _told(number: float) -> str:
-    return f"{number:g}" if np.isfinite(number) else ""
-
-
-def _values(cloud: Cloud, name: str) -> NDArray[Any]:
-    if name in cloud.columns:
-        return np.asarray(cloud.columns[name])
-    if name not in AXES:
-        raise ValueError(f"there is no column {name!r}; known: {', '.join(columns_of(cloud))}")
-    return np.asarray(part_of(cloud, "position")[:, AXES.index(name)])

@@ -167,9 +167,29 @@ def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussian
     ValueError
         An array has another shape, or none can be drawn.
     """
-    parts: dict[str, Any] = {name: _part(gaussians, name, shape) for name, shape in SHAPES.items()}
-    harmonics = _harmonics(gaussians, len(parts["position"]))
-    whole = gaussians._replace(**parts, harmonics=harmonics)
+    parts: dict[str, Any] = {}
+    count = len(np.atleast_1d(gaussians.position))
+    for name, shape in SHAPES.items():
+        array = np.asarray(getattr(gaussians, name))
+        if array.dtype.kind not in "iuf" or array.shape != (count, *shape):
+            wanted = (count, *shape)
+            raise ValueError(
+                f"{name} of Gaussians has the shape {array.shape}; it must be {wanted}"
+            )
+        with np.errstate(over="ignore"):  # a number beyond float32 is left out
+            parts[name] = np.ascontiguousarray(array, np.float32)
+    array = np.asarray(gaussians.harmonics)
+    is_known = array.ndim == 3 and array.shape[1] in COUNTS and array.shape[2] == 3
+    if array.size == 0:
+        array = np.zeros((count, 0, 3), np.int16)
+    elif not is_known or len(array) != count or array.dtype != np.int16:
+        raise ValueError(
+            f"harmonics of Gaussians have the shape {array.shape} and type {array.dtype}; they "
+            f"must be int16 ({count}, K, 3) with K = 0, 3, 8 or 15"
+        )
+    elif not 0 < gaussians.harmonic_step < np.inf:
+        raise ValueError(f"a harmonic step of {gaussians.harmonic_step}; it must be above 0")
+    whole = gaussians._replace(**parts, harmonics=array)
     known = are_drawable(whole)
     left_out = len(known) - np.count_nonzero(known)
     if left_out == len(known):
@@ -188,32 +208,6 @@ def with_unit_rotations(gaussians: Gaussians) -> Gaussians:
     """Return Gaussians with quaternions of length 1."""
     norm = np.sqrt(np.einsum("nk,nk->n", gaussians.rotation, gaussians.rotation))
     return gaussians._replace(rotation=gaussians.rotation / norm[:, None])
-
-
-def _part(gaussians: Gaussians, name: str, shape: tuple[int, ...]) -> Floats:
-    """Return an array of Gaussians in float32, checking its shape."""
-    array = np.asarray(getattr(gaussians, name))
-    wanted = (len(np.atleast_1d(gaussians.position)), *shape)
-    if array.dtype.kind not in "iuf" or array.shape != wanted:
-        raise ValueError(f"{name} of Gaussians has the shape {array.shape}; it must be {wanted}")
-    with np.errstate(over="ignore"):  # a number beyond float32 is left out
-        return np.ascontiguousarray(array, np.float32)
-
-
-def _harmonics(gaussians: Gaussians, count: int) -> NDArray[np.int16]:
-    """Return checked coefficients (N, K, 3)."""
-    array = np.asarray(gaussians.harmonics)
-    if array.size == 0:
-        return np.zeros((count, 0, 3), np.int16)
-    is_known = array.ndim == 3 and array.shape[1] in COUNTS and array.shape[2] == 3
-    if not is_known or len(array) != count or array.dtype != np.int16:
-        raise ValueError(
-            f"harmonics of Gaussians have the shape {array.shape} and type {array.dtype}; they "
-            f"must be int16 ({count}, K, 3) with K = 0, 3, 8 or 15"
-        )
-    if not 0 < gaussians.harmonic_step < np.inf:
-        raise ValueError(f"a harmonic step of {gaussians.harmonic_step}; it must be above 0")
-    return array
 
 
 def are_drawable(gaussians: Gaussians) -> NDArray[np.bool_]:
@@ -304,23 +298,18 @@ def kept_by(gaussians: Gaussians, crop: Crop) -> NDArray[np.bool_]:
         raise ValueError(f"a least opacity of {least_opacity:g}; give a number from 0 to 1")
     kept: NDArray[np.bool_] = gaussians.opacity >= least_opacity
     if box is not None:
-        low, high = _corners(box)
-        position = gaussians.position
-        kept &= ((position >= low) & (position <= high)).all(axis=1)
+        corners = np.asarray(box, np.float64)
+        if corners.shape != (2, 3) or not (corners[0] <= corners[1]).all():
+            raise ValueError(
+                f"a box of {corners.tolist()!r:.100}; give its lowest and highest corner, (2, 3)"
+            )
+        low, high = corners
+        kept &= ((gaussians.position >= low) & (gaussians.position <= high)).all(axis=1)
     if largest is not None:
         if not largest > 0:
             raise ValueError(f"a largest size of {largest:g}; give scene units above 0")
         kept &= gaussians.scale.max(axis=1, initial=0) <= largest
     return kept
-
-
-def _corners(box: ArrayLike) -> Doubles:
-    corners = np.asarray(box, np.float64)
-    if corners.shape != (2, 3) or not (corners[0] <= corners[1]).all():
-        raise ValueError(
-            f"a box of {corners.tolist()!r:.100}; give its lowest and highest corner, (2, 3)"
-        )
-    return corners
 
 
 AXES_UP = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
@@ -371,7 +360,22 @@ def placed_gaussians(gaussians: Gaussians, pose: ArrayLike) -> Gaussians:
     x, y, z, w = Rotation.from_matrix(turn).as_quat()
     product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
     rotation = (np.asarray(gaussians.rotation, np.float64) @ product.T).astype(np.float32)
-    return _with_turned_harmonics(moved, turn)._replace(rotation=rotation, up=None)
+    moved = moved._replace(rotation=rotation, up=None)
+    harmonics, largest = gaussians.harmonics, 0.0
+    if not (count := harmonics.shape[1]):
+        return moved
+    matrix = turned_harmonics(turn, count).astype(np.float32)
+
+    def mixed(rows: slice) -> Floats:
+        return np.asarray(np.matmul(matrix, harmonics[rows].astype(np.float32)), np.float32)
+
+    for rows in parts_of(len(harmonics)):
+        largest = max(largest, float(np.abs(mixed(rows)).max(initial=0.0)))
+    ratio = max(1.0, largest / WIDEST)  # a coarser step only where the numbers grow
+    turned = np.empty_like(harmonics)
+    for rows in parts_of(len(harmonics)):
+        turned[rows] = rounded_to(mixed(rows), ratio)
+    return moved._replace(harmonics=turned, harmonic_step=gaussians.harmonic_step * ratio)
 
 
 def with_up(gaussians: Gaussians, up: str) -> Gaussians:
@@ -412,28 +416,6 @@ def _similarity(pose: ArrayLike) -> tuple[Doubles, float, Doubles]:
     left, _, right = np.linalg.svd(linear)  # the closest rotation
     turn = linear / size if np.array_equal(linear, size * np.eye(3)) else left @ right
     return turn, size, matrix[:3, 3]
-
-
-def _with_turned_harmonics(gaussians: Gaussians, turn: Doubles) -> Gaussians:
-    """Return Gaussians whose harmonics are turned, with a new step."""
-    count = gaussians.harmonics.shape[1]
-    if not count:
-        return gaussians
-    matrix = turned_harmonics(turn, count).astype(np.float32)
-    harmonics, largest = gaussians.harmonics, 0.0
-    for rows in parts_of(len(harmonics)):
-        largest = max(largest, float(np.abs(_mixed(matrix, harmonics[rows])).max(initial=0.0)))
-    ratio = max(1.0, largest / WIDEST)  # a coarser step only where the numbers grow
-    turned = np.empty_like(harmonics)
-    for rows in parts_of(len(harmonics)):
-        turned[rows] = rounded_to(_mixed(matrix, harmonics[rows]), ratio)
-    return gaussians._replace(harmonics=turned, harmonic_step=gaussians.harmonic_step * ratio)
-
-
-def _mixed(matrix: Floats, harmonics: NDArray[np.int16]) -> Floats:
-    """Apply a matrix (K, K) to coefficients (N, K, 3)."""
-    mixed: Floats = np.matmul(matrix, harmonics.astype(np.float32))
-    return mixed
 
 
 def joined_gaussians(
@@ -477,35 +459,28 @@ def joined_gaussians(
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in moved]) for name in SHAPES
     }
-    harmonics, step = _joined_harmonics(moved)
+    # Join harmonics of several degrees and steps.
+    width = max(part.harmonics.shape[1] for part in moved)
+    harmonics = np.zeros((len(arrays["position"]), width, 3), np.int16)
+    known_steps = {part.harmonic_step for part in moved if part.harmonics.size}
+    sizes = [
+        max(-int(part.harmonics.min()), int(part.harmonics.max())) * part.harmonic_step
+        for part in moved
+        if part.harmonics.size
+    ]
+    step = known_steps.pop() if len(known_steps) == 1 else step_of(max(sizes, default=0.0))
+    first = 0
+    for part in moved:
+        count = part.harmonics.shape[1]
+        for rows in parts_of(len(part.position) if count else 0):
+            some = part.harmonics[rows]
+            if part.harmonic_step != step:
+                some = rounded_to(some.astype(np.float32) * np.float32(part.harmonic_step), step)
+            harmonics[first + rows.start : first + rows.stop, :count] = some
+        first += len(part.position)
     up = ups.pop() if len(ups) == 1 else None
     seen = [part.training for part in moved if part.training is not None]
     known = next((training for training in seen if not training.is_estimated), None)
     return Gaussians(**arrays, harmonics=harmonics, harmonic_step=step)._replace(
         is_antialiased=modes == {True}, up=up, training=known
     )
-
-
-def _joined_harmonics(parts: Sequence[Gaussians]) -> tuple[NDArray[np.int16], float]:
-    """Join coefficients of several degrees and steps."""
-    width = max(part.harmonics.shape[1] for part in parts)
-    joined = np.zeros((sum(len(part.position) for part in parts), width, 3), np.int16)
-    with_any = [part for part in parts if part.harmonics.size]
-    steps = {part.harmonic_step for part in with_any}
-    step = steps.pop() if len(steps) == 1 else step_of(max(map(_largest, with_any), default=0.0))
-    first = 0
-    for part in parts:
-        count = part.harmonics.shape[1]
-        for rows in parts_of(len(part.position) if count else 0):
-            some = part.harmonics[rows]
-            if part.harmonic_step != step:
-                some = rounded_to(some.astype(np.float32) * np.float32(part.harmonic_step), step)
-            joined[first + rows.start : first + rows.stop, :count] = some
-        first += len(part.position)
-    return joined, step
-
-
-def _largest(gaussians: Gaussians) -> float:
-    """Return the largest size of a coefficient."""
-    low, high = int(gaussians.harmonics.min()), int(gaussians.harmonics.max())
-    return max(-low, high) * gaussians.harmonic_step

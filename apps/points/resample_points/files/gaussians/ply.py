@@ -6,7 +6,6 @@ Gaussian, and ranges per 256 of them.
 
 import logging
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,18 +50,7 @@ def read_trained(file: PlyFile) -> Gaussians:
 
 
 class TrainedFile:
-    """Gaussians of a PLY file that are decoded on demand.
-
-    Parameters
-    ----------
-    file
-        Header of the file.
-
-    Raises
-    ------
-    ValueError
-        It has no Gaussians, or too many.
-    """
+    """Gaussians of a PLY file that are decoded on demand."""
 
     def __init__(self, file: PlyFile) -> None:
         missing = sorted(NEEDED - file.names())
@@ -70,8 +58,20 @@ class TrainedFile:
             raise ValueError(f"has no property {missing[0]} of Gaussians")
         self.path, self._file, self._records = file.path, file, file.records("vertex")
         self.count = check_count(file.path.name, len(self._records))
-        self._rest = _rest_names(file.names())
-        self._step = _step(self._records, self._rest)
+        # Find the names of harmonics, channel by channel, and the step of the largest number.
+        count = sum(name.startswith("f_rest_") for name in file.names())
+        each = count // 3
+        if count % 3 or each not in {*COUNTS, FOURTH}:
+            raise ValueError(f"has {count} harmonics f_rest_*; degrees 1 to 3 have 9, 24 or 45")
+        kept = range(min(each, COUNTS[-1]))
+        self._rest = [f"f_rest_{channel * each + n}" for channel in range(3) for n in kept]
+        if not file.names().issuperset(self._rest):
+            raise ValueError(f"has {count} harmonics f_rest_*, which are not numbered from 0")
+        largest = 0.0
+        for rows in parts_of(self.count if count else 0):
+            part = np.asarray(self._records[rows])
+            largest = max(largest, *(largest_of(part[name]) for name in self._rest))
+        self._step = step_of(largest)
 
     def tell(self) -> None:
         """Say what of the file may not mean what its writer meant, once it is shown."""
@@ -102,7 +102,23 @@ class TrainedFile:
 
     def decode(self, made: Gaussians, into: slice, rows: slice) -> None:
         """Decode some rows of the file into rows of arrays."""
-        _decode(made, into, np.asarray(self._records[rows]), self._rest)
+        records = np.asarray(self._records[rows])
+        made.position[into] = stacked(records, POSITION)
+        is_flat = SCALE[2] not in (records.dtype.names or ())
+        scale = exponentials(stacked(records, SCALE[: 2 if is_flat else 3]))
+        if is_flat:  # the third one is small
+            third = FLAT * scale.min(axis=1, keepdims=True)
+            scale = np.concatenate([scale, third], axis=1)
+        made.scale[into], made.rotation[into] = scale, stacked(records, ROTATION)
+        made.opacity[into] = sigmoids(records["opacity"])
+        made.color[into] = stacked(records, COLOR)
+        if self._rest:
+            values = stacked(records, self._rest)
+            if not np.isfinite(values).all():  # a Gaussian without a color is left out
+                made.color[into][~np.isfinite(values).all(axis=1)] = np.nan
+                np.nan_to_num(values, copy=False)
+            by_channel = rounded_to(values, made.harmonic_step).reshape(len(values), 3, -1)
+            made.harmonics[into] = by_channel.transpose(0, 2, 1)
 
     def part(self, rows: slice) -> Gaussians:
         """Return some Gaussians of the file, unchecked."""
@@ -116,54 +132,6 @@ class TrainedFile:
         """Return only positions (N, 3) and opacities (N,)."""
         records = self._records[rows]
         return stacked(records, POSITION), sigmoids(records["opacity"])
-
-
-def _rest_names(names: set[str]) -> list[str]:
-    """Return the names of harmonics, channel by channel."""
-    count = sum(name.startswith("f_rest_") for name in names)
-    each = count // 3
-    if count % 3 or each not in {*COUNTS, FOURTH}:
-        raise ValueError(f"has {count} harmonics f_rest_*; degrees 1 to 3 have 9, 24 or 45")
-    kept = min(each, COUNTS[-1])
-    wanted = [f"f_rest_{channel * each + n}" for channel in range(3) for n in range(kept)]
-    if not names.issuperset(wanted):
-        raise ValueError(f"has {count} harmonics f_rest_*, which are not numbered from 0")
-    return wanted
-
-
-def _step(records: NDArray[Any], rest: list[str]) -> float:
-    """Return the step of harmonics by their largest number."""
-    largest = 0.0
-    for rows in parts_of(len(records) if rest else 0):
-        part = np.asarray(records[rows])
-        largest = max(largest, *(largest_of(part[name]) for name in rest))
-    return step_of(largest)
-
-
-def _decode(made: Gaussians, rows: slice, records: NDArray[Any], rest: list[str]) -> None:
-    """Decode some records."""
-    made.position[rows] = stacked(records, POSITION)
-    made.scale[rows] = _scales(records)
-    made.rotation[rows] = stacked(records, ROTATION)
-    made.opacity[rows] = sigmoids(records["opacity"])
-    made.color[rows] = stacked(records, COLOR)
-    if rest:
-        values = stacked(records, rest)
-        known = np.isfinite(values).all()
-        if not known:  # a Gaussian without a color is left out
-            made.color[rows][~np.isfinite(values).all(axis=1)] = np.nan
-            np.nan_to_num(values, copy=False)
-        by_channel = rounded_to(values, made.harmonic_step).reshape(len(values), 3, -1)
-        made.harmonics[rows] = by_channel.transpose(0, 2, 1)
-
-
-def _scales(records: NDArray[Any]) -> Floats:
-    """Return scales (N, 3); those of flat Gaussians have a third one that is small."""
-    if SCALE[2] in (records.dtype.names or ()):
-        return exponentials(stacked(records, SCALE))
-    two = exponentials(stacked(records, SCALE[:2]))
-    third: Floats = FLAT * two.min(axis=1, keepdims=True)
-    return np.concatenate([two, third], axis=1)
 
 
 def trained_bytes(gaussians: Gaussians, comments: list[str]) -> Iterator[bytes]:
@@ -206,13 +174,24 @@ def is_compressed(file: PlyFile) -> bool:
 
 def read_compressed(file: PlyFile) -> Gaussians:
     """Read Gaussians of a compressed PLY file."""
-    chunks, vertices = _checked(file)
+    names = file.names("chunk")
+    ranged = ("x", "y", "z", "scale_x", "scale_y", "scale_z")
+    missing = [f"{end}_{name}" for end in ("min", "max") for name in ranged]
+    missing = [name for name in missing if name not in names]
+    ends = [f"{end}_{name}" for end in ("min", "max") for name in "rgb"]
+    if missing or names.intersection(ends) not in (set(), {*ends}):
+        lacking = missing or [name for name in ends if name not in names]
+        raise ValueError(f"has packed Gaussians, but no {lacking[0]} of their chunks")
+    chunks, vertices = file.records("chunk"), file.records("vertex")
+    wrong = [name for name in PACKED if vertices.dtype[name].newbyteorder("=") != np.uint32]
+    if wrong:
+        raise ValueError(f"has {wrong[0]} of type {vertices.dtype[wrong[0]]}; it must be uint")
     count = check_count(file.path.name, len(vertices))
     if len(chunks) != -(-count // CHUNK):
         raise ValueError(f"has {len(chunks)} chunks for {count} Gaussians; each has up to {CHUNK}")
     levels = _levels(vertices["packed_color"], ((24, 8), (16, 8), (8, 8), (0, 8)))
     colors = levels[:, :3]
-    if "min_r" in file.names("chunk"):
+    if "min_r" in names:
         colors = _between(chunks, colors, "", "rgb")
     packed = vertices["packed_rotation"]
     three = _levels(packed, ((20, 10), (10, 10), (0, 10)))
@@ -229,23 +208,6 @@ def read_compressed(file: PlyFile) -> Gaussians:
         is_antialiased=file.is_antialiased,
         up=file.up,
     )
-
-
-def _checked(file: PlyFile) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return the records of chunks and Gaussians, whose types are right."""
-    ranged = ("x", "y", "z", "scale_x", "scale_y", "scale_z")
-    names = [f"{end}_{name}" for end in ("min", "max") for name in ranged]
-    missing = [name for name in names if name not in file.names("chunk")]
-    colors = [f"{end}_{name}" for end in ("min", "max") for name in "rgb"]
-    given = [name for name in colors if name in file.names("chunk")]
-    if missing or len(given) not in {0, 6}:
-        lacking = missing or [name for name in colors if name not in given]
-        raise ValueError(f"has packed Gaussians, but no {lacking[0]} of their chunks")
-    vertices = file.records("vertex")
-    wrong = [name for name in PACKED if vertices.dtype[name].newbyteorder("=") != np.uint32]
-    if wrong:
-        raise ValueError(f"has {wrong[0]} of type {vertices.dtype[wrong[0]]}; it must be uint")
-    return file.records("chunk"), vertices
 
 
 def _levels(packed: NDArray[np.uint32], bits: tuple[tuple[int, int], ...]) -> Floats:

@@ -10,12 +10,11 @@ import struct
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.types import Doubles
 from resample_points.data.gaussians import Gaussians
 from resample_points.data.harmonics import CONSTANT, COUNTS, rounded_to, step_of
 from resample_points.files.gaussians.decoding import check_count
@@ -66,21 +65,6 @@ LEVELS = 2  # precisions above the exact one
 STEPS = 32767  # of a place to either side of a bucket's middle, unless the file has others
 
 
-class _Section(NamedTuple):
-    """A section's header, and where its parts begin, bytes."""
-
-    held: int  # Gaussians
-    capacity: int  # Gaussians that it has room for
-    in_bucket: int  # Gaussians of a full bucket
-    buckets: int
-    block: float  # side of a bucket, scene units
-    stored: int  # bytes per bucket
-    steps: int
-    full: int  # buckets
-    partial: int  # buckets, whose sizes are listed
-    degree: int
-
-
 def read_ksplat(path: Path) -> Gaussians:
     """Read Gaussians of a `.ksplat` file."""
     data = path.read_bytes()
@@ -94,22 +78,13 @@ def read_ksplat(path: Path) -> Gaussians:
     if sections * SECTION > len(data) - HEAD:
         raise OSError(f"{path} is cut off: it has {sections} sections")
     check_count(path.name, count)
-    if not (low or high):
-        low, high = -1.5, 1.5  # of old writers
+    ends = (low, high) if low or high else (-1.5, 1.5)  # of old writers
     place, found = HEAD + sections * SECTION, list[tuple[NDArray[Any], ...]]()
     for n in range(sections):
-        head = _Section(*PART.unpack_from(data, HEAD + n * SECTION))
-        if head.degree >= len(COUNTS):
-            raise ValueError(f"has harmonics of degree {head.degree}; 0 to 3 are known")
-        record = _record(precision, head.degree)
-        begin = place + 4 * head.partial + head.stored * head.buckets
-        place_of_next = begin + head.capacity * record.itemsize
-        if begin > len(data) or place_of_next > len(data) or head.held > head.capacity:
+        part, place = _section(data, n, place, precision, ends)
+        if not part:
             raise OSError(f"{path} is cut off: section {n + 1} of {sections} is not there")
-        records = np.frombuffer(data, record, head.held, begin)
-        middle = _middles(data, head, place) if precision else np.zeros((head.held, 3))
-        found.append(_decoded(records, head, middle, (low, high)))
-        place = place_of_next
+        found.append(part)
     if sum(len(part[0]) for part in found) == 0:
         raise ValueError("has no Gaussians")
     width = max(part[4].shape[1] for part in found)
@@ -132,48 +107,46 @@ def read_ksplat(path: Path) -> Gaussians:
     )
 
 
-def _record(precision: int, degree: int) -> np.dtype[Any]:
-    """Return the type of stored Gaussians."""
-    place, number = ("<u2", "<f2") if precision else ("<f4", "<f4")
-    harmonic = ("<f4", "<f2", "u1")[precision]
-    return np.dtype(
-        [
-            ("position", place, 3),
-            ("scale", number, 3),
-            ("rotation", number, 4),
-            ("color", "u1", 4),
-            ("harmonics", harmonic, 3 * COUNTS[degree]),
-        ]
+def _section(
+    data: bytes, n: int, place: int, precision: int, ends: tuple[float, float]
+) -> tuple[tuple[NDArray[Any], ...], int]:
+    """Return positions, scales, rotations, levels and harmonics (N, K, 3), and where it ends.
+
+    Arrays are missing if the section is not there. `ends`: of harmonics of 8 bits.
+    """
+    held, capacity, in_bucket, buckets, block, stored, steps, full, partial, degree = (
+        PART.unpack_from(data, HEAD + n * SECTION)
     )
-
-
-def _middles(data: bytes, head: _Section, place: int) -> Doubles:
-    """Return the middle (N, 3) of each Gaussian's bucket; full buckets are first."""
-    sizes = np.frombuffer(data, "<u4", head.partial, place).astype(np.int64)
-    if head.stored < 12 or head.full + head.partial > head.buckets:
-        raise ValueError(f"has buckets of {head.stored} bytes, or more of them than it says")
-    whole = np.concatenate([np.full(head.full, head.in_bucket, np.int64), sizes])
-    if whole.sum() < head.held or whole.max(initial=0) > head.capacity:
-        raise ValueError(f"has buckets of {whole.sum()} Gaussians for {head.held}")
-    raw = np.frombuffer(data, np.uint8, head.buckets * head.stored, place + 4 * head.partial)
-    middle = np.ascontiguousarray(raw.reshape(-1, head.stored)[:, :12]).view("<f4")
-    which = np.repeat(np.arange(len(whole)), whole)[: head.held]
-    return middle.astype(np.float64)[which]
-
-
-def _decoded(
-    records: NDArray[Any], head: _Section, middle: Doubles, ends: tuple[float, float]
-) -> tuple[NDArray[Any], ...]:
-    """Return positions, scales, rotations, levels of colors, and harmonics (N, K, 3)."""
+    if degree >= len(COUNTS):
+        raise ValueError(f"has harmonics of degree {degree}; 0 to 3 are known")
+    whole, number = ("<u2", "<f2") if precision else ("<f4", "<f4")
+    harmonic, count = ("<f4", "<f2", "u1")[precision], 3 * COUNTS[degree]
+    fields = ("position", whole, 3), ("scale", number, 3), ("rotation", number, 4)
+    record = np.dtype([*fields, ("color", "u1", 4), ("harmonics", harmonic, count)])
+    begin = place + 4 * partial + stored * buckets
+    end = begin + capacity * record.itemsize
+    if begin > len(data) or end > len(data) or held > capacity:
+        return (), end
+    records = np.frombuffer(data, record, held, begin)
     position = records["position"].astype(np.float64)
-    if records.dtype["position"].base.kind == "u":
-        steps = head.steps or STEPS
-        position = (position - steps) * (head.block / 2 / steps) + middle
-    stored = records["harmonics"].astype(np.float32)
-    if records.dtype["harmonics"].base.kind == "u":
-        stored = np.float32(ends[0]) + stored * np.float32((ends[1] - ends[0]) / 255)
-    bands = [stored[:, 3 * low : 3 * high] for low, high in pairwise(COUNTS[: head.degree + 1])]
+    if precision:
+        # Places are relative to the middles of buckets, of which the full ones are first.
+        sizes = np.frombuffer(data, "<u4", partial, place).astype(np.int64)
+        if stored < 12 or full + partial > buckets:
+            raise ValueError(f"has buckets of {stored} bytes, or more of them than it says")
+        sizes = np.concatenate([np.full(full, in_bucket, np.int64), sizes])
+        if sizes.sum() < held or sizes.max(initial=0) > capacity:
+            raise ValueError(f"has buckets of {sizes.sum()} Gaussians for {held}")
+        raw = np.frombuffer(data, np.uint8, buckets * stored, place + 4 * partial)
+        middle = np.ascontiguousarray(raw.reshape(-1, stored)[:, :12]).view("<f4")
+        which = np.repeat(np.arange(len(sizes)), sizes)[:held]
+        steps = steps or STEPS
+        position = (position - steps) * (block / 2 / steps) + middle.astype(np.float64)[which]
+    packed = records["harmonics"].astype(np.float32)
+    if harmonic == "u1":
+        packed = np.float32(ends[0]) + packed * np.float32((ends[1] - ends[0]) / 255)
+    bands = [packed[:, 3 * low : 3 * high] for low, high in pairwise(COUNTS[: degree + 1])]
     by_channel = [band.reshape(len(band), 3, -1).transpose(0, 2, 1) for band in bands]
-    none = np.zeros((len(stored), 0, 3), np.float32)
+    none = np.zeros((len(packed), 0, 3), np.float32)
     harmonics = np.concatenate([none, *by_channel], axis=1)
-    return position, records["scale"], records["rotation"], records["color"], harmonics
+    return (position, records["scale"], records["rotation"], records["color"], harmonics), end
