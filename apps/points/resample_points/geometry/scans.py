@@ -90,21 +90,18 @@ def widened(
         along[rows], is_open[rows] = shape.along, ~shape.is_surface
 
     on_threads(begin, rows_of(along))
-    for halvings in _levels(whole, curve, is_open):
-        if not _widened_at(whole, measure, is_known, (curve, halvings), (along, is_open)):
-            return
-
-
-def _levels(whole: MeasuredDiscs, curve: MortonCurve, is_open: Flags) -> range:
-    """Return the numbers of halvings of the curve's box to try, the finest cells first."""
     sample = np.flatnonzero(is_open)
     if not len(sample):
-        return range(0)
+        return
+    # Halve the curve's box to the finest cells first.
     sample = sample[np.linspace(0, len(sample) - 1, min(SAMPLED, len(sample))).astype(np.int64)]
     near, far = np.quantile(whole.spacing[sample], [0.1, 0.9])
     first = np.log2(curve.extent / (BEGINNING * max(float(near), 1e-30)))
     last = np.log2(curve.extent / (BEYOND * max(float(far), 1e-30)))
-    return range(int(np.clip(np.ceil(first), 0, STEPS)), max(int(np.floor(last)), 0), -1)
+    finest, coarsest = int(np.clip(np.ceil(first), 0, STEPS)), max(int(np.floor(last)), 0)
+    for halvings in range(finest, coarsest, -1):
+        if not _widened_at(whole, measure, is_known, (curve, halvings), (along, is_open)):
+            return
 
 
 def _widened_at(
@@ -118,7 +115,9 @@ def _widened_at(
     curve, halvings = level
     along, is_open = state
     side = curve.extent / 2.0**halvings
-    cell = _cells(whole.position, curve, halvings)
+    cell: NDArray[np.uint64] = zeros_beside(whole.position, (len(along),), np.uint64)
+    for rows in rows_of(cell):
+        cell[rows] = curve.codes(whole.position[rows]) >> np.uint64(3 * (STEPS - halvings))
     start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1]))
     middle = (start + np.append(start[1:], len(cell))) // 2
     del cell
@@ -128,7 +127,15 @@ def _widened_at(
         return len(start) >= FEWEST
     thin = measure(np.ascontiguousarray(whole.position[middle[is_near]]))
     number = np.cumsum(is_near) - 1
-    shape = _shapes(thin)
+    count = len(thin.position)
+    flags = (np.zeros(count, np.bool_) for _ in range(3))
+    shape = Lying(zeros_beside(thin.position, (count, 3), np.float32), *flags)
+
+    def find(rows: slice) -> None:
+        for values, part in zip(shape, shape_of(thin, rows), strict=True):
+            values[rows] = part
+
+    on_threads(find, rows_of(thin.position))
 
     def widen(rows: slice) -> None:
         these = np.flatnonzero(
@@ -181,33 +188,20 @@ def _dot(one: Floats, two: Floats) -> Floats:
     return product
 
 
-def _cells(position: Floats, curve: MortonCurve, halvings: int) -> NDArray[np.uint64]:
-    """Return the cells (N,) of points, as numbers along the curve."""
-    cell: NDArray[np.uint64] = zeros_beside(position, (len(position),), np.uint64)
-    for rows in rows_of(position):
-        cell[rows] = curve.codes(position[rows]) >> np.uint64(3 * (STEPS - halvings))
-    return cell
-
-
-def _shapes(thin: MeasuredDiscs) -> Lying:
-    """Return how the neighbours of all points lie."""
-    count = len(thin.position)
-    shape = Lying(
-        zeros_beside(thin.position, (count, 3), np.float32),
-        *(np.zeros(count, np.bool_) for _ in range(3)),
-    )
-
-    def find(rows: slice) -> None:
-        for whole, part in zip(shape, shape_of(thin, rows), strict=True):
-            whole[rows] = part
-
-    on_threads(find, rows_of(thin.position))
-    return shape
-
-
 def shape_of(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
     """Return how the neighbours of some points lie, from the variances along three axes."""
-    xx, xy, xz, yy, yz, zz = _spread(points, rows)
+    # Sum the offsets of neighbours, and their products; subtract the means.
+    here, count = points.position[rows], points.nearest.shape[1]
+    sums = [np.zeros(len(here)) for _ in range(9)]
+    for k in range(count):
+        x, y, z = (points.position[points.nearest[rows, k]] - here).T.astype(np.float64)
+        parts = (x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)
+        sums = [total + part for total, part in zip(sums, parts, strict=True)]
+    x, y, z, *squares = sums
+    means = (x * x, x * y, x * z, y * y, y * z, z * z)
+    xx, xy, xz, yy, yz, zz = (
+        square - mean / (count + 1) for square, mean in zip(squares, means, strict=True)
+    )
     trace = np.maximum(xx + yy + zz, 1e-300)
     xx, xy, xz, yy, yz, zz = (part / trace for part in (xx, xy, xz, yy, yz, zz))
     # Eigenvalues of a symmetric 3 × 3 matrix of trace 1, by Viète's trigonometric solution.
@@ -220,36 +214,18 @@ def shape_of(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> Lying:
     least = np.maximum(1 / 3 + 2 * size * np.cos(angle + 2 * np.pi / 3), 0)
     middle = np.maximum(1 - most - least, 1e-30)
     is_line = middle <= LINE * most
+    # Find the direction of the largest eigenvalue, far above the others, by powers of the matrix.
+    lines = [part[is_line] for part in (xx, xy, xz, xy, yy, yz, xz, yz, zz)]
+    columns = np.stack(lines, axis=1).reshape(-1, 3, 3)
+    longest = np.argmax((columns * columns).sum(axis=1), axis=1)
+    main = np.take_along_axis(columns, longest[:, None, None], axis=2)[:, :, 0]
+    for _ in range(TURNS):
+        main = (columns * main[:, None, :]).sum(axis=2)
+        main /= np.maximum(np.sqrt((main * main).sum(axis=1, keepdims=True)), 1e-300)
     along = np.zeros((len(trace), 3), np.float32)
-    parts = [part[is_line] for part in (xx, xy, xz, yy, yz, zz)]
-    along[is_line] = _main(np.stack(parts, axis=1)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]])
+    along[is_line] = main
     is_surface = (middle >= WIDE * most) & (least <= FLAT * middle)
     return Lying(along, is_line, is_surface, ~is_line & (least > SCATTERED * middle))
-
-
-def _main(matrix: Doubles) -> Doubles:
-    """Return the direction (N, 3) of the largest eigenvalue, far above the others, of (N, 9)."""
-    columns = matrix.reshape(-1, 3, 3)
-    longest = np.argmax((columns * columns).sum(axis=1), axis=1)
-    along = np.take_along_axis(columns, longest[:, None, None], axis=2)[:, :, 0]
-    for _ in range(TURNS):
-        along = (columns * along[:, None, :]).sum(axis=2)
-        along /= np.maximum(np.sqrt((along * along).sum(axis=1, keepdims=True)), 1e-300)
-    return np.asarray(along, np.float64)
-
-
-def _spread(points: MeasuredDiscs, rows: slice | NDArray[np.int64]) -> list[Doubles]:
-    """Return the covariance's six numbers (N,) each, of some points' neighbours and themselves."""
-    here = points.position[rows]
-    sums = [np.zeros(len(here)) for _ in range(9)]
-    for k in range(points.nearest.shape[1]):
-        x, y, z = (points.position[points.nearest[rows, k]] - here).T.astype(np.float64)
-        parts = (x, y, z, x * x, x * y, x * z, y * y, y * z, z * z)
-        sums = [total + part for total, part in zip(sums, parts, strict=True)]
-    count = points.nearest.shape[1] + 1
-    x, y, z, *squares = sums
-    means = (x * x, x * y, x * z, y * y, y * z, z * z)
-    return [square - mean / count for square, mean in zip(squares, means, strict=True)]
 
 
 AROUND = MortonCurve(np.full(3, -1, np.float32), 2.0)  # the curve through all directions

@@ -292,18 +292,9 @@ OUTLINE_SHARE = 0.65  # of that spacing: extent of a cell where there is no neig
 FARTHEST = 5.0  # times that: extent of a cell among neighbours
 CLUMPED = 1.3  # times the distance to the twelfth neighbour: the same, at least
 LONGEST = 8.0  # ratio of a disc's length to its width, at most
-SIMILAR_SPACING = (
-    0.5  # of a point's spacing: neighbours with at least that are as isolated as it is
-)
+SIMILAR_SPACING = 0.5  # of a point's spacing: neighbours with at least that are as isolated
 FEW = 1  # stray points have at most so many of such neighbours
 SLACK = 1.02  # factor by which discs overlap
-
-
-class Spaced(NamedTuple):
-    """Measurements of N points."""
-
-    axes: Floats  # (N, 2, 3) half axes of each point's disc, first × second along the normal
-    spacing: Floats  # (N,) mean distance to the nearest neighbours
 
 
 @inner_kernel
@@ -395,27 +386,6 @@ def _distance(position: Floats, neighbour: Indices, n: int, j: int) -> float:
 
 
 @inner_kernel
-def _outline_radius(position: Floats, neighbour: Indices, n: int) -> float:
-    """Extent of a cell where it has no neighbour: a share of the spacing."""
-    total = 0.0
-    for j in range(1, AROUND + 1):
-        total += _distance(position, neighbour, n, j)
-    return OUTLINE_SHARE * total / AROUND
-
-
-@kernel
-def _half_turned(x: float, y: float, length: float) -> tuple[float, float]:
-    """Cosine and sine of half the angle of (x, y), which is from −π to π."""
-    if length == 0.0:
-        return 1.0, 0.0
-    # Half-angle formulas; take the larger of both by the square root.
-    one = math.sqrt(0.5 * (length + abs(x)) / length)
-    other = 0.5 * abs(y) / (length * one)
-    c, s = (one, other) if x >= 0.0 else (other, one)
-    return c, math.copysign(s, y)
-
-
-@inner_kernel
 def _ellipse(lines: DiscLines, count: int, corners: int) -> tuple[float, float, float, float]:
     """Half axes (x₁, y₁), (x₂, y₂) of a centered ellipse that contains a cell.
 
@@ -438,7 +408,14 @@ def _ellipse(lines: DiscLines, count: int, corners: int) -> tuple[float, float, 
     mean, odd = 0.5 * (xx + yy), math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
     if mean <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    c, s = _half_turned(0.5 * (xx - yy), xy, odd)
+    # Take cosine and sine of half the angle; take the larger of both by the square root.
+    c, s = 1.0, 0.0
+    if odd != 0.0:
+        x = 0.5 * (xx - yy)
+        one = math.sqrt(0.5 * (odd + abs(x)) / odd)
+        other = 0.5 * abs(xy) / (odd * one)
+        c, s = (one, other) if x >= 0.0 else (other, one)
+        s = math.copysign(s, xy)
     long = math.sqrt(mean + odd)
     short = max(math.sqrt(max(0.0, mean - odd)), long / LONGEST)
 
@@ -461,31 +438,17 @@ def measure(
     is_last: bool,
     lines: DiscLines,
     normal: Floats,
-    discs: Spaced,
+    axes: Floats,
+    spacing: Floats,
 ) -> bool:
-    """Measure the normal and the disc of a point.
+    """Measure the normal and the disc of a point; tell whether its cell is open.
 
-    Parameters
-    ----------
-    position
-        (N, 3) of all points.
-    neighbour
-        (M, k) some points and their neighbours, by distance, themselves first.
-    n
-        Row of these.
-    is_last
-        Close the cell if it is open.
-    lines
-        Scratch.
-    normal
-        (N, 3) scaled to unit length; filled where it is 0, with an arbitrary sign.
-    discs
-        Filled.
-
-    Returns
-    -------
-    Whether the point has too few neighbours all around, or lies at a rim; its disc is then left to
-    a last call.
+    The point then has too few neighbours all around, or lies at a rim; its disc is left to a last
+    call, with `is_last`, which closes the cell. `position`: (N, 3) of all points. `neighbour`:
+    (M, k) some points and their neighbours, by distance, themselves first. `n`: row of these.
+    `normal`: (N, 3) scaled to unit length; filled where it is 0, with an arbitrary sign. `axes`,
+    `spacing`: (N, 2, 3), first × second along the normal, and (N,) mean distance to the nearest
+    neighbours; filled.
     """
     # Take the given normal, or the direction in which the neighbours are spread least.
     here = neighbour[n, 0]
@@ -499,7 +462,11 @@ def measure(
     # Clip the cell in the tangent plane.
     frame = across(upward), cross(upward, across(upward))
     half = WIDEST * _distance(position, neighbour, n, neighbour.shape[1])
-    rim = _outline_radius(position, neighbour, n)
+    # Where it has no neighbour a cell extends by a share of the spacing.
+    total = 0.0
+    for j in range(1, AROUND + 1):
+        total += _distance(position, neighbour, n, j)
+    rim = OUTLINE_SHARE * total / AROUND
     if is_last:
         # In a clump the nearest neighbours are too near to tell how far the next ones may be.
         half = min(
@@ -521,63 +488,10 @@ def measure(
     # Fit the disc's ellipse, and map it to space.
     x1, y1, x2, y2 = _ellipse(lines, count, corners)
     for c in range(3):
-        discs.axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
-        discs.axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
-    discs.spacing[here] = np.float32(rim / OUTLINE_SHARE)
+        axes[here, 0, c] = np.float32(x1 * frame[0][c] + y1 * frame[1][c])
+        axes[here, 1, c] = np.float32(x2 * frame[0][c] + y2 * frame[1][c])
+    spacing[here] = np.float32(rim / OUTLINE_SHARE)
     return is_open
-
-
-@kernel
-def _upper_of(numbers: Doubles, count: int) -> float:
-    """Upper quartile of the first `count` numbers, which are sorted in place."""
-    for n in range(1, count):
-        number, place = numbers[n], n
-        while place > 0 and numbers[place - 1] > number:
-            numbers[place] = numbers[place - 1]
-            place -= 1
-        numbers[place] = number
-    return float(numbers[3 * count // 4])
-
-
-@kernel
-def _limit(
-    nearest: Nearest, spacing: Floats, size: Floats, most: float, axes: Floats, chunk: int
-) -> None:
-    """Limit the discs of a chunk; see `limit`."""
-    start = int(np.int64(chunk)) * CHUNK
-    count = nearest.shape[1]
-    sizes, lengths = np.empty(count), np.empty(2)
-    for n in range(start, min(start + CHUNK, size.size)):
-        # Collect the sizes around, and count neighbours as isolated as the point.
-        alike, long = 0, 0.0
-        for j in range(count):
-            there = nearest[n, j]
-            sizes[j] = size[there]
-            alike += int(spacing[there] >= SIMILAR_SPACING * spacing[n])
-        # A stray point gets no margin.
-        factor = most if alike > FEW else 1.0
-        for k in range(2):
-            lengths[k] = _length(axes, n, k)
-            long = max(long, lengths[k])
-        # Skip the sort if enough sizes around are long enough for the quartile to be one of them.
-        enough = 0
-        for j in range(count):
-            enough += int(sizes[j] * factor >= long)
-        if enough >= count - 3 * count // 4:
-            continue
-        # Shorten the axes to the limit.
-        reach = _upper_of(sizes, count) * factor
-        for k in range(2):
-            if lengths[k] > reach:
-                for c in range(3):
-                    axes[n, k, c] *= np.float32(reach / lengths[k])
-
-
-@kernel
-def _length(axes: Floats, n: int, k: int) -> float:
-    """Length of a half axis."""
-    x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
-    return math.sqrt(x * x + y * y + z * z)
 
 
 @parallel_kernel
@@ -600,25 +514,41 @@ def limit(
     nearest of them. `size`: (N,) longest half axes before. `most`: factor of the limit. `axes`: (N,
     2, 3) changed in place.
     """
+    count = nearest.shape[1]
     for chunk in tasks(counter, (nearest.shape[0] + CHUNK - 1) // CHUNK):
-        _limit(nearest, spacing, size, most, axes, chunk)
-
-
-@kernel
-def _lay(normal: Floats, radius: Floats, axes: Floats, chunk: int) -> None:
-    """Fill the discs of a chunk; see `lay`."""
-    start = int(np.int64(chunk)) * CHUNK
-    for n in range(start, min(start + CHUNK, radius.size)):
-        known = (float(normal[n, 0]), float(normal[n, 1]), float(normal[n, 2]))
-        length = math.sqrt(dot(known, known))
-        upward = (known[0] / length, known[1] / length, known[2] / length)
-        one = across(upward)
-        two = cross(upward, one)
-        # Any pair of perpendicular axes will do for a round disc.
-        for c in range(3):
-            normal[n, c] = np.float32(upward[c])
-            axes[n, 0, c] = np.float32(radius[n] * one[c])
-            axes[n, 1, c] = np.float32(radius[n] * two[c])
+        sizes, lengths = np.empty(count), np.empty(2)
+        start = int(np.int64(chunk)) * CHUNK
+        for n in range(start, min(start + CHUNK, size.size)):
+            # Collect the sizes around, and count neighbours as isolated as the point.
+            alike, long = 0, 0.0
+            for j in range(count):
+                there = nearest[n, j]
+                sizes[j] = size[there]
+                alike += int(spacing[there] >= SIMILAR_SPACING * spacing[n])
+            # A stray point gets no margin.
+            factor = most if alike > FEW else 1.0
+            for k in range(2):
+                x, y, z = float(axes[n, k, 0]), float(axes[n, k, 1]), float(axes[n, k, 2])
+                lengths[k] = math.sqrt(x * x + y * y + z * z)
+                long = max(long, lengths[k])
+            # Skip the sort if enough sizes around are long enough to hold the quartile.
+            enough = 0
+            for j in range(count):
+                enough += int(sizes[j] * factor >= long)
+            if enough >= count - 3 * count // 4:
+                continue
+            # Sort the sizes, and shorten the axes to the limit.
+            for j in range(1, count):
+                number, place = sizes[j], j
+                while place > 0 and sizes[place - 1] > number:
+                    sizes[place] = sizes[place - 1]
+                    place -= 1
+                sizes[place] = number
+            reach = sizes[3 * count // 4] * factor
+            for k in range(2):
+                if lengths[k] > reach:
+                    for c in range(3):
+                        axes[n, k, c] *= np.float32(reach / lengths[k])
 
 
 @parallel_kernel
@@ -628,4 +558,15 @@ def lay(counter: Counter, normal: Floats, radius: Floats, axes: Floats) -> None:
     Normals are scaled to unit length.
     """
     for chunk in tasks(counter, (radius.size + CHUNK - 1) // CHUNK):
-        _lay(normal, radius, axes, chunk)
+        start = int(np.int64(chunk)) * CHUNK
+        for n in range(start, min(start + CHUNK, radius.size)):
+            known = (float(normal[n, 0]), float(normal[n, 1]), float(normal[n, 2]))
+            length = math.sqrt(dot(known, known))
+            upward = (known[0] / length, known[1] / length, known[2] / length)
+            # Any pair of perpendicular axes will do for a round disc.
+            one = across(upward)
+            two = cross(upward, one)
+            for c in range(3):
+                normal[n, c] = np.float32(upward[c])
+                axes[n, 0, c] = np.float32(radius[n] * one[c])
+                axes[n, 1, c] = np.float32(radius[n] * two[c])
