@@ -30,11 +30,7 @@ if TYPE_CHECKING:
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
     from resample_points.painting.bending import ProjectedCamera
-    from resample_points.painting.gaussians import (
-        GaussianStyle,
-        gaussian_camera,
-        render_gaussians,
-    )
+    from resample_points.painting.gaussians import GaussianStyle, gaussian_camera, render_gaussians
     from resample_points.painting.rasters import Raster, raster_of, rasterized
     from resample_points.painting.rendering import CloudStyle, index_cloud, render_cloud
     from resample_points.scenes import CloudScene

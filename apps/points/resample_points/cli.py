@@ -248,8 +248,7 @@ def convert(
     /,
     *,
     output: Annotated[
-        flags.Output,
-        Parameter(help="Written to: .ply, .compressed.ply, .spz, .sog or .splat."),
+        flags.Output, Parameter(help="Written to: .ply, .compressed.ply, .spz, .sog or .splat.")
     ],
     options: Annotated[ConvertOptions, flags.Flat] = CONVERT,
 ) -> None:

@@ -191,9 +191,18 @@ def camera_of(surfels: Surfels | Cloud, shape: Shape, viewpoint: Viewpoint) -> A
         up=viewpoint.up,
         fov=viewpoint.fov,
     )
+    zoom, (right, up) = viewpoint.zoom, viewpoint.pan  # in shares of the picture's shorter side
     if isinstance(camera, Orthographic):
-        return _shifted(camera, viewpoint, shape)
-    return _panned(_zoomed(camera, viewpoint.zoom), viewpoint.pan, surfels, shape)
+        cx, cy = camera.cx + min(shape) * right, camera.cy - min(shape) * up
+        return replace(camera, sx=zoom * camera.sx, sy=zoom * camera.sy, cx=cx, cy=cy)
+    camera = _zoomed(camera, zoom)
+    if (right, up) == (0.0, 0.0):
+        return camera
+    pose = camera.world_to_camera.copy()
+    depth = float(pose[2, :3] @ ball_around(surfels)[0] + pose[2, 3])
+    side = depth * min(shape) / camera.fx
+    pose[:2, 3] += side * right, -side * up
+    return camera.moved(pose)
 
 
 def cameras_of(
@@ -227,31 +236,6 @@ def cameras_of(
 def sized(viewpoint: Any, shape: Shape) -> Any:
     """Return the camera of a viewpoint without angles."""
     return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
-
-
-def _shifted(camera: Orthographic, viewpoint: Orbit, shape: Shape) -> Orthographic:
-    """Zoom into a parallel camera's picture, and shift its content right and up."""
-    zoom, (right, up), side = viewpoint.zoom, viewpoint.pan, min(shape)
-    return replace(
-        camera,
-        sx=zoom * camera.sx,
-        sy=zoom * camera.sy,
-        cx=camera.cx + side * right,
-        cy=camera.cy - side * up,
-    )
-
-
-def _panned(
-    camera: Camera, pan: tuple[float, float], surfels: Surfels | Cloud, shape: Shape
-) -> Camera:
-    """Shift the cloud's center right and up, in shares of the picture's shorter side."""
-    if pan == (0.0, 0.0):
-        return camera
-    pose = camera.world_to_camera.copy()
-    depth = float(pose[2, :3] @ ball_around(surfels)[0] + pose[2, 3])
-    side = depth * min(shape) / camera.fx
-    pose[:2, 3] += side * pan[0], -side * pan[1]
-    return camera.moved(pose)
 
 
 def _zoomed(camera: Camera, zoom: float) -> Camera:

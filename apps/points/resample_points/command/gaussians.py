@@ -312,6 +312,7 @@ def gaussians_read(
     session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
 ) -> "Gaussians | StoredGaussians":
     """Read Gaussians, join and crop them."""
+    from resample.cameras.files import read_pose
     from resample.messages import naming
     from resample_points.data.columns import corners_of
     from resample_points.data.gaussians import Crop, cropped_gaussians, joined_gaussians
@@ -323,22 +324,15 @@ def gaussians_read(
         stored = None if clouds.also else stored_gaussians(file)
         if stored is not None and stored.count * BYTES > int(SHARE * free_memory()):
             return StoredGaussians(stored, crop)
-        others = [_with_pose(text) for text in clouds.also]
-        scenes = [read_gaussians(name) for name in (file, *(name for name, _ in others))]
-        poses = [None, *(pose for _, pose in others)]
+        scenes, poses = [read_gaussians(file)], list["Doubles | None"]([None])
+        for text in clouds.also:  # a scene, and the file of its pose if there is one
+            name, comma, pose = text.rpartition(",")
+            is_alone = Path(text).exists() or not comma
+            poses.append(None if is_alone else read_pose(pose))
+            scenes.append(read_gaussians(text if is_alone else name))
         whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes, poses)
         with naming(file.name):
             return cropped_gaussians(whole, **crop._asdict())
-
-
-def _with_pose(text: str) -> "tuple[Path, Doubles | None]":
-    """Split the name of a scene and the file of its pose, if there is one."""
-    from resample.cameras.files import read_pose
-
-    name, comma, pose = text.rpartition(",")
-    if Path(text).exists() or not comma:
-        return Path(text), None
-    return Path(name), read_pose(pose)
 
 
 def free_memory() -> float:

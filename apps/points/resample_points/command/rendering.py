@@ -127,13 +127,20 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
     """Read, color and prepare the cloud of a file."""
     import numpy as np
 
+    from resample.messages import naming
     from resample.progress import told
-    from resample_points.data.columns import colored
+    from resample_points.data.columns import colored, join_clouds, select_points
+    from resample_points.files.readers import read_cloud
     from resample_points.geometry.spacing import LARGEST, prepare_cloud
     from resample_points.scenes import CloudScene
 
     with session.stage("read", bar="reading") as progress, told(progress):
-        cloud, scale = _chosen(file, look), None
+        columns = [wanted.column for wanted in look.conditions()]
+        columns += [] if look.color_by is None else [look.color_by]
+        files, scale = (file, *map(Path, look.also)), None
+        cloud = join_clouds([read_cloud(each, level=look.level, columns=columns) for each in files])
+        with naming(file.name if len(files) == 1 else f"{len(files)} clouds"):
+            cloud = select_points(cloud, look.only, look.crop)
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
     with session.stage("prepare", bar="measuring") as progress, told(progress):
@@ -146,20 +153,6 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
     if not session.is_quiet:
         mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
     return ColoredScene(CloudScene(surfels), look, scale)
-
-
-def _chosen(file: Path, look: CloudOptions) -> "Cloud":
-    """Read the clouds of a command, and select their points."""
-    from resample.messages import naming
-    from resample_points.data.columns import join_clouds, select_points
-    from resample_points.files.readers import read_cloud
-
-    named = {wanted.column: None for wanted in look.conditions()}
-    columns = tuple(dict.fromkeys((*named, *([] if look.color_by is None else [look.color_by]))))
-    files = (file, *map(Path, look.also))
-    cloud = join_clouds([read_cloud(each, level=look.level, columns=columns) for each in files])
-    with naming(file.name if len(files) == 1 else f"{len(files)} clouds"):
-        return select_points(cloud, look.only, look.crop)
 
 
 def mention_origin(name: str, surfels: "Surfels", *, is_single: bool = False) -> None:
@@ -193,26 +186,10 @@ def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:
     require_picture(shape, CHANNELS * bytes_per_value(output), workers=workers)
 
 
-def paths_over(
-    files: Sequence[Path], path: str | None, frames: int | None
-) -> tuple[str, int | None]:
-    """Return the path and the number of frames of a film of files, one frame each if several."""
-    if len(files) == 1:
-        return path or "orbit", frames
-    if frames not in (None, len(files)):
-        raise ValueError(f"--frames {frames} of {len(files)} files, which are a frame each")
-    return path or "still", len(files)
-
-
 def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
     """Return the viewpoints of all frames of a film.
 
-    Parameters
-    ----------
-    frames
-        Number of frames; None: `FRAMES`, or as many as the keyframes' times (s) need.
-    fps
-        Frames per second.
+    `frames`: their number; None: `FRAMES`, or as many as the keyframes' times (s) need.
     """
     from resample.cameras.viewpoints import Orbit
     from resample.command.films import is_file_of_path, tour_of
@@ -338,24 +315,20 @@ def write_animation(
 ) -> None:
     """Write a film around what files hold.
 
-    Parameters
-    ----------
-    read
-        Function of a session, and of a number of threads or none, that reads the files; workers
-        get it pickled.
-    path, frames, fps, resume, sharing
-        As for `resample-points animate`.
-    shape
-        Height and width, px.
-    background
-        Linear light.
+    `read`: function of a session, and of a number of threads or none, that reads the files; workers
+    get it pickled. `shape`: height and width, px. `background`: linear light. All others are those
+    of `resample-points animate`.
     """
     from resample.command.films import write_shared
     from resample.command.session import Session
     from resample.command.workers import at_work, share_memory
     from resample_points.scenes import cameras_of
 
-    path, frames = paths_over(files, path, frames)
+    if len(files) > 1:
+        if frames not in (None, len(files)):
+            raise ValueError(f"--frames {frames} of {len(files)} files, which are a frame each")
+        path, frames = path or "still", len(files)
+    path = path or "orbit"
     viewpoints = path_of(path, frames, fps, start.start())
     share_memory(sharing)
     scene = read(session=Session())

@@ -65,15 +65,10 @@ class Training(NamedTuple):
 def training_of(
     position: Floats, scale: Floats, opacity: Floats, shots: "Sequence[PosedPicture]" = ()
 ) -> Training | None:
-    """Return how training saw Gaussians; None if nothing can be said.
+    """Return how training saw Gaussians; None if nothing can be said. Their order has no effect.
 
-    Parameters
-    ----------
-    position, scale, opacity
-        (N, 3), (N, 3) standard deviations and (N,), of all Gaussians; their order has no effect.
-    shots
-        Pictures of training. Without any, the size of a pixel is estimated: few opaque Gaussians
-        that appear smaller than 0.062 px, seen along their shortest axis, survive training.
+    `shots`: pictures of training. Without any, the size of a pixel is estimated: few opaque
+    Gaussians that appear smaller than 0.062 px, seen along their shortest axis, survive training.
     """
     if not len(opacity):
         return None
@@ -155,17 +150,8 @@ def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussian
 
     Those are left out, and their number is logged, whose position, scale, rotation or color is not
     finite, whose scale is not above 0, whose quaternion is 0, whose opacity is not in [0, 1], or
-    that are farther away or larger than 1e15.
-
-    Parameters
-    ----------
-    what
-        Name of the scene for the log.
-
-    Raises
-    ------
-    ValueError
-        An array has another shape, or none can be drawn.
+    that are farther away or larger than 1e15. `what`: name of the scene for the log. Raises
+    ValueError if an array has another shape, or none can be drawn.
     """
     parts: dict[str, Any] = {}
     count = len(np.atleast_1d(gaussians.position))

@@ -72,14 +72,8 @@ def widened(
 ) -> None:
     """Change normals and discs of points along lines in place, where a surface is found.
 
-    Parameters
-    ----------
-    whole
-        All points, measured; those that have a given normal keep it.
-    measure
-        Measures the points that are left of a thinned cloud.
-    is_known
-        Normals are given.
+    `measure`: measures the points that are left of a thinned cloud. `is_known`: normals are given,
+    and stay.
     """
     curve = curve_through(whole.position)
     along: Floats = zeros_beside(whole.position, whole.position.shape, np.float32)

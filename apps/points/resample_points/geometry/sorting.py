@@ -185,11 +185,7 @@ def _arrays(cloud: Cloud) -> list[NDArray[Any]]:
 
 
 def _moved(
-    cloud: Cloud,
-    part_of: Callable[[slice], Cloud],
-    curve: MortonCurve,
-    ends: Codes,
-    moved: Cloud,
+    cloud: Cloud, part_of: Callable[[slice], Cloud], curve: MortonCurve, ends: Codes, moved: Cloud
 ) -> Indices:
     """Move points to buckets that end at given codes; return the buckets' starts."""
     bucket = zeros_beside(cloud.position, (len(moved.position),), np.uint32)

@@ -183,21 +183,13 @@ def _mixed(row: Vector, c: float, s: float) -> Vector:
 @kernel
 def _swapped(m: Matrix) -> Matrix:
     """Exchange rows and columns 1 and 2 of a matrix."""
-    return (
-        (m[0][0], m[0][2], m[0][1]),
-        (m[2][0], m[2][2], m[2][1]),
-        (m[1][0], m[1][2], m[1][1]),
-    )
+    return ((m[0][0], m[0][2], m[0][1]), (m[2][0], m[2][2], m[2][1]), (m[1][0], m[1][2], m[1][1]))
 
 
 @kernel
 def _rolled(m: Matrix) -> Matrix:
     """Permute rows and columns of a matrix to 1, 2, 0."""
-    return (
-        (m[1][1], m[1][2], m[1][0]),
-        (m[2][1], m[2][2], m[2][0]),
-        (m[0][1], m[0][2], m[0][0]),
-    )
+    return ((m[1][1], m[1][2], m[1][0]), (m[2][1], m[2][2], m[2][0]), (m[0][1], m[0][2], m[0][0]))
 
 
 @kernel
@@ -496,12 +488,7 @@ def measure(
 
 @parallel_kernel
 def limit(
-    counter: Counter,
-    nearest: Nearest,
-    spacing: Floats,
-    size: Floats,
-    most: float,
-    axes: Floats,
+    counter: Counter, nearest: Nearest, spacing: Floats, size: Floats, most: float, axes: Floats
 ) -> None:
     """Shorten the half axes of discs that are far larger than those around them.
 

@@ -109,18 +109,6 @@ def _is_beside(center: float, a: float, b: float) -> bool:
 
 
 @kernel
-def _is_outside(eye: CloudCamera, center: Vector, a: Vector, b: Vector) -> bool:
-    """Whether a disc lies wholly outside one side of the frame."""
-    wide, high = float(eye.width), float(eye.height)
-    return (
-        _is_beside(center[0], a[0], b[0])
-        or _is_beside(center[1], a[1], b[1])
-        or _is_beside(wide * center[2] - center[0], wide * a[2] - a[0], wide * b[2] - b[0])
-        or _is_beside(high * center[2] - center[1], high * a[2] - a[1], high * b[2] - b[1])
-    )
-
-
-@kernel
 def _bound(center: Vector, a: Vector, b: Vector, axis: int) -> tuple[float, float]:
     """Middle and half extent, px, of a disc's outline; infinite behind the camera.
 
@@ -156,27 +144,17 @@ def _set_exact(record: Record, center: Vector, a: Vector, b: Vector) -> None:
 
 
 @kernel
-def _slopes(eye: CloudCamera, center: Vector, a: Vector, b: Vector) -> tuple[float, float]:
-    """Change of relative nearness per px on a disc's plane, limited for points."""
-    w = cross(a, b)
-    volume = dot(w, center)
-    if volume == 0.0:
-        return 0.0, 0.0
-    # Divide the plane's equation by its value at the center, and limit the steepness.
-    x, y = center[2] / volume * w[0], center[2] / volume * w[1]
-    scale = min(1.0, STEEPEST / (eye.focal * max(math.hypot(x, y), 1e-30)))
-    return scale * x, scale * y
-
-
-@kernel
 def _set_clamped(
     record: Record,
     eye: CloudCamera,
-    slopes: tuple[float, float],
+    forms: tuple[Vector, Vector, Vector],
     spread: Vector,
     values: tuple[float, float],
 ) -> None:
-    """Set the forms of a point with J Jᵀ = (xx, xy, yy), its singular values clamped."""
+    """Set the forms of a point with J Jᵀ = (xx, xy, yy), its singular values clamped.
+
+    `forms`: its center and axes. Its plane is limited in steepness.
+    """
     # Clamp both axes to a sub-pixel.
     xx, xy, yy = spread
     least = FINEST / (REACH * eye.subpixels)
@@ -188,7 +166,14 @@ def _set_clamped(
     record["vx"], record["vy"] = -s / (REACH * short), c / (REACH * short)
     # Dim what was enlarged, so that its total stays.
     record["weight"] = values[0] * values[1] / (long * short)
-    record["slope_x"], record["slope_y"] = slopes
+    # Find the change of relative nearness per px: the plane's equation over its value there.
+    center, w = forms[0], cross(forms[1], forms[2])
+    volume, slope_x, slope_y = dot(w, center), 0.0, 0.0
+    if volume != 0.0:
+        x, y = center[2] / volume * w[0], center[2] / volume * w[1]
+        scale = min(1.0, STEEPEST / (eye.focal * max(math.hypot(x, y), 1e-30)))
+        slope_x, slope_y = scale * x, scale * y
+    record["slope_x"], record["slope_y"] = slope_x, slope_y
     # Bound the ellipse.
     half = REACH * math.hypot(c * long, s * short)
     record["left"], record["right"] = record["x"] - half, record["x"] + half
@@ -214,7 +199,7 @@ def _set_shape(record: Record, eye: CloudCamera, center: Vector, a: Vector, b: V
     if short * REACH * eye.subpixels > FINEST:
         _set_exact(record, center, a, b)
     else:
-        _set_clamped(record, eye, _slopes(eye, center, a, b), (xx, xy, yy), (long, short))
+        _set_clamped(record, eye, (center, a, b), (xx, xy, yy), (long, short))
     # Cull degenerate discs, and those outside the frame.
     is_finite = math.isfinite(x + y + record["ux"] + record["uy"] + record["vx"] + record["vy"])
     return bool(
@@ -225,70 +210,6 @@ def _set_shape(record: Record, eye: CloudCamera, center: Vector, a: Vector, b: V
         and record["left"] <= eye.width
         and record["top"] <= eye.height
     )
-
-
-@kernel
-def _facing(eye: CloudCamera, place: Vector, a: Vector, b: Vector) -> float:
-    """Cosine between a disc's normal and the direction to the camera."""
-    normal = cross(a, b)
-    toward = (eye.place[0] - place[0], eye.place[1] - place[1], eye.place[2] - place[2])
-    square = dot(normal, normal) * dot(toward, toward)
-    return dot(normal, toward) / math.sqrt(square) if square > 0.0 else 0.0
-
-
-@kernel
-def _project_disc(
-    position: Floats, axes: Floats, color: Floats, n: int, eye: CloudCamera, record: Record
-) -> None:
-    """Fill in a disc's record; bounds with left > right mean that it is culled."""
-    # Cull discs in front of the near plane.
-    record["left"], record["right"] = np.float32(1), np.float32(-1)
-    place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
-    center = _project(eye, place, 1.0)
-    if not center[2] > eye.near:
-        return
-
-    # Scale and project both half axes.
-    size = eye.size
-    one = (size * axes[n, 0, 0], size * axes[n, 0, 1], size * axes[n, 0, 2])
-    two = (size * axes[n, 1, 0], size * axes[n, 1, 1], size * axes[n, 1, 2])
-    a, b = _project(eye, one, 0.0), _project(eye, two, 0.0)
-    facing = _facing(eye, place, one, two) if eye.cull or eye.headlight else 1.0
-    # Cull back faces and discs outside; the margin keeps points whose sub-pixels are in the frame.
-    if (eye.cull and facing <= 0.0) or (
-        _is_outside(eye, center, a, b)
-        and not (
-            -1.0 < center[0] / center[2] < eye.width + 1.0
-            and -1.0 < center[1] / center[2] < eye.height + 1.0
-        )
-    ):
-        return
-    # Set place, forms and bounds.
-    if not _set_shape(record, eye, center, a, b):
-        record["left"], record["right"] = np.float32(1), np.float32(-1)
-        return
-    # Set the depth within which discs are one surface: `apart` is perpendicular to the surface.
-    radius = math.sqrt(math.sqrt(dot(one, one) * dot(two, two)))
-    record["nearness"] = 1.0 / center[2]
-    steep = min(STEEPEST, eye.focal * math.hypot(record["slope_x"], record["slope_y"]))
-    apart = eye.tolerance * radius / center[2] + 1.0 / (eye.focal * eye.subpixels)
-    loose = apart * math.sqrt(1.0 + steep * steep)
-    record["keep"] = 1.0 - min(LOOSEST, loose)
-
-    # Shade by the headlight.
-    light = abs(facing) if eye.headlight else 1.0
-    record["red"] = light * color[n, 0]
-    record["green"], record["blue"] = light * color[n, 1], light * color[n, 2]
-
-
-@kernel
-def _project_chunk(
-    position: Floats, axes: Floats, color: Floats, eye: CloudCamera, records: Records, chunk: int
-) -> None:
-    """Project the discs of a chunk."""
-    start = int(np.int64(chunk)) * CHUNK
-    for n in range(start, min(start + CHUNK, position.shape[0])):
-        _project_disc(position, axes, color, n, eye, records[n])
 
 
 @parallel_kernel
@@ -302,11 +223,61 @@ def project_discs(
 ) -> None:
     """Project all discs.
 
-    `position`, `axes`, `color`: (N, 3), (N, 2, 3) and (N, 3) of the discs. `eye`: camera and
-    options. `records`: (N,) of `SURFEL`, filled.
+    `position`, `axes`, `color`: (N, 3), (N, 2, 3) and (N, 3) of the discs. `records`: (N,) of
+    `SURFEL`, filled; bounds with left > right mean that a disc is culled.
     """
+    wide, high, size = float(eye.width), float(eye.height), eye.size
     for chunk in tasks(counter, (position.shape[0] + CHUNK - 1) // CHUNK):
-        _project_chunk(position, axes, color, eye, records, chunk)
+        start = int(np.int64(chunk)) * CHUNK
+        for n in range(start, min(start + CHUNK, position.shape[0])):
+            # Cull discs in front of the near plane.
+            record = records[n]
+            record["left"], record["right"] = np.float32(1), np.float32(-1)
+            place = (float(position[n, 0]), float(position[n, 1]), float(position[n, 2]))
+            center = _project(eye, place, 1.0)
+            if not center[2] > eye.near:
+                continue
+
+            # Scale and project both half axes.
+            one = (size * axes[n, 0, 0], size * axes[n, 0, 1], size * axes[n, 0, 2])
+            two = (size * axes[n, 1, 0], size * axes[n, 1, 1], size * axes[n, 1, 2])
+            a, b = _project(eye, one, 0.0), _project(eye, two, 0.0)
+            # Find the cosine between the normal and the direction to the camera; cull back faces.
+            facing = 1.0
+            if eye.cull or eye.headlight:
+                normal = cross(one, two)
+                toward = (eye.place[0] - place[0], eye.place[1] - place[1], eye.place[2] - place[2])
+                square = dot(normal, normal) * dot(toward, toward)
+                facing = dot(normal, toward) / math.sqrt(square) if square > 0.0 else 0.0
+                if eye.cull and facing <= 0.0:
+                    continue
+            # Cull discs outside; the margin keeps points whose sub-pixels are in the frame.
+            is_outside = (
+                _is_beside(center[0], a[0], b[0])
+                or _is_beside(center[1], a[1], b[1])
+                or _is_beside(wide * center[2] - center[0], wide * a[2] - a[0], wide * b[2] - b[0])
+                or _is_beside(high * center[2] - center[1], high * a[2] - a[1], high * b[2] - b[1])
+            )
+            if is_outside and not (
+                -1.0 < center[0] / center[2] < eye.width + 1.0
+                and -1.0 < center[1] / center[2] < eye.height + 1.0
+            ):
+                continue
+            # Set place, forms and bounds.
+            if not _set_shape(record, eye, center, a, b):
+                record["left"], record["right"] = np.float32(1), np.float32(-1)
+                continue
+            # Set the depth within which discs are one surface, perpendicular to it.
+            radius = math.sqrt(math.sqrt(dot(one, one) * dot(two, two)))
+            record["nearness"] = 1.0 / center[2]
+            steep = min(STEEPEST, eye.focal * math.hypot(record["slope_x"], record["slope_y"]))
+            apart = eye.tolerance * radius / center[2] + 1.0 / (eye.focal * eye.subpixels)
+            record["keep"] = 1.0 - min(LOOSEST, apart * math.sqrt(1.0 + steep * steep))
+
+            # Shade by the headlight.
+            light = abs(facing) if eye.headlight else 1.0
+            record["red"] = light * color[n, 0]
+            record["green"], record["blue"] = light * color[n, 1], light * color[n, 2]
 
 
 Flags = NDArray[np.bool_]
@@ -328,16 +299,6 @@ def _meets(record: Record, lattice: Lattice, first: int, last: int) -> bool:
     return False
 
 
-@kernel
-def _find_chunk(
-    records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags, chunk: int
-) -> None:
-    """Test the discs of a chunk; see `find_overlapping`."""
-    start = int(np.int64(chunk)) * CHUNK
-    for n in range(start, min(start + CHUNK, flags.size)):
-        flags[n] = _meets(records[n], lattice, span[0], span[1])
-
-
 @parallel_kernel
 def find_overlapping(
     counter: Counter, records: Records, lattice: Lattice, span: tuple[int, int], flags: Flags
@@ -348,7 +309,9 @@ def find_overlapping(
     `span`: two numbers of tiles. `flags`: (N,) filled.
     """
     for chunk in tasks(counter, (flags.size + CHUNK - 1) // CHUNK):
-        _find_chunk(records, lattice, span, flags, chunk)
+        start = int(np.int64(chunk)) * CHUNK
+        for n in range(start, min(start + CHUNK, flags.size)):
+            flags[n] = _meets(records[n], lattice, span[0], span[1])
 
 
 CORE: Single = np.float32(1.0 / (REACH * REACH))  # i² within which a splat is opaque
@@ -437,12 +400,7 @@ def _columns(disc: Disc, block: Block, row: int, core: Single) -> tuple[int, int
     dy = block.top + (row + 0.5) / fine - disc.y
     share = 1.0 if disc.is_splat else 0.0
     p, q = share * disc.slope_x, share * disc.slope_y
-    ux, uy, vx, vy = (
-        float(disc.ux),
-        float(disc.uy),
-        float(disc.vx),
-        float(disc.vy),
-    )
+    ux, uy, vx, vy = float(disc.ux), float(disc.uy), float(disc.vx), float(disc.vy)
     rest = 1.0 + q * dy
     square = ux * ux + vx * vx - core * p * p
     left, right = float(disc.left), float(disc.right)

@@ -175,13 +175,6 @@ class GaussianParts(NamedTuple):
 class StoredGaussians:
     """Gaussians of a PLY file, more than memory holds, decoded part by part for each picture.
 
-    Parameters
-    ----------
-    file
-        The file.
-    crop
-        What is shown.
-
     Pictures have the bits of `render_gaussians` of what `read_gaussians` and `cropped_gaussians`
     give.
     """

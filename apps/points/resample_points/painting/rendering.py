@@ -37,7 +37,6 @@ from resample_points.painting.windows import (
     SPLAT,
     STAGES,
     VISIBILITY_KINDS,
-    Projector,
     Visibility,
     WindowCanvas,
     kinds_of,
@@ -55,17 +54,11 @@ GAIN = 300.0  # from the change of log₂ depth to the exponent of darkening
 
 
 def eye_dome(depth: Floats, strength: float, *, extent: float | None = None) -> Floats:
-    """Return the share of light (H, W) that stays at each pixel.
+    """Return the share of light (H, W) that stays at each pixel; a strength of 1 is usual.
 
-    Parameters
-    ----------
-    depth
-        (H, W) scene units; inf where nothing is.
-    strength
-        Of the darkening; 1 is usual.
-    extent
-        Height of a parallel camera's picture, scene units, to which differences of depth are
-        compared; None: the camera is perspective, and ratios of depths count.
+    `depth`: (H, W) scene units; inf where nothing is. `extent`: height of a parallel camera's
+    picture, scene units, to which differences of depth are compared; None: a perspective camera, of
+    which ratios of depths count.
     """
     known = np.isfinite(depth)
     if not known.any():
@@ -269,7 +262,13 @@ def painted_cloud(
 ) -> "PaintedCloud":
     """Paint all parts of a picture, and join them."""
     parts = pinhole_parts(camera, shape, surfels)
-    made = [_drawn(surfels, each, (shape[0], each.width), style, filter) for each in parts]
+    pixel_filter = None if filter is None else plugin_of("filters", filter)
+    fine = None if pixel_filter is None else subpixels_of(pixel_filter)
+    if pixel_filter is not None and fine is not None and fine.weight.size > 1:
+        fine = subpixels_of(pixel_filter, max(style.subpixels, fine.count))
+        made = [_filtered(surfels, each, (shape[0], each.width), style, fine) for each in parts]
+    else:
+        made = [_painted(surfels, each, (shape[0], each.width), style, TILE) for each in parts]
     if len(made) == 1:
         return made[0]
     seen = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
@@ -280,20 +279,6 @@ def painted_cloud(
     )
     seconds = {stage: sum(part.seconds[stage] for part in made) for stage in STAGES}
     return PaintedCloud(rgba, depth, first, seen, made[0].subpixels, seconds)
-
-
-def _drawn(
-    surfels: Surfels,
-    part: PinholePart,
-    shape: tuple[int, int],
-    style: CloudStyle,
-    filter: str | PixelFilter | None,  # noqa: A002
-) -> "PaintedCloud":
-    pixel_filter = None if filter is None else plugin_of("filters", filter)
-    if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
-        return _painted(surfels, part, shape, style, TILE)
-    parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))
-    return _filtered(surfels, part, shape, style, parts)
 
 
 class PaintedCloud(NamedTuple):
@@ -311,7 +296,7 @@ def _painted(
     surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> PaintedCloud:
     """Paint a part of a picture in tiles; each pixel is the mean of its sub-pixels."""
-    from resample_points.kernels.discs import CloudPicture, project_discs
+    from resample_points.kernels.discs import SURFEL, CloudPicture, project_discs
 
     picture = CloudPicture(
         np.zeros((*shape, 4), np.float32),
@@ -333,30 +318,20 @@ def _painted(
         project_discs(position, axes, color, eye, records)
 
     pages = most_of(surfels.position)
-    if pages is None:
-        seen, seconds = _painted_at_once(len(surfels.position), project_some, canvas)
-    else:
+    if pages is not None:
         seen, seconds = paint_in_windows(surfels, project_some, canvas, pages)
+    else:
+        begin, seconds = perf_counter(), dict.fromkeys(STAGES, 0.0)
+        records = np.zeros(len(surfels.position), SURFEL)
+        with told(None):
+            project_some(slice(0, len(records)), records)
+        seconds["project"] = perf_counter() - begin
+        is_shown, seen = paint_discs(records, canvas, seconds), kinds_of(records)
+        seen |= np.where(is_shown & (seen > 0), np.uint8(SHOWN), np.uint8(0))
     if part.shift:
         for away in (picture.depth, picture.first_depth):
             away -= np.float32(part.shift)  # noqa: PLW2901 - in place
     return PaintedCloud(*picture, seen, style.subpixels, seconds)
-
-
-def _painted_at_once(
-    count: int, see: Projector, canvas: WindowCanvas
-) -> tuple[Visibility, dict[str, float]]:
-    """Paint all discs; return what is visible of each, and seconds per stage."""
-    from resample_points.kernels.discs import SURFEL
-
-    begin, seconds = perf_counter(), dict.fromkeys(STAGES, 0.0)
-    records = np.zeros(count, SURFEL)
-    with told(None):
-        see(slice(0, count), records)
-    seconds["project"] = perf_counter() - begin
-    is_shown, seen = paint_discs(records, canvas, seconds), kinds_of(records)
-    seen |= np.where(is_shown & (seen > 0), np.uint8(SHOWN), np.uint8(0))
-    return seen, seconds
 
 
 def _filtered(

@@ -54,14 +54,7 @@ def paint_in_windows(
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint discs in files; at most `most` bytes of them are in memory.
 
-    Parameters
-    ----------
-    canvas
-        Frame whose picture is filled; it must be transparent, with infinite depths.
-
-    Returns
-    -------
-    What is visible of each disc, and seconds per stage.
+    Return what is visible of each, and seconds per stage. The canvas is transparent before.
     """
     from resample_points.kernels.discs import SURFEL
 

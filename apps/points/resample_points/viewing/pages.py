@@ -4,8 +4,8 @@ A page's state is a set of `render` options. Films go through its keyframes.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -81,6 +81,17 @@ class FilmPainter(ABC):
 
     of_films: ClassVar[Sequence[str]]  # options that pictures and films share
 
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._kept: tuple[Any, Any] | None = None  # options, and the scene read with them
+        self._found: Memo = {}  # of the scene that is kept
+
+    def kept(self, key: Any, read: Callable[[], Any]) -> Any:
+        """Return what is read with some options, cached until these change."""
+        if self._kept is None or self._kept[0] != key:
+            self._kept, self._found = (key, read()), {}
+        return self._kept[1]
+
     @abstractmethod
     def filmed(self, settings: Settings) -> tuple[Filmed, CloudStart, FrameFormat]:
         """Return what films show, where they start and their format; the options are checked."""
@@ -116,17 +127,10 @@ PREPARED = (
 )
 
 
-@dataclass
 class CloudPainter(FilmPainter):
-    """Painter of a cloud for one page.
+    """Painter of a cloud for one page."""
 
-    `path`: file of the cloud.
-    """
-
-    path: Path
     of_films = FILMS_OF_CLOUDS
-    _kept: tuple[Any, ColoredScene] | None = field(init=False, default=None)
-    _found: Memo = field(init=False, default_factory=dict)  # of the cloud that is kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -143,25 +147,17 @@ class CloudPainter(FilmPainter):
         found = cloud.scene.pick(x, y, camera, size=size, **cloud.choices())
         if found is None:
             return {}
-        place = ", ".join(f"{part:.6g}" for part in found.position)
+        place = ", ".join(f"{n:.6g}" for n in found.position)
         return {"position": place, "depth": f"{found.depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
-        """Write the picture as the command does.
-
-        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
-        or written.
-        """
+        """Write the picture as the command does."""
         form, cloud, camera = self._placed(settings, size)
         cloud.write(path, cloud.picture(camera, size[::-1]), form)
 
     def filmed(self, settings: Settings) -> tuple[ColoredScene, CloudAim, FrameFormat]:
         look, aim, form = _checked(settings)
         return self._scene(look), aim, form
-
-    def surfels(self, settings: Settings) -> Surfels:
-        """Return the prepared cloud; raises as `save` does."""
-        return self._scene(_checked(settings)[0]).scene.surfels
 
     def _placed(
         self, settings: Settings, size: Size, *, quick: bool = False
@@ -174,11 +170,10 @@ class CloudPainter(FilmPainter):
         return form, whole._replace(scene=whole.scene.fewer) if quick else whole, camera
 
     def _scene(self, look: CloudOptions) -> ColoredScene:
-        """Return the prepared cloud, cached until its options change."""
+        """Return the prepared cloud."""
         key = tuple(getattr(look, name) for name in PREPARED)
-        if self._kept is None or self._kept[0] != key:
-            self._kept, self._found = (key, scene_of(Session(), self.path, look)), {}
-        return self._kept[1]._replace(options=look)
+        kept: ColoredScene = self.kept(key, lambda: scene_of(Session(), self.path, look))
+        return kept._replace(options=look)
 
 
 def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
@@ -187,7 +182,7 @@ def cloud_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     settings = {"camera": "30,20,1", "steady": True, **settings_of(begin)}
 
     def described() -> dict[str, Any]:
-        cloud = first.surfels(settings)
+        cloud = first.filmed(settings)[0].framing
         count = f"{len(cloud.position):,} points"
         return page_facts(path, count, FILMS_OF_CLOUDS, settings, begin, cloud)
 
@@ -215,17 +210,10 @@ OF_FILMS = [  # options that pictures and films share
 READ_WITH = ("also", "crop", "least_opacity", "largest")  # options that the scene depends on
 
 
-@dataclass
 class GaussianPainter(FilmPainter):
-    """Painter of 3D Gaussians for one page.
+    """Painter of 3D Gaussians for one page."""
 
-    `path`: file of the scene.
-    """
-
-    path: Path
     of_films = OF_FILMS
-    _kept: tuple[Any, GaussianPictures] | None = field(init=False, default=None)
-    _found: Memo = field(init=False, default_factory=dict)  # of the scene that is kept
 
     def paint(self, settings: Settings, size: Size, *, quick: bool, cancel: Cancel) -> PagePicture:
         """Picture of these options, see `resample.view.views.Painter`."""
@@ -253,17 +241,10 @@ class GaussianPainter(FilmPainter):
         place = place_at(camera, x, y, depth) if isinstance(camera, Camera) else None
         if place is None:
             return {}
-        return {
-            "position": ", ".join(f"{part:.6g}" for part in place),
-            "depth": f"{depth:.5g}",
-        }
+        return {"position": ", ".join(f"{n:.6g}" for n in place), "depth": f"{depth:.5g}"}
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
-        """Write the picture as the command does.
-
-        Raises ValueError, LookupError, OSError: an option is not allowed, or a file cannot be read
-        or written.
-        """
+        """Write the picture as the command does."""
         form, scene, camera = self._placed(settings, size)
         scene.write(path, camera, form)
 
@@ -272,12 +253,12 @@ class GaussianPainter(FilmPainter):
         return self.scene(look, options), aim, form
 
     def scene(self, look: CloudOptions, options: GaussianOptions) -> GaussianPictures:
-        """Return the scene, cached until the options change that it is read with."""
+        """Return the scene, which keeps its previews while its options stay."""
         given = {**look.model_dump(), **options.model_dump()}
         key = tuple(given[name] for name in READ_WITH)
-        if self._kept is None or self._kept[0] != key:
-            self._kept, self._found = (key, gaussians_of(Session(), self.path, look, options)), {}
-        kept = self._kept[1]
+        kept: GaussianPictures = self.kept(
+            key, lambda: gaussians_of(Session(), self.path, look, options)
+        )
         if (kept.options, kept.threads) != (options, look.threads):
             kept = replace(kept, options=options, threads=look.threads)
             self._kept = key, kept
@@ -298,8 +279,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     given = settings_of(begin)
 
     def described() -> dict[str, Any]:
-        look, options, *_ = checked(given)
-        scene = first.scene(look, options)
+        scene = first.filmed(given)[0]
         settings = {"camera": "30,20,1", "up": scene.up, "steady": True, **given}
         count = f"{scene.count:,} Gaussians"
         return page_facts(path, count, OF_FILMS, settings, begin, scene.framing)
@@ -307,9 +287,7 @@ def gaussian_view(path: Path, begin: Sequence[Choices] = ()) -> FileView:
     return FileView(first, described, checked, left_out=LEFT_OUT)
 
 
-def checked(
-    settings: Settings,
-) -> tuple[CloudOptions, GaussianOptions, CloudAim, FrameFormat]:
+def checked(settings: Settings) -> tuple[CloudOptions, GaussianOptions, CloudAim, FrameFormat]:
     """Return the options, checked."""
     look, options, aim, form = chosen(settings, SHOWN)
     if others := [name for name in look.model_fields_set if name not in SHARED]:
