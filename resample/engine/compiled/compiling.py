@@ -339,10 +339,7 @@ PART = {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
 
 
 def define(
-    called: Callable[..., Any],
-    function: FunctionType,
-    is_packed: bool,
-    options: dict[str, Any],
+    called: Callable[..., Any], function: FunctionType, is_packed: bool, options: dict[str, Any]
 ) -> Any:
     """Tell numba of a kernel.
 
