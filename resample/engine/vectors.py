@@ -22,11 +22,7 @@ def dot(u: Vector, v: Vector) -> float:
 @kernel
 def cross(u: Vector, v: Vector) -> Vector:
     """Cross product."""
-    return (
-        u[1] * v[2] - u[2] * v[1],
-        u[2] * v[0] - u[0] * v[2],
-        u[0] * v[1] - u[1] * v[0],
-    )
+    return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 
 
 @kernel

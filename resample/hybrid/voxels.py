@@ -8,15 +8,7 @@ from numpy.typing import NDArray
 
 from resample.engine.jit import Counter, inner_step, kernel, parallel_kernel, tasks
 from resample.engine.lookup import absorbed
-from resample.engine.vectors import (
-    Matrix,
-    Vector,
-    dot,
-    matrix_of,
-    multiply,
-    scaled,
-    vector_at,
-)
+from resample.engine.vectors import Matrix, Vector, dot, matrix_of, multiply, scaled, vector_at
 from resample.hybrid.classify import Covariance, Widths, ellipse_at, is_minified
 from resample.hybrid.ellipse import cone_section
 from resample.hybrid.points import point_at

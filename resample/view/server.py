@@ -77,10 +77,7 @@ def _gather(path: Path, texts: dict[Path, str]) -> None:
 
 
 def application(
-    view: Viewable,
-    token: str,
-    hosts: Sequence[str],
-    shown: Callable[[], object] | None = None,
+    view: Viewable, token: str, hosts: Sequence[str], shown: Callable[[], object] | None = None
 ) -> "Starlette":
     """Web application that serves a view to clients with the token, from these hosts (with port).
 
@@ -119,11 +116,7 @@ def application(
         await _talked(socket, view, open_pages, shown)
 
     return Starlette(
-        routes=[
-            Route("/", page),
-            WebSocketRoute("/socket", talk),
-            Route("/{name}", part),
-        ]
+        routes=[Route("/", page), WebSocketRoute("/socket", talk), Route("/{name}", part)]
     )
 
 

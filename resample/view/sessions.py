@@ -344,9 +344,7 @@ class _Notices(logging.Handler):
     """Logging handler that sends the library's messages, such as compilation, to the page."""
 
     def __init__(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        tell: Callable[[str], Coroutine[Any, Any, None]],
+        self, loop: asyncio.AbstractEventLoop, tell: Callable[[str], Coroutine[Any, Any, None]]
     ) -> None:
         super().__init__(logging.INFO)
         self._loop, self._tell = loop, tell

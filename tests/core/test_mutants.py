@@ -69,7 +69,7 @@ def test_a_fault_changes_its_own_bytes_alone():
     ("file", "stratum"),
     [
         ("resample/engine/jit.py", "kernels"), ("resample/engine/compiled/entries.py", "plumbing"),
-        ("apps/points/resample_points/geometry/kernels/lines.py", "kernels"), (FILE, "readers"),
+        ("apps/points/resample_points/kernels/cells.py", "kernels"), (FILE, "readers"),
         ("apps/warp3d/resample_warp3d/warping.py", "warp3d"), ("tests/core/test_mutants.py", None),
         ("plugins/figures/resample_figures/gallery.py", None), ("resample/messages.py", "plumbing"),
     ],

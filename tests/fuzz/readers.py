@@ -16,7 +16,7 @@ from resample.files.pictures import read_picture
 from resample.files.sequences import frames_of
 from resample_meshes.files import load_mesh
 from resample_particles.files import read_particles
-from resample_points.files.gaussians.reading import read_gaussians
+from resample_points.files.gaussians.formats import read_gaussians
 from resample_points.files.readers import read_cloud
 from resample_texture.geometry.mappings import read_map
 from resample_texture.geometry.matrices import parse_matrix

@@ -6,7 +6,7 @@ import pytest
 
 from resample.colors import from_srgb
 from resample_points.data.cloud import Cloud
-from resample_points.data.coloring import UNKNOWN, Scale, colored, columns_of
+from resample_points.data.columns import UNKNOWN, Scale, colored, columns_of
 from resample_points.files.readers import read_cloud
 
 POSITION = np.random.default_rng(3).normal(size=(30, 3)).astype(np.float32)

@@ -12,7 +12,7 @@ from PIL import Image
 from resample.files.images import read_image
 from resample.memory import mapped
 from resample_points import Cloud, cli
-from resample_points.data.coloring import colored
+from resample_points.data.columns import colored
 from resample_points.geometry import spacing
 from tests import commands
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from resample.engine.surfaces import resolve_rows
 from resample_points import Camera, Cloud, render_cloud
-from resample_points.painting.kernels.discs import project_discs
+from resample_points.kernels.discs import project_discs
 from resample_warp3d import warp
 from tests.kernels import compiled_only, specialisations
 

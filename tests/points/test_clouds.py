@@ -16,8 +16,7 @@ from resample_points.files.readers import Cloud, read_cloud
 from resample_points.geometry import spacing
 from resample_points.geometry.framing import framed, framed_together
 from resample_points.geometry.spacing import prepare_cloud
-from resample_points.painting.kernels.discs import REACH
-from resample_points.painting.kernels.painting import AMPLE
+from resample_points.kernels.discs import AMPLE, REACH
 from resample_points.painting.rendering import TOLERANCE, CloudStyle, Shading, render_cloud
 from resample_points.scenes import cameras_of
 from tests.bits import assert_threads_change_nothing

@@ -5,7 +5,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample_points import Cloud, CloudStyle, render_cloud
-from resample_points.painting.dome import eye_dome
+from resample_points.painting.rendering import eye_dome
 
 CAMERA = Camera.from_fov(50, 48, 64)
 

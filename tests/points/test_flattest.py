@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from resample.engine.jit import kernel
-from resample_points.geometry.kernels import lines
-from resample_points.geometry.kernels.lines import _turned_flattest, flattest
+from resample_points.kernels import cells as lines
+from resample_points.kernels.cells import _turned_flattest, flattest
 from tests.kernels import run_in_python
 
 SPREAD = {

@@ -283,7 +283,7 @@ def test_styles_out_of_range_are_refused(options, message):
 def test_a_scene_that_stays_in_its_file_has_the_same_bits(tmp_path, monkeypatch):
     from resample_points import cropped_gaussians, read_gaussians
     from resample_points.data.gaussians import Crop
-    from resample_points.files.gaussians.reading import stored_gaussians
+    from resample_points.files.gaussians.formats import stored_gaussians
     from resample_points.painting import gaussians as painting
 
     monkeypatch.setattr(painting, "PART", 64)

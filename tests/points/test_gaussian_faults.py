@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from resample.reading.limits import raised
-from resample_points.files.gaussians.reading import read_gaussians
+from resample_points.files.gaussians.formats import read_gaussians
 from tests import splats as made
 from tests.fuzz.files import put
 

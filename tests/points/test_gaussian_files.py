@@ -11,11 +11,9 @@ import pytest
 from conftest import real
 from resample import registry
 from resample_points import cli
-from resample_points.data.gaussians import Gaussians
-from resample_points.data.joining import with_up
+from resample_points.data.gaussians import Gaussians, with_up
 from resample_points.files.gaussians import sog
-from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
-from resample_points.files.gaussians.writing import write_gaussians
+from resample_points.files.gaussians.formats import is_gaussians, read_gaussians, write_gaussians
 from resample_points.files.readers import read_cloud
 from tests import commands
 from tests import splats as made

@@ -13,9 +13,10 @@ from resample_points.data.gaussians import (
     checked_gaussians,
     colors_along,
     cropped_gaussians,
+    joined_gaussians,
+    placed_gaussians,
 )
 from resample_points.data.harmonics import harmonics_along, turned_harmonics
-from resample_points.data.joining import joined_gaussians, placed_gaussians
 
 COUNT = 40
 TURN = Rotation.from_euler("xyz", [0.3, -1.1, 2.0])

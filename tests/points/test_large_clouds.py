@@ -15,19 +15,17 @@ from resample.memory import allowing
 from resample.memory.mapped import array_in_file, is_in_file
 from resample_points import cli
 from resample_points.command.choices import CloudOptions
-from resample_points.command.films import frames_of, scene_in
 from resample_points.command.gaussians import GaussianOptions
-from resample_points.command.rendering import scene_of
+from resample_points.command.rendering import frames_of, scene_in, scene_of
 from resample_points.data import parts
 from resample_points.data.cloud import Cloud
-from resample_points.data.coloring import colored
+from resample_points.data.columns import colored
 from resample_points.files.readers import read_cloud
 from resample_points.geometry import framing, sorting, spacing
 from resample_points.geometry.framing import ball_around, framed, framed_together
 from resample_points.geometry.spacing import prepare_cloud
 from resample_points.painting import windows
-from resample_points.painting.indexing import index_cloud
-from resample_points.painting.rendering import CloudStyle, render_cloud
+from resample_points.painting.rendering import CloudStyle, index_cloud, render_cloud
 from tests import commands
 from tests.bits import assert_same
 from tests.points.spinning import street
@@ -307,7 +305,7 @@ def test_files_are_read_into_files_where_memory_does_not_hold_them(kind, tmp_pat
     monkeypatch.setattr(parts, "STEP", 1 << 18)
     expected = read_cloud(path)
     assert not is_in_file(expected.position)
-    for module in ("parsing", "las"):
+    for module in ("plain", "las"):
         monkeypatch.setattr(f"resample_points.files.{module}.STEP", 700)
     monkeypatch.setattr(parts, "STEP", 700)
     with allowing("400kB"):

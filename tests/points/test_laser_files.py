@@ -10,7 +10,7 @@ import pytest
 from resample.colors import from_srgb
 from resample_points.cli import app
 from resample_points.data import parts as clouds_in_parts
-from resample_points.data.coloring import BRIGHT
+from resample_points.data.columns import BRIGHT
 from resample_points.files.readers import read_cloud
 from resample_points.geometry.spacing import prepare_cloud
 from tests.laser import CENTER, SCALE, copc_of, las_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from resample.engine.jit import kernel
-from resample_points.geometry.kernels.lines import (
+from resample_points.kernels.cells import (
     AWAY,
     BEGIN,
     END,

@@ -7,11 +7,9 @@ from scipy.spatial import cKDTree
 from resample_points.data.cloud import Cloud
 from resample_points.data.curves import curve_through
 from resample_points.geometry import sorting, spacing
-from resample_points.geometry.kernels.cells import Spaced
-from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
-from resample_points.geometry.kernels.neighbours import blocks_of
 from resample_points.geometry.sorting import canonical
 from resample_points.geometry.spacing import prepare_cloud
+from resample_points.kernels.neighbours import blocks_of, measure_all
 
 RNG = np.random.default_rng(5)
 FEW, MANY = spacing.NEIGHBOURS, spacing.MORE_NEIGHBOURS
@@ -45,10 +43,10 @@ def sorted_along(place):
 def nearest_of(place):
     """Neighbours (N, k) of places in order, without themselves."""
     count = len(place)
-    wanted = NeighbourCounts(min(FEW, count), min(MANY, count))
-    discs = Spaced(np.zeros((count, 2, 3), np.float32), np.zeros(count, np.float32))
-    nearest = np.zeros((count, wanted.few - 1), np.int32)
-    measure_all(blocks_of(place), wanted, np.zeros((count, 3), np.float32), discs, nearest)
+    few, many = min(FEW, count), min(MANY, count)
+    normal, axes = np.zeros((count, 3), np.float32), np.zeros((count, 2, 3), np.float32)
+    spacing, nearest = np.zeros(count, np.float32), np.zeros((count, few - 1), np.int32)
+    measure_all(blocks_of(place), few, many, normal, axes, spacing, nearest)
     return nearest
 
 

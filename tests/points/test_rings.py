@@ -7,7 +7,7 @@ import pytest
 
 from resample.cameras.models import Camera
 from resample_points import Cloud, prepare_cloud, render_cloud
-from resample_points.geometry import rings
+from resample_points.geometry import spacing
 from tests.points import spinning
 
 NONE = np.empty((0, 3), np.float32)
@@ -118,7 +118,7 @@ def test_discs_depend_neither_on_threads_nor_on_the_order_of_points(monkeypatch)
 
 def test_surfaces_without_lines_are_measured_once(monkeypatch):
     measured = []
-    monkeypatch.setattr(rings, "_levels", lambda *_: measured.append(1) or range(0))
+    monkeypatch.setattr(spacing, "widened", lambda *_: measured.append(1))
     place = np.random.default_rng(2).normal(size=(3000, 3))
     prepare_cloud(cloud_of(place / np.linalg.norm(place, axis=1, keepdims=True)))
     assert measured == []

@@ -227,7 +227,7 @@ def test_floats_slightly_above_1_are_bright_not_black(tmp_path):
 
 
 def test_white_is_found_in_the_whole_file_not_in_its_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr("resample_points.files.parsing.STEP", 3)
+    monkeypatch.setattr("resample_points.files.plain.STEP", 3)
     path, level = tmp_path / "a.ply", np.full((8, 3), 100, np.uint16)
     level[7] = 60_000
     path.write_bytes(typed_ply(("u2", "ushort"), level))

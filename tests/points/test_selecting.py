@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from resample_points import Cloud, cli, join_clouds, select_points
-from resample_points.data import parts, selecting
+from resample_points.data import columns as selecting
+from resample_points.data import parts
 from tests import commands
 
 ended, refused = partial(commands.ended, cli.app), partial(commands.refused, cli.app)

@@ -18,23 +18,21 @@ if TYPE_CHECKING:
     from resample_points.calls import animate, render
     from resample_points.calls import opened as open  # noqa: A004
     from resample_points.data.cloud import Cloud
-    from resample_points.data.gaussians import Gaussians, cropped_gaussians
-    from resample_points.data.joining import joined_gaussians, placed_gaussians
-    from resample_points.data.selecting import join_clouds, select_points
-    from resample_points.files.gaussians.reading import read_gaussians
-    from resample_points.files.gaussians.writing import write_gaussians
+    from resample_points.data.columns import join_clouds, select_points
+    from resample_points.data.gaussians import (
+        Gaussians,
+        cropped_gaussians,
+        joined_gaussians,
+        placed_gaussians,
+    )
+    from resample_points.files.gaussians.formats import read_gaussians, write_gaussians
     from resample_points.files.readers import read_cloud
     from resample_points.geometry.framing import framed
     from resample_points.geometry.spacing import prepare_cloud
     from resample_points.painting.bending import ProjectedCamera
-    from resample_points.painting.gaussians import (
-        GaussianStyle,
-        gaussian_camera,
-        render_gaussians,
-    )
-    from resample_points.painting.indexing import index_cloud
+    from resample_points.painting.gaussians import GaussianStyle, gaussian_camera, render_gaussians
     from resample_points.painting.rasters import Raster, raster_of, rasterized
-    from resample_points.painting.rendering import CloudStyle, render_cloud
+    from resample_points.painting.rendering import CloudStyle, index_cloud, render_cloud
     from resample_points.scenes import CloudScene
     from resample_points.viewing import view
 
@@ -47,26 +45,26 @@ _HOMES = {
     "Gaussians": "data.gaussians",
     "cropped_gaussians": "data.gaussians",
     "framed": "geometry.framing",
-    "joined_gaussians": "data.joining",
-    "placed_gaussians": "data.joining",
+    "joined_gaussians": "data.gaussians",
+    "placed_gaussians": "data.gaussians",
     "ProjectedCamera": "painting.bending",
     "Raster": "painting.rasters",
     "gaussian_camera": "painting.gaussians",
-    "index_cloud": "painting.indexing",
-    "join_clouds": "data.selecting",
+    "index_cloud": "painting.rendering",
+    "join_clouds": "data.columns",
     "prepare_cloud": "geometry.spacing",
     "raster_of": "painting.rasters",
     "rasterized": "painting.rasters",
     "read_cloud": "files.readers",
-    "read_gaussians": "files.gaussians.reading",
+    "read_gaussians": "files.gaussians.formats",
     "animate": "calls",
     "open": "calls:opened",
     "render": "calls",
     "render_cloud": "painting.rendering",
     "render_gaussians": "painting.gaussians",
-    "select_points": "data.selecting",
+    "select_points": "data.columns",
     "view": "viewing",
-    "write_gaussians": "files.gaussians.writing",
+    "write_gaussians": "files.gaussians.formats",
 }
 
 __all__ = [

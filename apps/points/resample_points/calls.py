@@ -22,12 +22,9 @@ from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Floats, Frame
 from resample_points.data.cloud import Cloud, columns_of
-from resample_points.data.coloring import colored
-from resample_points.data.gaussians import Gaussians
-from resample_points.data.joining import DOWN
-from resample_points.data.selecting import select_points
-from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
-from resample_points.files.gaussians.writing import write_gaussians
+from resample_points.data.columns import colored, select_points
+from resample_points.data.gaussians import DOWN, Gaussians
+from resample_points.files.gaussians.formats import is_gaussians, read_gaussians, write_gaussians
 from resample_points.files.readers import SNAPSHOTS, read_cloud
 from resample_points.geometry.framing import FIELD
 from resample_points.geometry.spacing import LARGEST, Surfels, prepare_cloud

@@ -13,8 +13,7 @@ from resample.command.session import run
 from resample.command.settings import FrameFormat, Serving, Sharing, height_and_width, with_settings
 from resample.lazy import installed_version
 from resample_points.command.choices import CloudAim, CloudOptions, CloudStart
-from resample_points.command.converting import ConvertOptions
-from resample_points.command.gaussians import GaussianOptions
+from resample_points.command.gaussians import ConvertOptions, GaussianOptions
 from resample_points.command.maps import MapOptions
 
 app = CommandLine(
@@ -73,9 +72,8 @@ def render(
     from resample.files.saving import check_frame
     from resample.files.writing import check_targets
     from resample.progress import told
-    from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
-    from resample_points.command.rendering import check_memory, scene_of
+    from resample_points.command.rendering import check_memory, holds_gaussians, scene_of
 
     check_frame(output, form.bits, form.behind(output.suffix))
     if index is not None and index.suffix.lower() != ".npy":
@@ -146,8 +144,12 @@ def animate(
     from resample.command.workers import check_sharing
     from resample.console import linear_color
     from resample.files.animations import check_film
-    from resample_points.command.films import holds_gaussians, scene_in, write_animation
-    from resample_points.command.rendering import check_memory
+    from resample_points.command.rendering import (
+        check_memory,
+        holds_gaussians,
+        scene_in,
+        write_animation,
+    )
 
     shape = height_and_width(size)
     check_film(output, fps)
@@ -246,8 +248,7 @@ def convert(
     /,
     *,
     output: Annotated[
-        flags.Output,
-        Parameter(help="Written to: .ply, .compressed.ply, .spz, .sog or .splat."),
+        flags.Output, Parameter(help="Written to: .ply, .compressed.ply, .spz, .sog or .splat.")
     ],
     options: Annotated[ConvertOptions, flags.Flat] = CONVERT,
 ) -> None:
@@ -266,8 +267,8 @@ def convert(
     """
     from resample.command.session import Session
     from resample.files.writing import check_targets
-    from resample_points.command.converting import converted
-    from resample_points.files.gaussians.writing import suffix_of
+    from resample_points.command.gaussians import converted
+    from resample_points.files.gaussians.formats import suffix_of
 
     options.check()
     suffix_of(output)

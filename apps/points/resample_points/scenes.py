@@ -23,8 +23,7 @@ from resample_points.files.readers import read_cloud
 from resample_points.geometry.framing import FIELD, ball_around, framed, framed_together
 from resample_points.geometry.spacing import Surfels, prepare_cloud
 from resample_points.painting.bending import CloudView, ProjectedCamera, places_at, shrunken
-from resample_points.painting.indexing import index_cloud
-from resample_points.painting.rendering import CloudStyle, render_cloud
+from resample_points.painting.rendering import CloudStyle, index_cloud, render_cloud
 
 FEW = 200_000  # most points of previews
 Shape = tuple[int, int]  # height and width, px
@@ -192,9 +191,18 @@ def camera_of(surfels: Surfels | Cloud, shape: Shape, viewpoint: Viewpoint) -> A
         up=viewpoint.up,
         fov=viewpoint.fov,
     )
+    zoom, (right, up) = viewpoint.zoom, viewpoint.pan  # in shares of the picture's shorter side
     if isinstance(camera, Orthographic):
-        return _shifted(camera, viewpoint, shape)
-    return _panned(_zoomed(camera, viewpoint.zoom), viewpoint.pan, surfels, shape)
+        cx, cy = camera.cx + min(shape) * right, camera.cy - min(shape) * up
+        return replace(camera, sx=zoom * camera.sx, sy=zoom * camera.sy, cx=cx, cy=cy)
+    camera = _zoomed(camera, zoom)
+    if (right, up) == (0.0, 0.0):
+        return camera
+    pose = camera.world_to_camera.copy()
+    depth = float(pose[2, :3] @ ball_around(surfels)[0] + pose[2, 3])
+    side = depth * min(shape) / camera.fx
+    pose[:2, 3] += side * right, -side * up
+    return camera.moved(pose)
 
 
 def cameras_of(
@@ -230,32 +238,25 @@ def sized(viewpoint: Any, shape: Shape) -> Any:
     return viewpoint.sized(*shape) if hasattr(viewpoint, "sized") else viewpoint
 
 
-def _shifted(camera: Orthographic, viewpoint: Orbit, shape: Shape) -> Orthographic:
-    """Zoom into a parallel camera's picture, and shift its content right and up."""
-    zoom, (right, up), side = viewpoint.zoom, viewpoint.pan, min(shape)
-    return replace(
-        camera,
-        sx=zoom * camera.sx,
-        sy=zoom * camera.sy,
-        cx=camera.cx + side * right,
-        cy=camera.cy - side * up,
-    )
-
-
-def _panned(
-    camera: Camera, pan: tuple[float, float], surfels: Surfels | Cloud, shape: Shape
-) -> Camera:
-    """Shift the cloud's center right and up, in shares of the picture's shorter side."""
-    if pan == (0.0, 0.0):
-        return camera
-    pose = camera.world_to_camera.copy()
-    depth = float(pose[2, :3] @ ball_around(surfels)[0] + pose[2, 3])
-    side = depth * min(shape) / camera.fx
-    pose[:2, 3] += side * pan[0], -side * pan[1]
-    return camera.moved(pose)
-
-
 def _zoomed(camera: Camera, zoom: float) -> Camera:
     matrix = camera.matrix.copy()
     matrix[:2, :2] *= zoom
     return replace(camera, matrix=matrix)
+
+
+def film_job(cameras: Sequence[Any], shape: Shape, background: Any) -> dict[str, Any]:
+    """Return what the frames of every film depend on."""
+    from resample.files.animations import fingerprint
+    from resample.lazy import installed_version
+
+    numbers = [  # intrinsics, in perspective or parallel
+        each.matrix if hasattr(each, "matrix") else (each.sx, each.sy, each.cx, each.cy)
+        for each in cameras
+    ]
+    poses = np.stack([camera.world_to_camera for camera in cameras])
+    return {
+        "cameras": fingerprint(np.array(numbers, np.float64), poses),
+        "size": list(shape),
+        "background": list(background),
+        "version": installed_version(),
+    }

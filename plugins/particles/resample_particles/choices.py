@@ -110,7 +110,7 @@ class DensityOptions(Choices):
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
         from resample_particles.files import type_of
-        from resample_points.data.selecting import box_of
+        from resample_points.data.columns import box_of
 
         type_of(self.kind)
         box_of(self.crop)

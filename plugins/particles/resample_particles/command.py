@@ -64,8 +64,7 @@ def density(
     from resample.command.workers import check_sharing
     from resample.files.writing import check_targets
     from resample_particles.pictures import density_of, scene_in
-    from resample_points.command.films import write_animation
-    from resample_points.command.rendering import check_memory
+    from resample_points.command.rendering import check_memory, write_animation
 
     shape, files = form.height_and_width(), (file, *more)
     if output.suffix.lower() in FILMS or not output.suffix or output.is_dir():

@@ -8,7 +8,7 @@ import numpy as np
 from resample.colors import Background, mapped
 from resample.types import Doubles, Floats
 from resample_particles.density import DensityMap
-from resample_points.data.coloring import LEVELS, span_of
+from resample_points.data.columns import LEVELS, span_of
 from resample_points.data.parts import span_in
 
 DECADES = 5.0  # powers of ten that a logarithmic scale shows below the greatest value, at most

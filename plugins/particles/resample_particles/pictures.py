@@ -11,8 +11,8 @@ import numpy as np
 from resample.cameras.models import Camera, Orthographic
 from resample_particles.choices import DensityOptions, number_of
 from resample_points.command.choices import Aimed
-from resample_points.command.films import Sweep
-from resample_points.data.selecting import corners_of
+from resample_points.command.rendering import Sweep
+from resample_points.data.columns import corners_of
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -130,7 +130,7 @@ class ParticlePictures:
         """Return the frames of a film."""
         from resample.files.animations import Shots, fingerprint
         from resample.files.saving import screen_levels
-        from resample_points.command.rendering import film_job
+        from resample_points.scenes import film_job
 
         scene = self.spanned(cameras, shape)
 

@@ -19,7 +19,7 @@ from resample_particles.pictures import ParticlePictures, pictures_of
 from resample_points.command.choices import CloudStart
 from resample_points.painting.bending import shrunken
 from resample_points.scenes import camera_of
-from resample_points.viewing.films import AROUND, FilmPainter, page_facts
+from resample_points.viewing.pages import AROUND, FilmPainter, page_facts
 
 COMMAND = "resample-points density"
 SHOWN = (DensityOptions, CloudStart, FrameFormat)  # options that a page can change

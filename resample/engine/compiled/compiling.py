@@ -380,10 +380,7 @@ _overloads: list[Callable[[], None]] = []  # that tell numba of what kernels cal
 
 
 def define(
-    called: Callable[..., Any],
-    function: FunctionType,
-    is_packed: bool,
-    options: dict[str, Any],
+    called: Callable[..., Any], function: FunctionType, is_packed: bool, options: dict[str, Any]
 ) -> Any:
     """Return a kernel as numba's.
 

@@ -5,14 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from resample.engine.jit import (
-    Counter,
-    inner_kernel,
-    inner_step,
-    kernel,
-    packed_kernel,
-    tasks,
-)
+from resample.engine.jit import Counter, inner_kernel, inner_step, kernel, packed_kernel, tasks
 from resample.engine.lookup import radial
 from resample.engine.rays.media import Medium
 from resample.engine.rays.meshes import Way, integrate_with_mesh, is_on_mesh

@@ -265,12 +265,7 @@ def _(
 
 @packed_kernel
 def paint_several(
-    counter: Counter,
-    count: int,
-    fineness: int,
-    fields: Fields,
-    medium: Medium,
-    output: Output,
+    counter: Counter, count: int, fineness: int, fields: Fields, medium: Medium, output: Output
 ) -> None:
     """Paint tiles of a picture by casting rays through several fields.
 

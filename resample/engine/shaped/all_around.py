@@ -28,16 +28,7 @@ from resample.engine.shaped.canvas import (
 )
 from resample.engine.shaped.lists import TileLists
 from resample.engine.shaped.painting import OFTEN, Opacity, response_at
-from resample.engine.shaped.records import (
-    BLUE,
-    GREEN,
-    LIMIT,
-    PEAK,
-    RED,
-    X,
-    Y,
-    span_of,
-)
+from resample.engine.shaped.records import BLUE, GREEN, LIMIT, PEAK, RED, X, Y, span_of
 from resample.types import Doubles, Floats, Indices
 
 FACES = 6
@@ -130,12 +121,7 @@ def _place(canvas: Floats, at: Floats, face: Faces, number: int, boxes: Floats) 
 
 @inner_step
 def _composite(
-    canvas: Floats,
-    is_open: Open,
-    boxes: Floats,
-    record: Floats,
-    near: float,
-    opacity: Opacity,
+    canvas: Floats, is_open: Open, boxes: Floats, record: Floats, near: float, opacity: Opacity
 ) -> None:
     """Composite a record on the sub-pixels of a tile that are on the face."""
     (left, right), (top, bottom) = span_of(record, 0), span_of(record, 1)

@@ -35,11 +35,7 @@ from resample.engine.shaped.canvas import (
     write_tile,
 )
 from resample.engine.shaped.lists import TileGrid, TileLists
-from resample.engine.shaped.painting import (
-    Opacity,
-    response_at,
-    tile_at,
-)
+from resample.engine.shaped.painting import Opacity, response_at, tile_at
 from resample.engine.shaped.records import (
     BLUE,
     D_X,

@@ -293,12 +293,7 @@ def _lay_small(
 
 @inner_step
 def _visit(
-    canvas: Floats,
-    is_open: Open,
-    records: Floats,
-    number: int,
-    spot: TilePlace,
-    opacity: Opacity,
+    canvas: Floats, is_open: Open, records: Floats, number: int, spot: TilePlace, opacity: Opacity
 ) -> None:
     """Bring a record to the sub-pixels of a tile that it may cover."""
     record = records[number]

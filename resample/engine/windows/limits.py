@@ -87,10 +87,7 @@ def varies_between(flat: Floats, at: Place, steps: tuple[Place, Place], is_along
     """How much samples vary along an axis, between four corners of which `at` is the first."""
     along, across = (steps[0], steps[1]) if is_along_x else (steps[1], steps[0])
     below = at + steps[1]
-    left, right = (
-        _varies(flat, at, along, across),
-        _varies(flat, at + steps[0], along, across),
-    )
+    left, right = (_varies(flat, at, along, across), _varies(flat, at + steps[0], along, across))
     upper = left + x * (right - left)
     left, right = (
         _varies(flat, below, along, across),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from resample.cameras.calibrations import Calibration
     from resample.cameras.viewpoints import Viewpoint
     from resample_points.data.cloud import Cloud
-    from resample_points.data.selecting import Wanted
+    from resample_points.data.columns import Wanted
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import Shape
 
@@ -69,8 +69,7 @@ class CloudOptions(Choices):
         ),
     ] = None
     colormap: Annotated[
-        str,
-        Field(description="Colormap, one of matplotlib's, such as turbo or tab10."),
+        str, Field(description="Colormap, one of matplotlib's, such as turbo or tab10.")
     ] = "viridis"
     span: Annotated[
         str | None,
@@ -94,15 +93,13 @@ class CloudOptions(Choices):
         ),
     ] = None
     filter: Annotated[
-        str | None,
-        Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"),
+        str | None, Field(description="Pixel filter, such as gaussian:sigma=0.6. [default: box]")
     ] = None
     light: Annotated[
         Literal["none", "eye"] | None,
         Field(
             description="Where light comes from: eye, the camera, or none. [default: eye for "
-            "clouds "
-            "without colors, otherwise none]"
+            "clouds without colors, otherwise none]"
         ),
     ] = None
     edl: Annotated[
@@ -130,17 +127,11 @@ class CloudOptions(Choices):
     threads: Threads = None
 
     def check(self, output: Path, height: int) -> None:
-        """Refuse invalid options before any work is done.
-
-        Raises
-        ------
-        ValueError, LookupError
-            An option is unknown, out of range, or does not go with another.
-        """
+        """Refuse invalid options before any work is done."""
         from resample import registry
         from resample.colors import check_colormap
         from resample.measuring.color_bars import check_bar
-        from resample_points.data.selecting import box_of
+        from resample_points.data.columns import box_of
 
         self.style()
         self.conditions()
@@ -156,7 +147,7 @@ class CloudOptions(Choices):
 
     def conditions(self) -> "list[Wanted]":
         """Return the conditions of --only."""
-        from resample_points.data.selecting import wanted_of
+        from resample_points.data.columns import wanted_of
 
         return [wanted_of(text) for text in self.only]
 
@@ -165,12 +156,8 @@ class CloudOptions(Choices):
         from resample_points.painting.rendering import CloudStyle, Shading
 
         lights = {None: None, "none": Shading.NONE, "eye": Shading.HEADLIGHT}
-        return CloudStyle(
-            point_size=self.point_size,
-            light=lights[self.light],
-            cull=self.one_sided,
-            edl=self.edl,
-        )
+        light, size = lights[self.light], self.point_size
+        return CloudStyle(point_size=size, light=light, cull=self.one_sided, edl=self.edl)
 
 
 class CloudStart(Choices):
@@ -222,12 +209,17 @@ class CloudAim(CloudStart):
 
     def camera_for(self, surfels: "Surfels | Cloud", shape: "Shape") -> Any:
         """Return the camera for a picture (height, width) of a cloud; raises as `check` does."""
+        from resample.cameras.files import read_pose
         from resample.cameras.viewpoints import Orbit
         from resample_points.geometry.framing import ball_around
         from resample_points.scenes import camera_of, sized
 
-        if self.panorama is not None:
-            return self._panoramic(surfels, shape)
+        if self.panorama is not None:  # at a pose, or where --camera is
+            if self.pose is not None:
+                pose = read_pose(self.pose)
+            else:
+                pose = camera_of(surfels, shape, self.start()).world_to_camera
+            return panorama_of(self.panorama).moved(pose)
         calibrated = calibrated_of(self.pose, self.intrinsics)
         if calibrated is not None:
             return sized(calibrated, shape)
@@ -235,16 +227,6 @@ class CloudAim(CloudStart):
         if self.steady and isinstance(start, Orbit):
             return start.around(ball_around(surfels), *shape)
         return camera_of(surfels, shape, start)
-
-    def _panoramic(self, surfels: "Surfels | Cloud", shape: "Shape") -> Any:
-        """Return the camera of a panorama, at a pose or where --camera is."""
-        from resample.cameras.files import read_pose
-        from resample_points.scenes import camera_of
-
-        camera = panorama_of(self.panorama)
-        if self.pose is not None:
-            return camera.moved(read_pose(self.pose))
-        return camera.moved(camera_of(surfels, shape, self.start()).world_to_camera)
 
 
 def panorama_of(name: str | None) -> Any:

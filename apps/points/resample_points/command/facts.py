@@ -1,75 +1,60 @@
 """What files of clouds and of 3D Gaussians hold, for `resample-points info`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from resample_points.data.cloud import Cloud
-    from resample_points.data.gaussians import Gaussians
 
 QUANTILES = (0.01, 0.5, 0.99)
 
 
 def facts_in(path: Path) -> dict[str, Any]:
-    """Return what a file holds, as JSON values.
-
-    Raises
-    ------
-    ValueError, OSError
-        It cannot be read.
-    """
-    from resample_points.files.coordinate_systems import coordinate_system_of
-    from resample_points.files.gaussians.reading import is_gaussians, read_gaussians
+    """Return what a file holds, as JSON values."""
+    from resample_points.data.columns import MEANINGS, SCANNED
+    from resample_points.data.harmonics import COUNTS
+    from resample_points.files.gaussians.formats import is_gaussians, read_gaussians
     from resample_points.files.readers import LASER, read_cloud
 
     if is_gaussians(path):
-        return _of_gaussians(read_gaussians(path))
-    facts = _of_cloud(read_cloud(path))
-    if path.suffix.lower() not in LASER:
-        return facts
-    system = coordinate_system_of(path)
-    return {**facts, "crs": None if system is None else system.name}
-
-
-def _of_cloud(cloud: "Cloud") -> dict[str, Any]:
-    from resample_points.data.coloring import MEANINGS, SCANNED
-
-    columns = {name: _ends(values) for name, values in sorted(cloud.columns.items())}
+        gaussians = read_gaussians(path)
+        sizes = gaussians.scale.max(axis=1)
+        return {
+            "kind": "3D Gaussians",
+            "count": len(gaussians.opacity),
+            "bounds": _bounds(gaussians.position),
+            "degree": COUNTS.index(gaussians.harmonics.shape[1]),
+            "antialiased": gaussians.is_antialiased,
+            "up": gaussians.up,
+            "opacity": _quantiles(gaussians.opacity),
+            "largest deviation": _quantiles(sizes),
+            "thinness": _quantiles(gaussians.scale.min(axis=1) / sizes),
+        }
+    cloud, ends = read_cloud(path), dict[str, list[float]]()
+    for name, values in sorted(cloud.columns.items()):
+        known = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+        ends[name] = _exact([known.min(), known.max()]) if known.size else []
     number = cloud.columns.get(SCANNED[1], np.zeros(0, np.uint8))
     classes = np.unique(number[np.isfinite(number)], return_counts=True)
-    return {
+    facts = {
         "kind": "points",
         "count": len(cloud.position),
         "bounds": _bounds(cloud.position),
         "normals": bool(len(cloud.normal)),
         "colors": bool(len(cloud.color)),
         "radii": bool(len(cloud.radius)),
-        "columns": columns,
+        "columns": ends,
         "classes": {
             f"{n:g} {MEANINGS.get(n, '')}".strip(): int(count)
             for n, count in zip(*classes, strict=True)
         },
     }
+    if path.suffix.lower() not in LASER:
+        return facts
+    from resample_points.files.las import coordinate_system_of
 
-
-def _of_gaussians(gaussians: "Gaussians") -> dict[str, Any]:
-    from resample_points.data.harmonics import COUNTS
-
-    sizes = gaussians.scale.max(axis=1)
-    return {
-        "kind": "3D Gaussians",
-        "count": len(gaussians.opacity),
-        "bounds": _bounds(gaussians.position),
-        "degree": COUNTS.index(gaussians.harmonics.shape[1]),
-        "antialiased": gaussians.is_antialiased,
-        "up": gaussians.up,
-        "opacity": _quantiles(gaussians.opacity),
-        "largest deviation": _quantiles(sizes),
-        "thinness": _quantiles(gaussians.scale.min(axis=1) / sizes),
-    }
+    system = coordinate_system_of(path)
+    return {**facts, "crs": None if system is None else system.name}
 
 
 def _bounds(position: NDArray[Any]) -> list[list[float]]:
@@ -77,12 +62,6 @@ def _bounds(position: NDArray[Any]) -> list[list[float]]:
     if not len(position):
         return []
     return [_exact(position.min(axis=0)), _exact(position.max(axis=0))]
-
-
-def _ends(values: NDArray[Any]) -> list[float]:
-    """Return the least and the greatest number that is finite."""
-    known = values[np.isfinite(values)] if values.dtype.kind == "f" else values
-    return _exact([known.min(), known.max()]) if known.size else []
 
 
 def _quantiles(values: NDArray[Any]) -> list[float]:

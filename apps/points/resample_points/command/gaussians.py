@@ -1,4 +1,4 @@
-"""Render 3D Gaussians and films of them for the command line."""
+"""Render, film and convert 3D Gaussians for the command line."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from resample.command.flags import OptionTopic
+from resample.command.flags import OptionTopic, Several
 from resample.command.settings import Choices, FrameFormat
-from resample_points.command.choices import Aimed, CloudOptions
+from resample_points.command.choices import Aimed, CloudOptions, Crop
 
 if TYPE_CHECKING:
     from resample.command.session import Session
@@ -187,7 +187,7 @@ class GaussianPictures:
     @property
     def up(self) -> str:
         """The scene's axis up; files that say nothing have y down, as photographs are laid out."""
-        from resample_points.data.joining import DOWN
+        from resample_points.data.gaussians import DOWN
 
         return self.gaussians.up or DOWN
 
@@ -259,7 +259,7 @@ class GaussianPictures:
         """Return the frames of a film."""
         from resample.files.animations import Shots
         from resample.files.saving import screen_levels
-        from resample_points.command.rendering import film_job
+        from resample_points.scenes import film_job
 
         def frame(n: int) -> Any:
             return screen_levels(self.picture(cameras[n], shape, background).rgba)
@@ -299,8 +299,7 @@ def gaussians_of(
     session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
 ) -> GaussianPictures:
     """Read the Gaussians that a command draws."""
-    from resample_points.data.gaussians import Gaussians
-    from resample_points.data.training import training_of
+    from resample_points.data.gaussians import Gaussians, training_of
 
     whole = gaussians_read(session, file, clouds, options)
     if isinstance(whole, Gaussians) and whole.training is None:
@@ -313,11 +312,11 @@ def gaussians_read(
     session: "Session", file: Path, clouds: CloudOptions, options: GaussianOptions
 ) -> "Gaussians | StoredGaussians":
     """Read Gaussians, join and crop them."""
+    from resample.cameras.files import read_pose
     from resample.messages import naming
-    from resample_points.data.gaussians import Crop, cropped_gaussians
-    from resample_points.data.joining import joined_gaussians
-    from resample_points.data.selecting import corners_of
-    from resample_points.files.gaussians.reading import read_gaussians, stored_gaussians
+    from resample_points.data.columns import corners_of
+    from resample_points.data.gaussians import Crop, cropped_gaussians, joined_gaussians
+    from resample_points.files.gaussians.formats import read_gaussians, stored_gaussians
     from resample_points.painting.gaussians import StoredGaussians
 
     crop = Crop(corners_of(clouds.crop), options.least_opacity, options.largest)
@@ -325,22 +324,15 @@ def gaussians_read(
         stored = None if clouds.also else stored_gaussians(file)
         if stored is not None and stored.count * BYTES > int(SHARE * free_memory()):
             return StoredGaussians(stored, crop)
-        others = [_with_pose(text) for text in clouds.also]
-        scenes = [read_gaussians(name) for name in (file, *(name for name, _ in others))]
-        poses = [None, *(pose for _, pose in others)]
+        scenes, poses = [read_gaussians(file)], list["Doubles | None"]([None])
+        for text in clouds.also:  # a scene, and the file of its pose if there is one
+            name, comma, pose = text.rpartition(",")
+            is_alone = Path(text).exists() or not comma
+            poses.append(None if is_alone else read_pose(pose))
+            scenes.append(read_gaussians(text if is_alone else name))
         whole = scenes[0] if len(scenes) == 1 else joined_gaussians(scenes, poses)
         with naming(file.name):
             return cropped_gaussians(whole, **crop._asdict())
-
-
-def _with_pose(text: str) -> "tuple[Path, Doubles | None]":
-    """Split the name of a scene and the file of its pose, if there is one."""
-    from resample.cameras.files import read_pose
-
-    name, comma, pose = text.rpartition(",")
-    if Path(text).exists() or not comma:
-        return Path(text), None
-    return Path(name), read_pose(pose)
 
 
 def free_memory() -> float:
@@ -352,3 +344,68 @@ def free_memory() -> float:
     if allowed is not None:
         left.append(float(max(allowed - memory_in_use(), 0)))
     return min(left, default=float("inf"))
+
+
+class ConvertOptions(Choices):
+    """What is written of 3D Gaussians."""
+
+    heading: ClassVar[str] = "Look"
+    about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
+
+    also: Annotated[
+        tuple[str, ...],
+        OptionTopic.SOURCE,
+        Several,
+        Field(
+            description="Another scene to join, and a file of its pose: b.ply or b.ply,pose.txt."
+        ),
+    ] = ()
+    pose: Annotated[
+        str | None,
+        OptionTopic.SOURCE,
+        Field(description="File of a pose: the scene is moved and turned by it."),
+    ] = None
+    crop: Crop = None
+    degree: Annotated[
+        int | None, Field(ge=0, le=3, description="Highest degree of harmonics to keep.")
+    ] = None
+    least_opacity: LeastOpacity = 0.0
+    largest: Largest = None
+
+    def check(self) -> None:
+        """Refuse invalid options before any work is done."""
+        from resample_points.data.columns import box_of
+
+        box_of(self.crop)
+
+
+def converted(session: "Session", file: Path, output: Path, options: ConvertOptions) -> None:
+    """Read Gaussians, and write what the options keep of them."""
+    from resample.cameras.files import read_pose
+    from resample.console import say
+    from resample.memory import amount
+    from resample_points.data.gaussians import DOWN, Gaussians, placed_gaussians, with_up
+    from resample_points.data.harmonics import COUNTS
+    from resample_points.files.gaussians.formats import suffix_of, write_gaussians
+
+    clouds = CloudOptions(also=options.also, crop=options.crop)
+    kept = GaussianOptions(least_opacity=options.least_opacity, largest=options.largest)
+    scene = gaussians_read(session, file, clouds, kept)
+    if not isinstance(scene, Gaussians):
+        raise ValueError(f"{file.name} has {scene.file.count:,} Gaussians, too many for the memory")
+    if options.pose is not None:
+        scene = placed_gaussians(scene, read_pose(options.pose))
+    width = scene.harmonics.shape[1]
+    if options.degree is not None:
+        width = min(width, COUNTS[options.degree])
+        scene = scene._replace(harmonics=scene.harmonics[:, :width])
+    is_ply = [name.suffix.lower() == ".ply" for name in (file, output)]
+    if is_ply == [False, True]:  # most programs that read PLY do not read its axis
+        scene = with_up(scene, DOWN)._replace(up=None)
+    with session.stage("write", bar="writing"):
+        write_gaussians(output, scene)
+    lost = "" if suffix_of(output) != ".splat" or not width else "; .splat has no harmonics"
+    say(
+        f"{output.name}: {len(scene.opacity):,} Gaussians with harmonics of degree "
+        f"{COUNTS.index(width)}, {amount(output.stat().st_size)}{lost}"
+    )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from resample.files.metadata.fields import FileMetadata
     from resample.files.pictures import Picture
     from resample.types import Floats
-    from resample_points.files.coordinate_systems import CoordinateSystem
+    from resample_points.files.las import CoordinateSystem
     from resample_points.painting.rasters import Raster
 
 SUFFIXES = (".tif", ".tiff")
@@ -68,8 +68,7 @@ def write_map(session: "Session", files: Sequence[Path], output: Path, options: 
     from resample.files.saving import writing_rows
     from resample.messages import naming
     from resample.progress import told
-    from resample_points.data.coloring import SCANNED
-    from resample_points.data.selecting import join_clouds, select_points
+    from resample_points.data.columns import SCANNED, join_clouds, select_points
     from resample_points.files.readers import read_cloud
     from resample_points.painting.rasters import raster_of, rasterized, usual_resolution
 
@@ -102,7 +101,7 @@ def write_map(session: "Session", files: Sequence[Path], output: Path, options: 
 def common_system(files: Sequence[Path]) -> "CoordinateSystem | None":
     """Return the coordinate system of files; refuse files of several."""
     from resample.console import say
-    from resample_points.files.coordinate_systems import coordinate_system_of
+    from resample_points.files.las import coordinate_system_of
     from resample_points.files.readers import LASER
 
     systems = {

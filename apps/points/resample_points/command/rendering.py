@@ -1,24 +1,27 @@
-"""Render clouds and films of clouds for the command line."""
+"""Render and film what files hold for the command line: clouds, 3D Gaussians, and others."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from resample.command.settings import FrameFormat
 from resample.console import say
-from resample.lazy import installed_version
-from resample_points.command.choices import Aimed, CloudOptions
+from resample_points.command import gaussians as of_gaussians
+from resample_points.command.choices import Aimed, CloudOptions, CloudStart
+from resample_points.command.gaussians import GaussianOptions
 
 if TYPE_CHECKING:
     from resample.cameras.models import Camera
     from resample.cameras.viewpoints import Viewpoint
     from resample.command.session import Session
-    from resample.files.animations import Shots
+    from resample.command.settings import Sharing
+    from resample.files.animations import Frames, Shots
     from resample.types import Floats
     from resample_points.data.cloud import Cloud
-    from resample_points.data.coloring import Scale
+    from resample_points.data.columns import Scale
     from resample_points.geometry.spacing import Surfels
     from resample_points.scenes import CloudScene, Shape
 
@@ -90,6 +93,7 @@ class ColoredScene(NamedTuple):
         from resample.files.animations import Shots, fingerprint
         from resample.files.saving import screen_levels
         from resample.measuring.color_bars import with_color_bar
+        from resample_points.scenes import film_job
 
         bar = self.bar(shape[0], background)
 
@@ -123,13 +127,20 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
     """Read, color and prepare the cloud of a file."""
     import numpy as np
 
+    from resample.messages import naming
     from resample.progress import told
-    from resample_points.data.coloring import colored
+    from resample_points.data.columns import colored, join_clouds, select_points
+    from resample_points.files.readers import read_cloud
     from resample_points.geometry.spacing import LARGEST, prepare_cloud
     from resample_points.scenes import CloudScene
 
     with session.stage("read", bar="reading") as progress, told(progress):
-        cloud, scale = _chosen(file, look), None
+        columns = [wanted.column for wanted in look.conditions()]
+        columns += [] if look.color_by is None else [look.color_by]
+        files, scale = (file, *map(Path, look.also)), None
+        cloud = join_clouds([read_cloud(each, level=look.level, columns=columns) for each in files])
+        with naming(file.name if len(files) == 1 else f"{len(files)} clouds"):
+            cloud = select_points(cloud, look.only, look.crop)
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
     with session.stage("prepare", bar="measuring") as progress, told(progress):
@@ -142,20 +153,6 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
     if not session.is_quiet:
         mention_origin(file.name, surfels, is_single=cloud.position.dtype == np.float32)
     return ColoredScene(CloudScene(surfels), look, scale)
-
-
-def _chosen(file: Path, look: CloudOptions) -> "Cloud":
-    """Read the clouds of a command, and select their points."""
-    from resample.messages import naming
-    from resample_points.data.selecting import join_clouds, select_points
-    from resample_points.files.readers import read_cloud
-
-    named = {wanted.column: None for wanted in look.conditions()}
-    columns = tuple(dict.fromkeys((*named, *([] if look.color_by is None else [look.color_by]))))
-    files = (file, *map(Path, look.also))
-    cloud = join_clouds([read_cloud(each, level=look.level, columns=columns) for each in files])
-    with naming(file.name if len(files) == 1 else f"{len(files)} clouds"):
-        return select_points(cloud, look.only, look.crop)
 
 
 def mention_origin(name: str, surfels: "Surfels", *, is_single: bool = False) -> None:
@@ -189,26 +186,10 @@ def check_memory(shape: "Shape", output: Path, workers: int = 0) -> None:
     require_picture(shape, CHANNELS * bytes_per_value(output), workers=workers)
 
 
-def paths_over(
-    files: Sequence[Path], path: str | None, frames: int | None
-) -> tuple[str, int | None]:
-    """Return the path and the number of frames of a film of files, one frame each if several."""
-    if len(files) == 1:
-        return path or "orbit", frames
-    if frames not in (None, len(files)):
-        raise ValueError(f"--frames {frames} of {len(files)} files, which are a frame each")
-    return path or "still", len(files)
-
-
 def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "list[Viewpoint]":
     """Return the viewpoints of all frames of a film.
 
-    Parameters
-    ----------
-    frames
-        Number of frames; None: `FRAMES`, or as many as the keyframes' times (s) need.
-    fps
-        Frames per second.
+    `frames`: their number; None: `FRAMES`, or as many as the keyframes' times (s) need.
     """
     from resample.cameras.viewpoints import Orbit
     from resample.command.films import is_file_of_path, tour_of
@@ -234,20 +215,140 @@ def path_of(path: str, frames: int | None, fps: float, start: "Viewpoint") -> "l
     return [replace(start, azimuth=angle) for angle in angles]
 
 
-def film_job(cameras: Sequence[Any], shape: "Shape", background: Any) -> dict[str, Any]:
-    """Return what the frames of every film depend on."""
-    import numpy as np
+class Filmed(Protocol):
+    """A scene that films go around."""
 
-    from resample.files.animations import fingerprint
+    @property
+    def framing(self) -> "Surfels | Cloud":
+        """What cameras are framed around."""
 
-    numbers = [  # intrinsics, in perspective or parallel
-        each.matrix if hasattr(each, "matrix") else (each.sx, each.sy, each.cx, each.cy)
-        for each in cameras
-    ]
-    poses = np.stack([camera.world_to_camera for camera in cameras])
-    return {
-        "cameras": fingerprint(np.array(numbers, np.float64), poses),
-        "size": list(shape),
-        "background": list(background),
-        "version": installed_version(),
-    }
+    def upright(self, aim: Aimed, /) -> Aimed:
+        """Return cameras with the scene's own axis up, unless another is given."""
+
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film."""
+
+
+def holds_gaussians(file: Path, look: CloudOptions, gaussians: GaussianOptions) -> bool:
+    """Whether a file holds 3D Gaussians, not points; refuse options of the other."""
+    from resample_points.files.gaussians.formats import is_gaussians
+
+    is_of_gaussians = is_gaussians(file)
+    others, owner, held = gaussians.model_fields_set, "3D Gaussians", "none"
+    if is_of_gaussians:
+        others = look.model_fields_set - set(of_gaussians.SHARED)
+        owner, held = "clouds of points", "3D Gaussians"
+    if others:
+        name = "look" if min(others) == "appearance" else min(others).replace("_", "-")
+        raise ValueError(
+            f"--{name} is an option of {owner}, and {file.name} holds {held}; leave it out"
+        )
+    return is_of_gaussians
+
+
+def scene_in(
+    files: Sequence[Path],
+    look: CloudOptions,
+    gaussians: GaussianOptions,
+    session: "Session",
+    threads: int | None = None,
+) -> Filmed:
+    """Read what a file holds, or the first of several that are a frame each."""
+    if threads is not None:
+        look = look.model_copy(update={"threads": threads})
+    if len(files) > 1:
+        first = scene_in(files[:1], look, gaussians, session)
+        if isinstance(first, ColoredScene) and first.scale is not None:
+            look = look.model_copy(update={"span": "{!r},{!r}".format(*first.scale.span)})
+        return Sweep(first, files, partial(scene_in, look=look, gaussians=gaussians))
+    if holds_gaussians(files[0], look, gaussians):
+        return of_gaussians.gaussians_of(session, files[0], look, gaussians)
+    return scene_of(session, files[0], look)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Files that are a frame each, framed as the first."""
+
+    first: Filmed
+    files: Sequence[Path]
+    read: Callable[..., Filmed]  # of a list with one file, and a session
+
+    @property
+    def framing(self) -> "Surfels | Cloud":
+        """What cameras are framed around."""
+        return self.first.framing
+
+    def upright(self, aim: Aimed) -> Aimed:
+        """Return cameras with the scene's own axis up, unless another is given."""
+        return self.first.upright(aim)
+
+    def film(self, cameras: Sequence[Any], shape: "Shape", background: Any) -> "Shots":
+        """Return the frames of a film; a frame's file is read when it is made."""
+        from resample.command.session import Session
+        from resample.files.animations import Shots
+
+        def frame(n: int) -> Any:
+            scene = self.read(self.files[n : n + 1], session=Session(is_quiet=True))
+            return scene.film(cameras[n : n + 1], shape, background).frame(0)
+
+        job = dict(self.first.film(cameras, shape, background).job)
+        known = [(file.resolve(), file.stat()) for file in self.files]
+        job["files"] = [[str(file), stat.st_size, stat.st_mtime_ns] for file, stat in known]
+        return Shots(len(cameras), frame, job)
+
+
+def write_animation(
+    output: Path,
+    files: Sequence[Path],
+    read: Callable[..., Filmed],
+    *,
+    path: str | None,
+    frames: int | None,
+    fps: float,
+    start: CloudStart,
+    shape: "Shape",
+    background: Any,
+    threads: int | None,
+    resume: bool,
+    sharing: "Sharing",
+) -> None:
+    """Write a film around what files hold.
+
+    `read`: function of a session, and of a number of threads or none, that reads the files; workers
+    get it pickled. `shape`: height and width, px. `background`: linear light. All others are those
+    of `resample-points animate`.
+    """
+    from resample.command.films import write_shared
+    from resample.command.session import Session
+    from resample.command.workers import at_work, share_memory
+    from resample_points.scenes import cameras_of
+
+    if len(files) > 1:
+        if frames not in (None, len(files)):
+            raise ValueError(f"--frames {frames} of {len(files)} files, which are a frame each")
+        path, frames = path or "still", len(files)
+    path = path or "orbit"
+    viewpoints = path_of(path, frames, fps, start.start())
+    share_memory(sharing)
+    scene = read(session=Session())
+    if path in PATHS:
+        viewpoints = path_of(path, frames, fps, scene.upright(start).start())
+    cameras = cameras_of(scene.framing, viewpoints, shape, steady=start.steady)
+    film = scene.film(cameras, shape, background)
+    again = partial(frames_of, read, cameras, shape, background)
+    with at_work(sharing, threads) as crew:
+        write_shared(output, film, again, crew, fps=fps, resume=resume)
+
+
+def frames_of(
+    read: Callable[..., Filmed],
+    cameras: Sequence[Any],
+    shape: "Shape",
+    background: Any,
+    threads: int,
+) -> "Frames":
+    """Return the function that makes frames, in a worker."""
+    from resample.command.session import Session
+
+    return read(session=Session(), threads=threads).film(cameras, shape, background).frame

@@ -1,4 +1,4 @@
-"""The type of point clouds, and checks of its parts."""
+"""Point clouds: their type, checks of their parts, and clouds from the named columns of files."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resample.calling import constructed
+from resample.colors import from_srgb
 from resample.types import Doubles, Floats
 
 FARTHEST = 1e15  # scene units; 4th powers of distances still fit into float32
@@ -156,3 +157,91 @@ def part_of(cloud: Cloud, name: str) -> Any:
             "as resample.colors.from_srgb(color / np.float32(255))"
         )
     return array
+
+
+Fields = Mapping[str, NDArray[Any]]  # columns of a file by name, (N,) each
+
+PLACES = (("x", "y", "z"),)
+NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
+COLORS = (
+    ("red", "green", "blue"),
+    ("r", "g", "b"),
+    ("rf", "gf", "bf"),  # CloudCompare's, from 0 to 1
+    ("diffuse_red", "diffuse_green", "diffuse_blue"),
+)
+PACKED = ("rgb", "rgba")  # a color packed into the bits of one number
+BITS_8, BITS_16 = 255, 65535  # greatest levels
+FLOATING = 2.0  # greatest float of colors that go from 0 to 1, some of them brighter than white
+
+
+def cloud_of(fields: Fields, white: float | None = None) -> Cloud:
+    """Make a cloud from a file's columns.
+
+    `white`: level of colors that is white. Default: found by `white_of`.
+    """
+    position = _stacked(fields, PLACES)
+    if position is None:
+        raise ValueError(f"has no x, y and z; it has {', '.join(fields) or 'nothing'}")
+    single = position.dtype.kind == "f" and position.dtype.itemsize <= 4
+    normal, levels = _stacked(fields, NORMALS), _stacked(fields, COLORS)
+    for name in PACKED:
+        if levels is None and name in fields:
+            packed, white = fields[name], BITS_8
+            if packed.dtype.itemsize != 4:
+                raise ValueError(f"packs colors into {packed.dtype.itemsize} bytes; 4 can be read")
+            bits = np.ascontiguousarray(packed).view(np.uint32 if packed.dtype.isnative else ">u4")
+            levels = np.stack([bits >> 16 & 255, bits >> 8 & 255, bits & 255], 1).astype(np.uint8)
+    radius = fields.get("radius", np.zeros(0))
+    known = {name for names in (*PLACES, *NORMALS, *COLORS) for name in names}
+    known |= {*PACKED, "radius"}
+    return Cloud(
+        position.astype(np.float32 if single else np.float64),
+        NO_ROWS if normal is None else normal.astype(np.float32),
+        NO_ROWS if levels is None else linear(levels, white),
+        radius.astype(np.float32),
+        {
+            name: column
+            for name, column in fields.items()
+            if name not in known and not name.startswith("_")  # PCD's padding
+        },
+    )
+
+
+def _stacked(fields: Fields, names: Sequence[tuple[str, ...]]) -> Any:
+    """Stack the columns (N, 3) of the first complete group of names, or return None."""
+    for group in names:
+        if all(name in fields for name in group):
+            return np.stack([fields[name] for name in group], axis=1)
+    return None
+
+
+def white_of(kind: np.dtype[Any], most: float) -> float:
+    """Return the level of white, from the type of levels and the greatest of them.
+
+    Whole numbers have 8 bits, or 16 where one is above 255; wider types that exceed 16 bits have
+    their range. Floats go from 0 to 1, or as whole numbers do where one is above 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> white_of(np.dtype(np.uint16), 200), white_of(np.dtype(np.float32), 254.5)
+    (255.0, 255.0)
+    """
+    if kind.kind == "f":
+        return 1.0 if most <= FLOATING else float(BITS_8 if most <= BITS_8 else BITS_16)
+    greatest = int(np.iinfo(kind).max)
+    bits = BITS_8 if most <= BITS_8 else BITS_16 if most <= BITS_16 else greatest
+    return float(min(bits, greatest))
+
+
+def linear(levels: NDArray[Any], white: float | None = None) -> Floats:
+    """Return linear light of sRGB levels; `white` as of `cloud_of`."""
+    if white is None:
+        white = white_of(levels.dtype, most_of(levels))
+    with np.errstate(over="ignore"):  # infinite: such points are dropped
+        return from_srgb(levels.astype(np.float32) / np.float32(white))
+
+
+def most_of(levels: NDArray[Any]) -> float:
+    """Return the greatest finite level, at least 0."""
+    return float(np.nan_to_num(levels, nan=0.0, posinf=0.0).max(initial=0))

@@ -35,17 +35,14 @@ class MortonCurve(NamedTuple):
             part = slice(start, start + CHUNK)
             apart = np.asarray(position[part], np.float32) - self.low
             place = (apart.astype(np.float64) * (STEPS / self.extent)).astype(np.uint64)
-            x, y, z = (_spaced(place[:, axis]) for axis in range(3))
-            code[part] = x | y << np.uint64(1) | z << np.uint64(2)
+            code[part] = 0
+            for axis in range(3):
+                # Split the bits in halves again and again, moving the upper halves up.
+                bits = place[:, axis]
+                for shift, mask in SPREADS:
+                    bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
+                code[part] |= bits << np.uint64(axis)
         return code
-
-
-def _spaced(bits: Codes) -> Codes:
-    """Spread the 21 bits of numbers, with two zeros after each."""
-    # Split the bits in halves again and again, moving the upper halves up.
-    for shift, mask in SPREADS:
-        bits = (bits | bits << np.uint64(shift)) & np.uint64(mask)
-    return bits
 
 
 def corners(position: Floats | Doubles) -> tuple[Floats | Doubles, Floats | Doubles]:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from resample.progress import report
 from resample.reading.limits import check_ratio
 from resample.reading.native import damage, lacking
-from resample_points.data.cloud import Cloud
-from resample_points.data.coloring import colored_as_scanned
-from resample_points.data.fields import COLORS, Fields, cloud_of
+from resample_points.data.cloud import COLORS, Cloud, cloud_of
+from resample_points.data.columns import colored_as_scanned
 from resample_points.data.parts import STEP, CloudBuilder, storage_for
 
 SIGNATURE = b"ASTM-E57"
@@ -49,8 +48,14 @@ def read_e57(path: Path) -> Cloud:
         gathering, read = CloudBuilder(storage_for(count, path.name)), 0
         for scan in scans:
             for fields in _parts(path, libe57, image, scan):
-                gathering.add(cloud_of(_completed(fields, names), 1.0))
-                read += len(fields["x"])
+                count_here = len(fields["x"])
+                # Add columns that other scans of the file have.
+                if names.issuperset(LEVELS) and "red" not in fields:
+                    fields |= {name: np.full(count_here, UNKNOWN, np.float32) for name in COLORS[0]}
+                if "intensity" in names and "intensity" not in fields:
+                    fields["intensity"] = np.zeros(count_here)
+                gathering.add(cloud_of(fields, 1.0))
+                read += count_here
                 report(read, count)
         return colored_as_scanned(gathering.cloud())
     finally:
@@ -82,32 +87,29 @@ def _parts(path: Path, libe57: Any, image: Any, scan: Any) -> Iterator[dict[str,
 def _fields(
     part: dict[str, NDArray[Any]], scan: Any, spans: list[tuple[float, float]]
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of points by the names that clouds have."""
+    """Return the columns of valid points by the names that clouds have."""
+    if all(name in part for name in PLACES):
+        own = np.stack([part[name] for name in PLACES], axis=1)
+    elif all(name in part for name in ANGLES):
+        away, azimuth, elevation = (part[name] for name in ANGLES)
+        flat = away * np.cos(elevation)
+        own = np.stack(
+            [flat * np.cos(azimuth), flat * np.sin(azimuth), away * np.sin(elevation)], axis=1
+        )
+    else:
+        raise ValueError(f"a scan has neither {', '.join(PLACES)} nor {', '.join(ANGLES)}")
     valid = np.ones(len(next(iter(part.values()))), np.bool_)
     for name in INVALID:
         valid &= part.get(name, np.zeros(1)) == 0
-    place = _places(part)[valid] @ scan.rotation_matrix.T + scan.translation
+    place = own[valid] @ scan.rotation_matrix.T + scan.translation
     fields = dict(zip("xyz", place.T, strict=True))
     if len(spans) == len(LEVELS):
-        for name, own, (low, high) in zip(COLORS[0], LEVELS, spans, strict=True):
-            share = (part[own][valid] - low) / (high - low)
+        for name, level, (low, high) in zip(COLORS[0], LEVELS, spans, strict=True):
+            share = (part[level][valid] - low) / (high - low)
             fields[name] = share.astype(np.float32)
     if "intensity" in part:
         fields["intensity"] = part["intensity"][valid]
     return fields
-
-
-def _places(part: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
-    """Return positions (N, 3) in a scan's own coordinates."""
-    if all(name in part for name in PLACES):
-        return np.stack([part[name] for name in PLACES], axis=1)
-    if not all(name in part for name in ANGLES):
-        raise ValueError(f"a scan has neither {', '.join(PLACES)} nor {', '.join(ANGLES)}")
-    away, azimuth, elevation = (part[name] for name in ANGLES)
-    flat = away * np.cos(elevation)
-    return np.stack(
-        [flat * np.cos(azimuth), flat * np.sin(azimuth), away * np.sin(elevation)], axis=1
-    )
 
 
 def _span(libe57: Any, scan: Any, name: str) -> tuple[float, float]:
@@ -121,13 +123,3 @@ def _span(libe57: Any, scan: Any, name: str) -> tuple[float, float]:
         ends = ("scaledMinimum", "scaledMaximum") if is_scaled else ("minimum", "maximum")
         low, high = (float(getattr(own, end)()) for end in ends)
     return (low, high) if low < high < 1e6 else (0.0, 1.0)
-
-
-def _completed(fields: dict[str, NDArray[Any]], names: set[str]) -> Fields:
-    """Add columns that other scans of the file have."""
-    count = len(fields["x"])
-    if names.issuperset(LEVELS) and "red" not in fields:
-        fields |= {name: np.full(count, UNKNOWN, np.float32) for name in COLORS[0]}
-    if "intensity" in names and "intensity" not in fields:
-        fields["intensity"] = np.zeros(count)
-    return fields

@@ -9,9 +9,8 @@ import numpy as np
 
 from resample.console import say_of
 from resample.reading.limits import check_unpacked
-from resample_points.data.cloud import Cloud
-from resample_points.data.fields import Fields, cloud_of
-from resample_points.files.parsing import NUMBER, binary_cloud, header_of, text_fields
+from resample_points.data.cloud import Cloud, Fields, cloud_of
+from resample_points.files.plain import NUMBER, binary_cloud, header_of, text_fields
 
 UNMOVED = [0, 0, 0, 1, 0, 0, 0]  # x, y, z and a quaternion, w first
 PCD_TYPES = {"I": "i", "U": "u", "F": "f"}
@@ -42,28 +41,22 @@ def _pcd_points(header: dict[str, list[str]]) -> tuple[int, np.dtype[Any]]:
     try:
         names = header["FIELDS"] if "FIELDS" in header else header["COLUMNS"]
         counts = [int(word) for word in header.get("COUNT", ["1"] * len(names))]
-        sizes, types = (
-            map(int, header["SIZE"]),
-            [PCD_TYPES[word.upper()] for word in header["TYPE"]],
-        )
+        sizes = map(int, header["SIZE"])
+        types = [PCD_TYPES[word.upper()] for word in header["TYPE"]]
         sides = ["POINTS"] if "POINTS" in header else ["WIDTH", "HEIGHT"]
         points = math.prod(int(header[side][0]) for side in sides)
         # Padding is often called _ several times.
         own = [f"{name} {n}" if name in names[:n] else name for n, name in enumerate(names)]
         described = zip(own, types, sizes, counts, strict=True)
-        return points, np.dtype(
-            [
-                (name, f"<{letter}{size}", (count,) if count > 1 else ())
-                for name, letter, size, count in described
-            ]
-        )
+        fields = [(n, f"<{t}{size}", (k,) if k > 1 else ()) for n, t, size, k in described]
+        return points, np.dtype(fields)
     except (KeyError, IndexError, ValueError, TypeError):
         raise ValueError("has no PCD header with FIELDS, SIZE, TYPE and POINTS that fit") from None
 
 
 def _compressed_fields(path: Path, file: BinaryIO, count: int, kind: np.dtype[Any]) -> Fields:
     """Read columns stored one after the other, compressed by LZF."""
-    from resample_points.files.kernels.lzf import unpack
+    from resample_points.kernels.lzf import unpack
 
     sizes = file.read(8)
     packed, size = struct.unpack("<II", sizes) if len(sizes) == 8 else (0, 0)

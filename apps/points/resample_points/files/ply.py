@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from resample.console import say_of
 from resample.reading.limits import check_size
-from resample_points.data.cloud import Cloud
-from resample_points.data.fields import cloud_of
+from resample_points.data.cloud import Cloud, cloud_of
 from resample_points.data.parts import STEP
-from resample_points.files.parsing import binary_cloud, check_count, text_fields, text_lines, within
+from resample_points.files.plain import binary_cloud, check_count, text_fields, text_lines, within
 
 LONGEST_HEADER = 1000  # lines
 LONGEST_LINE = 1 << 12  # bytes of a line of the header

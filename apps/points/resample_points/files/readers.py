@@ -10,8 +10,7 @@ from resample import registry
 from resample.memory.mapped import is_in_file
 from resample.reading.arrays import npz_names, read_npz
 from resample.reading.limits import check_file
-from resample_points.data.cloud import Cloud, kept_columns, some_of
-from resample_points.data.fields import linear
+from resample_points.data.cloud import Cloud, kept_columns, linear, some_of
 
 SNAPSHOTS = (".hdf5", ".h5", ".he5")  # of particles, which another package maps
 LASER = (".las", ".laz")  # of which parts are read, where they are large

@@ -57,23 +57,19 @@ class Framing(NamedTuple):
         for n in np.argsort(-bound, kind="stable"):
             if bound[n] < most:
                 break
-            most = max(most, self._farthest_of(int(self.part[n]), (x, y, z)))
+            rows = slice(int(self.part[n]) * STEP, (int(self.part[n]) + 1) * STEP)
+            kept = self.kept[rows]
+            place = self._placed(self.position[rows][kept])
+            value = place[:, 0] * x + place[:, 1] * y + place[:, 2] * z
+            if len(self.axes):
+                axes = self.axes[rows][kept].astype(np.float64)
+                sides = axes[..., 0] * x + axes[..., 1] * y + axes[..., 2] * z
+                value += np.sqrt(sides[:, 0] * sides[:, 0] + sides[:, 1] * sides[:, 1])
+            most = max(most, float(value.max()))
         return most
 
     def _placed(self, position: Floats | Doubles) -> Doubles:
         return np.asarray(position + self.origin - self.middle, np.float64)
-
-    def _farthest_of(self, part: int, along: tuple[float, float, float]) -> float:
-        """Return the same for one part."""
-        x, y, z = along
-        kept = self.kept[part * STEP : (part + 1) * STEP]
-        place = self._placed(self.position[part * STEP : (part + 1) * STEP][kept])
-        value = place[:, 0] * x + place[:, 1] * y + place[:, 2] * z
-        if len(self.axes):
-            axes = self.axes[part * STEP : (part + 1) * STEP][kept].astype(np.float64)
-            sides = axes[..., 0] * x + axes[..., 1] * y + axes[..., 2] * z
-            value += np.sqrt(sides[:, 0] * sides[:, 0] + sides[:, 1] * sides[:, 1])
-        return float(value.max())
 
     def box_middle(self) -> Doubles:
         """Return the center (3,) of the points' bounding box, scene units."""
@@ -138,13 +134,25 @@ def framed(
     check_cloud(cloud, Cloud | Surfels)
     if distance is not None:
         number("distance", distance)
-    seen = _visible(cloud)
+    seen, pose = _visible(cloud), orbit(np.zeros(3), 1.0, azimuth, elevation, up)
+    axes = pose[:3, :3]
     if fov == 0:
-        return _parallel(seen, size, orbit(np.zeros(3), 1.0, azimuth, elevation, up))
+        # A parallel camera's picture is filled, from just before the cloud.
+        least, most = (
+            np.array([sign * seen.farthest(sign * axis) for axis in axes]) for sign in (-1, 1)
+        )
+        extent = np.maximum(most - least, LEAST)
+        scale = float((FILLED * np.array(size) / extent[:2]).min())
+        pose[:3, 3] = *(-0.5 * (least + most)[:2]), extent[2] - least[2]
+        return Orthographic(scale, scale, size[0] / 2, size[1] / 2, pose)
     camera = _camera(size, fov)
     if distance is None:
-        pose = orbit(np.zeros(3), 1.0, azimuth, elevation, up)
-        pose[:3, 3] = -_eye(seen, pose[:3, :3], _slopes(camera, size))
+        # Take the nearest center from which all points are seen.
+        slope = _slopes(camera, size)
+        right, left = _sides(seen, axes, slope)
+        depth = float((-(right + left) / (2.0 * slope)).min())
+        depth = min(depth, -seen.farthest(-axes[2]) - LEAST)
+        pose[:3, 3] = -np.array([*(0.5 * (right - left)), depth])
         return camera.moved(pose)
     if not (np.isfinite(distance) and distance > 0):
         raise ValueError(f"a distance of {distance}; give a length above 0")
@@ -183,20 +191,6 @@ def ball_around(cloud: Cloud | Surfels) -> Sphere:
     return Sphere(middle, max(seen.farthest_from(middle) + seen.reach, LEAST))
 
 
-def _parallel(seen: Framing, size: tuple[int, int], pose: Doubles) -> Orthographic:
-    """Return the parallel camera whose picture a cloud fills, from just before it."""
-    axes = pose[:3, :3]
-    least, most = (
-        np.array([sign * seen.farthest(sign * axis) for axis in axes]) for sign in (-1, 1)
-    )
-    extent = np.maximum(most - least, LEAST)
-    scale = float((FILLED * np.array(size) / extent[:2]).min())
-    moved = np.eye(4)
-    moved[:3, :3] = axes
-    moved[:3, 3] = *(-0.5 * (least + most)[:2]), extent[2] - least[2]
-    return Orthographic(scale, scale, size[0] / 2, size[1] / 2, moved)
-
-
 def _camera(size: tuple[int, int], fov: float) -> Camera:
     if not 0 < fov < 180:
         raise ValueError(f"a field of view of {fov:g} degrees; 0 to below 180 are allowed")
@@ -222,14 +216,6 @@ def _sides(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
     return touched
 
 
-def _eye(seen: Framing, axes: Doubles, slope: Doubles) -> Doubles:
-    """Return the nearest camera center (3,), in camera axes, that shows all points."""
-    right, left = _sides(seen, axes, slope)
-    depth = float((-(right + left) / (2.0 * slope)).min())
-    depth = min(depth, -seen.farthest(-axes[2]) - LEAST)
-    return np.array([*(0.5 * (right - left)), depth])
-
-
 @memoized(lambda cloud: cloud.position)
 def _visible(cloud: Cloud | Surfels) -> Framing:
     """Return the points of a cloud without small separate clumps."""
@@ -243,7 +229,14 @@ def _visible(cloud: Cloud | Surfels) -> Framing:
     while left != before:
         before, left = left, _leave_out(position, kept, left)
     part, low, high = _boxes(position, kept)
-    reach = max((_reach(axes[rows], kept[rows]) for rows in rows_of(axes)), default=0.0)
+    farthest = 0.0  # square of the largest disc's radius, at most
+    for rows in rows_of(axes):
+        some = axes[rows][kept[rows]].reshape(-1, 6).astype(np.float64)
+        square = some[:, 0] * some[:, 0]
+        for c in range(1, 6):
+            square += some[:, c] * some[:, c]
+        farthest = max(farthest, float(square.max(initial=0.0)))
+    reach = math.sqrt(farthest)
     origin = cloud.origin if isinstance(cloud, Surfels) else np.zeros(3)
     return Framing(position, origin, axes, kept, part, low, high, reach, np.zeros(3))
 
@@ -257,15 +250,6 @@ def _boxes(position: Floats | Doubles, kept: Flags) -> tuple[NDArray[np.int64], 
             found.append((part, some.min(axis=0), some.max(axis=0)))
     parts, lows, highs = zip(*found, strict=True)
     return np.array(parts), np.array(lows, np.float64), np.array(highs, np.float64)
-
-
-def _reach(axes: Floats, kept: Flags) -> float:
-    """Return an upper bound of the largest disc's radius."""
-    part = axes[kept].reshape(-1, 6).astype(np.float64)
-    square = part[:, 0] * part[:, 0]
-    for c in range(1, 6):
-        square += part[:, c] * part[:, c]
-    return math.sqrt(float(square.max(initial=0.0)))
 
 
 def _leave_out(position: Floats | Doubles, kept: Flags, before: int) -> int:
@@ -286,7 +270,19 @@ def _leave_out(position: Floats | Doubles, kept: Flags, before: int) -> int:
     held = np.zeros(cells**3, np.int64)
     for rows in rows_of(position):
         held += np.bincount(cell_of(rows), minlength=cells**3)
-    clump = _clumps(held.reshape((cells,) * 3) > 0)
+    # Give all cells of a clump the same number. SciPy's `label` takes 0.3 s to be imported.
+    is_held = held.reshape((cells,) * 3) > 0
+    clump, before_it = (
+        np.where(is_held, np.arange(1, held.size + 1).reshape(is_held.shape), 0),
+        None,
+    )
+    while before_it is None or not np.array_equal(clump, before_it):
+        before_it = clump
+        for axis in range(3):
+            ends = [(int(n == axis), int(n == axis)) for n in range(3)]
+            windows = np.lib.stride_tricks.sliding_window_view(np.pad(clump, ends), 3, axis)
+            clump = windows.max(axis=-1)
+        clump = np.where(is_held, clump, 0)
     holds = np.bincount(clump.ravel(), held).astype(np.int64)
     order = np.argsort(holds, kind="stable")
     is_stray = np.zeros(len(holds), np.bool_)
@@ -299,21 +295,3 @@ def _leave_out(position: Floats | Doubles, kept: Flags, before: int) -> int:
         kept[rows][kept[rows]] = together
         left += int(np.count_nonzero(together))
     return left
-
-
-def _clumps(held: Flags) -> NDArray[np.int64]:
-    """Return a number per cell of a grid that all cells of a clump have; 0 where none is held.
-
-    SciPy's `label` does this, too, and takes 0.3 s to be imported.
-    """
-    number = np.where(held, np.arange(1, held.size + 1).reshape(held.shape), 0)
-    while True:
-        largest = number
-        for axis in range(3):
-            ends = [(int(n == axis), int(n == axis)) for n in range(3)]
-            windows = np.lib.stride_tricks.sliding_window_view(np.pad(largest, ends), 3, axis)
-            largest = windows.max(axis=-1)
-        largest = np.where(held, largest, 0)
-        if np.array_equal(largest, number):
-            return largest
-        number = largest

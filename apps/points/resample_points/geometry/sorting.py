@@ -4,7 +4,7 @@ Points with the same curve code are ordered by all their attributes. So the orde
 the order of the input nor on where it is stored.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -60,21 +60,16 @@ def in_order(cloud: Cloud, radius: float | None) -> Ordered:
     rows = order.astype(np.int32)
     if len(points.position) < len(cloud.position):
         rows = np.flatnonzero(drawable(cloud)).astype(np.int32)[order]
-    taken = Cloud(**{name: _taken(part, order) for name, part in parts.items()})
-    return Ordered(origin, taken, rows)
+    for name, values in parts.items():
+        taken = np.empty_like(values, order="C")
 
+        def take(some: slice, values: Any = values, taken: Any = taken) -> None:
+            # The mode "raise" would copy.
+            np.take(values, order[some], axis=0, out=taken[some], mode="clip")
 
-def _taken(values: NDArray[Any], order: Indices) -> Any:
-    """Return values (N, ...) in an order; (0, ...) unchanged."""
-    if not len(values):
-        return values
-    taken = np.empty_like(values, order="C")
-
-    def take(rows: slice) -> None:
-        np.take(values, order[rows], axis=0, out=taken[rows], mode="clip")  # "raise" would copy
-
-    on_threads(take, rows_of(order))
-    return taken
+        on_threads(take, rows_of(values))
+        parts[name] = taken
+    return Ordered(origin, Cloud(**parts), rows)
 
 
 def _drawn(cloud: Cloud, radius: float | None) -> Cloud:
@@ -127,45 +122,6 @@ def _ascending(code: Codes) -> tuple[Indices, Codes]:
     return order, grouped
 
 
-class _PreparedCloud(NamedTuple):
-    """A cloud in files that is prepared for sorting part by part."""
-
-    cloud: Cloud
-    radius: float | None
-    origin: Doubles  # (3,)
-
-    def part(self, rows: slice) -> Cloud:
-        """Return the points of some rows that can be drawn, relative to the origin."""
-        given = rows_in(self.cloud, rows)
-        points = _drawn(given, self.radius)
-        number = np.arange(*rows.indices(len(self.cloud.position)), dtype=np.int32)
-        if len(points.position) < len(number):
-            number = number[drawable(given)]
-        place = (points.position - self.origin).astype(np.float32)
-        return points._replace(position=place, columns={SOURCE: number})
-
-    def parts(self) -> Iterator[Cloud]:
-        """Yield all parts."""
-        for rows in rows_of(self.cloud.position):
-            yield self.part(rows)
-
-    def allocate(self, count: int) -> Cloud:
-        """Allocate arrays in files for a number of points."""
-
-        def array(is_there: bool, *width: int, kind: type[np.generic] = np.float32) -> Any:
-            shape = (count if is_there else 0, *width)
-            return zeros_beside(self.cloud.position, shape, kind)
-
-        has_radius = self.radius is not None or len(self.cloud.radius) > 0
-        return Cloud(
-            array(True, 3),
-            array(len(self.cloud.normal) > 0, 3),
-            array(len(self.cloud.color) > 0, 3),
-            array(has_radius),
-            {SOURCE: array(True, kind=np.int32)},
-        )
-
-
 def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
     """Sort a cloud in files, about `most` points at a time.
 
@@ -181,12 +137,38 @@ def _by_buckets(cloud: Cloud, radius: float | None, most: int) -> Ordered:
             low, high = np.minimum(low, least), np.maximum(high, greatest)
         count += len(position)
     origin = _middle(low, high) if count else np.zeros(3)
-    given = _PreparedCloud(cloud, radius, origin)
+
+    def part_of(rows: slice) -> Cloud:
+        """Return the points of some rows that can be drawn, relative to the origin."""
+        given = rows_in(cloud, rows)
+        points = _drawn(given, radius)
+        number = np.arange(*rows.indices(len(cloud.position)), dtype=np.int32)
+        if len(points.position) < len(number):
+            number = number[drawable(given)]
+        place = (points.position - origin).astype(np.float32)
+        return points._replace(position=place, columns={SOURCE: number})
+
     if not count:
-        return Ordered(origin, given.part(slice(0)), np.zeros(0, np.int32))
+        return Ordered(origin, part_of(slice(0)), np.zeros(0, np.int32))
     curve = curve_in((low - origin).astype(np.float32), (high - origin).astype(np.float32))
-    ends = _ends(given, curve, 2 * count // most)
-    ordered, start = _moved(given, curve, ends, count)
+    # Take the codes at which buckets of about equal size end from a sample.
+    every, buckets = max(1, len(cloud.position) // SAMPLED), max(1, 2 * count // most)
+    sample = np.sort(curve.codes(part_of(slice(None, None, every)).position))
+    ends: Codes = np.unique(sample[:: max(1, len(sample) // buckets)][1:])
+    # Allocate arrays in files.
+    has_radius = radius is not None or len(cloud.radius) > 0
+    has = {"normal": len(cloud.normal) > 0, "color": len(cloud.color) > 0, "radius": has_radius}
+    made: dict[str, Any] = {
+        name: zeros_beside(
+            cloud.position,
+            (count if has.get(name, True) else 0, *((3,) if name != "radius" else ())),
+            np.float32,
+        )
+        for name in ("position", *has)
+    }
+    source = zeros_beside(cloud.position, (count,), np.int32)
+    ordered = Cloud(**made, columns={SOURCE: source})
+    start = _moved(cloud, part_of, curve, ends, ordered)
     for first, last in pairwise(start.tolist()):
         rows = slice(first, last)
         part = rows_in(ordered, rows)
@@ -202,32 +184,25 @@ def _arrays(cloud: Cloud) -> list[NDArray[Any]]:
     return [*cloud[:4], cloud.columns[SOURCE]]
 
 
-def _ends(given: _PreparedCloud, curve: MortonCurve, buckets: int) -> Codes:
-    """Return the codes at which buckets of about equal size end."""
-    every = max(1, len(given.cloud.position) // SAMPLED)
-    sample = np.sort(curve.codes(given.part(slice(None, None, every)).position))
-    ends: Codes = np.unique(sample[:: max(1, len(sample) // max(1, buckets))][1:])
-    return ends
-
-
 def _moved(
-    given: _PreparedCloud, curve: MortonCurve, ends: Codes, count: int
-) -> tuple[Cloud, Indices]:
-    """Move points to buckets that end at given codes; also return the buckets' starts."""
-    bucket = zeros_beside(given.cloud.position, (count,), np.uint32)
+    cloud: Cloud, part_of: Callable[[slice], Cloud], curve: MortonCurve, ends: Codes, moved: Cloud
+) -> Indices:
+    """Move points to buckets that end at given codes; return the buckets' starts."""
+    bucket = zeros_beside(cloud.position, (len(moved.position),), np.uint32)
     held, first = np.zeros(len(ends) + 1, np.int64), 0
-    for part in given.parts():
-        some = np.searchsorted(ends, curve.codes(part.position), side="right")
+    for rows in rows_of(cloud.position):
+        some = np.searchsorted(ends, curve.codes(part_of(rows).position), side="right")
         bucket[first : first + len(some)] = some
         held += np.bincount(some, minlength=len(held))
         first += len(some)
     start = np.concatenate([[0], np.cumsum(held)])
-    moved, free, first = given.allocate(count), start[:-1].copy(), 0
-    for part in given.parts():
+    free, first = start[:-1].copy(), 0
+    for rows in rows_of(cloud.position):
+        part = part_of(rows)
         some = bucket[first : first + len(part.position)]
         first += len(some)
         order = np.argsort(some, kind="stable")
-        part, some = some_of(part, order), some[order]  # noqa: PLW2901
+        part, some = some_of(part, order), some[order]
         cuts = (np.flatnonzero(np.diff(some)) + 1).tolist()
         for begin, end in pairwise([0, *cuts, len(some)] if len(some) else []):
             place = int(free[some[begin]])
@@ -235,4 +210,4 @@ def _moved(
                 if len(new):
                     values[place : place + end - begin] = new[begin:end]
             free[some[begin]] += end - begin
-    return moved, start
+    return start

@@ -9,8 +9,6 @@ again.
 """
 
 import hashlib
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,9 +24,8 @@ from resample.types import Doubles, Floats, Indices
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.curves import curve_through
 from resample_points.data.parts import memory_left, rows_of, zeros_beside
-from resample_points.geometry.rings import MeasuredDiscs, has_lines, shape_of, widened
-from resample_points.geometry.scanner import scanned
-from resample_points.geometry.sorting import Ordered, in_order
+from resample_points.geometry.scans import MeasuredDiscs, has_lines, scanned, shape_of, widened
+from resample_points.geometry.sorting import in_order
 
 NEIGHBOURS = 13  # with the point itself
 NEIGHBOURS_OF_SCANS = 21  # the same, by direction: two rings to each side
@@ -47,9 +44,8 @@ WIDTH = 9  # numbers per point: a normal and two half axes
 # Modules that measure discs.
 CODE = (
     "resample_points.geometry.spacing",
-    "resample_points.geometry.rings",
-    "resample_points.geometry.scanner",
-    "resample_points.geometry.kernels",
+    "resample_points.geometry.scans",
+    "resample_points.kernels",
 )
 UNKNOWN = np.zeros(0, np.int32)
 
@@ -131,32 +127,25 @@ def prepare_cloud(
         if given and not kept:
             warn(f"none of {given} points can be drawn: no place, color or radius is finite")
         with portion(SORTING, 1.0):
-            return _discs(ordered, largest, cache)
+            points = ordered.cloud
+            position, count = np.asarray(points.position, F4), len(points.position)
+            normal = zeros_beside(position, (count, 3), F4)
+            axes = zeros_beside(position, (count, 2, 3), F4)
+            is_oriented = bool(count) and len(points.normal) > 0
+            for rows in rows_of(points.normal):
+                normal[rows] = points.normal[rows]
+                is_oriented = is_oriented and bool(normal[rows].any(axis=1).all())
+            if count and not (is_oriented and len(points.radius)):
+                # With radii, only normals are found.
+                limit = None if len(points.radius) else largest
+                is_kept = cache and limit is not None and not is_in_file(position)
+                measure = _measured_once if is_kept else _measured
+                measure(position, normal, axes, limit, -ordered.origin)
+            if count and len(points.radius):
+                from resample_points.kernels.cells import lay
 
-
-def _discs(ordered: Ordered, largest: float, cache: bool) -> Surfels:
-    """Compute the discs of sorted points."""
-    cloud = ordered.cloud
-    position = np.asarray(cloud.position, F4)
-    count = len(position)
-    normal, axes = zeros_beside(position, (count, 3), F4), zeros_beside(position, (count, 2, 3), F4)
-    is_oriented = bool(count) and len(cloud.normal) > 0
-    if len(cloud.normal):
-        for rows in rows_of(position):
-            normal[rows] = cloud.normal[rows]
-            is_oriented = is_oriented and bool(normal[rows].any(axis=1).all())
-    if count and not (is_oriented and len(cloud.radius)):
-        if len(cloud.radius) or not cache or is_in_file(position):
-            limit = None if len(cloud.radius) else largest
-            _measured(position, normal, axes, limit, -ordered.origin)
-        else:
-            measure = partial(_measured, position, normal, axes, largest, -ordered.origin)
-            measured_once(position, normal, axes, largest, -ordered.origin, measure)
-    if count and len(cloud.radius):
-        from resample_points.geometry.kernels.cells import lay
-
-        lay(normal, cloud.radius, axes)
-    return Surfels(ordered.origin, position, axes, cloud.color, is_oriented, ordered.source)
+                lay(normal, points.radius, axes)
+    return Surfels(ordered.origin, position, axes, points.color, is_oriented, ordered.source)
 
 
 def _measured(
@@ -235,7 +224,7 @@ def _measured_places(
 
     `is_along`: the curve is that through the points' bounding box.
     """
-    from resample_points.geometry.kernels.cells import limit
+    from resample_points.kernels.cells import limit
 
     count = len(position)
     is_known = bool(len(normal)) and bool(normal[:1].any())
@@ -281,16 +270,13 @@ def _measured_alone(
     position: Floats, normal: Floats, axes: Floats, neighbours: int = NEIGHBOURS
 ) -> MeasuredDiscs:
     """Fill in normals and discs by the nearest neighbours alone."""
-    from resample_points.geometry.kernels.cells import Spaced
-    from resample_points.geometry.kernels.measuring import NeighbourCounts, measure_all
-    from resample_points.geometry.kernels.neighbours import blocks_of
+    from resample_points.kernels.neighbours import blocks_of, measure_all
 
-    count = len(position)
-    discs = Spaced(axes, zeros_beside(position, (count,), F4))
-    wanted = NeighbourCounts(min(neighbours, count), min(MORE_NEIGHBOURS, count))
-    nearest = zeros_beside(position, (count, wanted.few - 1), np.int32)
-    measure_all(blocks_of(position), wanted, normal, discs, nearest)
-    return MeasuredDiscs(position, normal, axes, discs.spacing, nearest)
+    count, spacing = len(position), zeros_beside(position, (len(position),), F4)
+    few, many = min(neighbours, count), min(MORE_NEIGHBOURS, count)
+    nearest = zeros_beside(position, (count, few - 1), np.int32)
+    measure_all(blocks_of(position), few, many, normal, axes, spacing, nearest)
+    return MeasuredDiscs(position, normal, axes, spacing, nearest)
 
 
 def _measured_beside(
@@ -318,7 +304,7 @@ def _sizes(axes: Floats) -> Floats:
 
 def _is_crowded(position: Floats) -> bool:
     """Whether many points of a sorted cloud share a code, because of far stray points."""
-    from resample_points.geometry.kernels.neighbours import BLOCK
+    from resample_points.kernels.neighbours import BLOCK
 
     if len(position) <= BLOCK:
         return False
@@ -347,36 +333,22 @@ def folder() -> Path:
     return mapped.folder() / "clouds"
 
 
-def measured_once(
-    position: Floats,
-    normal: Floats,
-    axes: Floats,
-    largest: float,
-    zero: Doubles,
-    measure: Callable[[], None],
+def _measured_once(
+    position: Floats, normal: Floats, axes: Floats, largest: float | None, zero: Doubles
 ) -> None:
-    """Fill in normals and discs from the cache, or measure and cache them.
-
-    `position`: (N, 3), sorted. `normal`: (N, 3) 0 where unknown; filled in. `axes`: (N, 2, 3)
-    filled in.
-    """
+    """Do as `_measured` does, or read normals and discs from the cache; cache them."""
     if len(position) < LEAST_POINTS:
-        measure()
+        _measured(position, normal, axes, largest, zero)
         return
-    path = folder() / f"{_name(position, normal, largest, zero)}.npz"
-    found = (load_arrays(path, "measured") or {}).get("measured", UNKNOWN)
-    if found.shape == (len(position), WIDTH) and found.dtype == np.float32:
-        normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
-        return
-    measure()
-    numbers = np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32)
-    store_arrays(path, {"measured": numbers}, MOST_BYTES)
-
-
-def _name(position: Floats, normal: Floats, largest: float, zero: Doubles) -> str:
-    """Return the cache key of a cloud: a hash of its points and of the code."""
     given = f"{source_fingerprint(*CODE)} {largest!r} {zero.tolist()} {position.shape}"
     digest = hashlib.sha256(given.encode())
     for array in (position, normal):
         digest.update(np.ascontiguousarray(array, np.float32).data)
-    return digest.hexdigest()[:40]
+    path = folder() / f"{digest.hexdigest()[:40]}.npz"
+    found = (load_arrays(path, "measured") or {}).get("measured", UNKNOWN)
+    if found.shape == (len(position), WIDTH) and found.dtype == np.float32:
+        normal[:], axes[:] = found[:, :3], found[:, 3:].reshape(-1, 2, 3)
+        return
+    _measured(position, normal, axes, largest, zero)
+    numbers = np.concatenate([normal, axes.reshape(-1, 6)], axis=1, dtype=np.float32)
+    store_arrays(path, {"measured": numbers}, MOST_BYTES)

@@ -88,13 +88,7 @@ class PinholePart(NamedTuple):
 
 
 def pinhole_parts(camera: CloudView, shape: Shape, surfels: Surfels) -> list[PinholePart]:
-    """Return the pinholes for the parts of a picture (height, width), from left to right.
-
-    Raises
-    ------
-    ValueError
-        The camera is of another kind, or its picture cannot have that size.
-    """
+    """Return the pinholes for the parts of a picture (height, width), from left to right."""
     if isinstance(camera, Camera):
         return [_lens(camera, shape)]
     if isinstance(camera, Orthographic):
@@ -126,20 +120,16 @@ def bent(
     turned = np.empty_like(half)
     for k in range(2):
         ahead, behind = bend(place + half[:, k]) - middle, middle - bend(place - half[:, k])
-        turned[:, k] = _evened(ahead, behind)
+        # Take the mean of both halves of an axis, or the shorter one at a seam.
+        one, two = (np.linalg.norm(each, axis=1) for each in (ahead, behind))
+        one, two = (np.where(np.isfinite(each), each, np.inf) for each in (one, two))
+        mean = np.where((one > UNEVEN * two)[:, None], behind, 0.5 * (ahead + behind))
+        turned[:, k] = np.where((two > UNEVEN * one)[:, None], ahead, mean)
     normal = np.cross(half[:, 0], half[:, 1])
     toward = np.array([[0.0, 0.0, -1.0]]) if part.is_parallel else -place
     size = np.linalg.norm(normal, axis=1) * np.linalg.norm(toward, axis=1)
     facing = (normal * toward).sum(axis=1) / np.maximum(size, 1e-300)
     return middle.astype(np.float32), turned.astype(np.float32), facing.astype(np.float32)
-
-
-def _evened(ahead: Doubles, behind: Doubles) -> Doubles:
-    """Return the mean of both halves (N, 3) of axes, or the shorter one at a seam."""
-    one, two = (np.linalg.norm(each, axis=1) for each in (ahead, behind))
-    one, two = (np.where(np.isfinite(each), each, np.inf) for each in (one, two))
-    mean = np.where((one > UNEVEN * two)[:, None], behind, 0.5 * (ahead + behind))
-    return np.where((two > UNEVEN * one)[:, None], ahead, mean)
 
 
 def _lens(camera: Camera, shape: Shape) -> PinholePart:
@@ -162,10 +152,11 @@ def _lens(camera: Camera, shape: Shape) -> PinholePart:
 
 def _parallel(camera: Orthographic, shape: Shape, surfels: Surfels) -> PinholePart:
     """Return a pinhole for discs bent as a parallel camera sees them."""
-    radius = max(
-        (_reach(surfels.position[rows]) for rows in rows_of(surfels.position)), default=1.0
-    )
-    radius = radius or 1.0
+    farthest = 0.0
+    for rows in rows_of(surfels.position):
+        square = (surfels.position[rows].astype(np.float64) ** 2).sum(axis=1)
+        farthest = max(farthest, float(square.max(initial=0.0)))
+    radius = math.sqrt(farthest) or 1.0
     away = float(camera.world_to_camera[2, :3] @ surfels.origin + camera.world_to_camera[2, 3])
     shift, focal = MIDDLE * radius - away, camera.sx * MIDDLE * radius
     near = max(0.0, camera.near + shift)
@@ -178,10 +169,6 @@ def _parallel(camera: Orthographic, shape: Shape, surfels: Surfels) -> PinholePa
         return np.column_stack([place[:, :2] * scale * depth, depth])
 
     return PinholePart(pinhole, 0, shape[1], bend, camera.world_to_camera, shift, True)
-
-
-def _reach(position: Floats) -> float:
-    return float(np.sqrt((position.astype(np.float64) ** 2).sum(axis=1).max(initial=0.0)))
 
 
 def _halves(camera: Equirectangular, shape: Shape) -> list[PinholePart]:

@@ -30,17 +30,18 @@ from resample_points.data.cloud import Cloud
 from resample_points.data.gaussians import (
     Crop,
     Gaussians,
+    Training,
     are_drawable,
     kept_by,
     some_gaussians,
+    training_of,
     with_unit_rotations,
 )
-from resample_points.data.training import Training, training_of
 from resample_points.geometry.framing import FIELD, framed
 from resample_points.painting.bending import CloudView, ProjectedCamera
 
 if TYPE_CHECKING:
-    from resample_points.files.gaussians.trained import TrainedFile
+    from resample_points.files.gaussians.ply import TrainedFile
 
 DILATION = 0.3  # px², by which training widens Gaussians on the screen (Kerbl et al. 2023)
 NEAR = 0.02  # share of a scene's radius before which nothing is shown, as training has it
@@ -174,13 +175,6 @@ class GaussianParts(NamedTuple):
 class StoredGaussians:
     """Gaussians of a PLY file, more than memory holds, decoded part by part for each picture.
 
-    Parameters
-    ----------
-    file
-        The file.
-    crop
-        What is shown.
-
     Pictures have the bits of `render_gaussians` of what `read_gaussians` and `cropped_gaussians`
     give.
     """
@@ -194,7 +188,7 @@ class StoredGaussians:
     @cached_property
     def training(self) -> Training | None:
         """How training saw the scene, as `read_gaussians` tells it."""
-        from resample_points.files.gaussians.reading import shots_beside
+        from resample_points.files.gaussians.formats import shots_beside
 
         rows = (self._drawable(part) for part in range(len(self.sizes())))
         shapes = [(made.position, made.scale, made.opacity) for made in rows]
@@ -224,7 +218,7 @@ class StoredGaussians:
 
 def colors_of(gaussians: Gaussians, rows: slice, view: View) -> Floats:
     """Display-referred colors (N, 3) of some Gaussians, seen in a view."""
-    from resample_points.painting.kernels.gaussian_colors import color_gaussians
+    from resample_points.kernels.gaussian_colors import color_gaussians
 
     toward = np.append(view.rotation[2], 0.0)
     if view.perspective:

@@ -11,7 +11,7 @@ from resample.messages import check_threads
 from resample.progress import report
 from resample.types import Doubles, Floats
 from resample_points.data.cloud import Cloud, check_cloud, columns_of
-from resample_points.data.coloring import SCANNED
+from resample_points.data.columns import SCANNED
 from resample_points.data.parts import rows_of, span_in
 
 QUANTITIES = ("z", "color", "class", "intensity", "density")
@@ -136,35 +136,34 @@ def rasterized(
     """
     from resample.engine import jit
 
-    values, is_class = _values(cloud, quantity), quantity == "class"
+    is_class, values = quantity == "class", cloud.position[:, 2:]
+    if quantity == "color":
+        if not len(cloud.color):
+            raise ValueError("the cloud has no colors; take z, density or a column")
+        values = cloud.color
+    elif quantity not in ("z", "density"):
+        name = SCANNED[1] if is_class else quantity
+        if name not in cloud.columns:
+            known = ", ".join((*QUANTITIES, *columns_of(cloud)[3:]))
+            raise ValueError(f"there is no column {name!r} to map; known: {known}")
+        values = np.asarray(cloud.columns[name])[:, None]
     check_threads(threads)
     spacing, held = _counted(cloud, raster)
     side = max(LEAST, SPREAD * spacing / raster.resolution)
+    # The cells and points of a band fit into memory.
+    until, most, first = np.cumsum(held), max(1, MOST_CELLS // raster.width), 0
     with jit.threads(jit.workers() if threads is None else threads):
-        for first, last in _bands(raster, held):
+        while first < raster.height:
+            before = until[first - 1] if first else 0
+            full = int(np.searchsorted(until, before + MOST_POINTS, side="right"))
+            last = min(max(full, first + 1), first + most, raster.height)
             if quantity == "density":
                 yield first, _density(cloud, raster, first, last)
             else:
                 band = first, last
                 yield first, _band(cloud, values, raster, band, side, height_unit, is_class)
             report(last, raster.height)
-
-
-def _values(cloud: Cloud, quantity: str) -> NDArray[np.generic]:
-    """Return the values (N, C) of points; none of densities."""
-    if quantity == "density":
-        return np.zeros((len(cloud.position), 0))
-    if quantity == "z":
-        return cloud.position[:, 2:]
-    if quantity == "color":
-        if not len(cloud.color):
-            raise ValueError("the cloud has no colors; take z, density or a column")
-        return cloud.color
-    name = SCANNED[1] if quantity == "class" else quantity
-    if name not in cloud.columns:
-        known = ", ".join((*QUANTITIES, *columns_of(cloud)[3:]))
-        raise ValueError(f"there is no column {name!r} to map; known: {known}")
-    return np.asarray(cloud.columns[name])[:, None]
+            first = last
 
 
 def _cells(cloud: Cloud, raster: Raster, rows: slice) -> Doubles:
@@ -188,18 +187,6 @@ def _counted(cloud: Cloud, raster: Raster) -> tuple[float, NDArray[np.int64]]:
         row = np.minimum(place[:, 1], raster.height - 1).astype(np.int64)
         held += np.bincount(row, minlength=raster.height)
     return math.sqrt(np.count_nonzero(is_held) / count) * side * raster.resolution, held
-
-
-def _bands(raster: Raster, held: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
-    """Yield first and last rows of bands whose cells and points fit into memory."""
-    until, first = np.cumsum(held), 0
-    most = max(1, MOST_CELLS // raster.width)
-    while first < raster.height:
-        before = until[first - 1] if first else 0
-        full = int(np.searchsorted(until, before + MOST_POINTS, side="right"))
-        last = min(max(full, first + 1), first + most, raster.height)
-        yield first, last
-        first = last
 
 
 def _density(cloud: Cloud, raster: Raster, first: int, last: int) -> Floats:
@@ -229,7 +216,7 @@ def _band(
 
     `side`: of bins of points, cells. `is_class`: values are those of single points.
     """
-    from resample_points.painting.kernels.rasters import DOUBLINGS, fill_cells
+    from resample_points.kernels.rasters import DOUBLINGS, fill_cells
 
     border, (first, last) = side * (1 << DOUBLINGS), band
     places, given = [], []

@@ -2,16 +2,23 @@
 
 cloud = prepare_cloud(read_cloud("scan.ply"))
 frame = render_cloud(cloud, framed(cloud, size=(640, 480), azimuth=30), size=(640, 480))
+
+Eye-dome lighting is after Boucheny, "Interactive scientific visualization of large datasets:
+towards a perceptive-based approach" (2009). A pixel is compared with pairs of neighbours on
+opposite sides, so that slopes stay as bright as they are.
 """
 
+import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from time import perf_counter
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from resample.cameras.models import Orthographic
+from resample.cameras.pixels import pixel_centers
 from resample.memory.mapped import most_of
 from resample.messages import check_kind, check_numbers, check_threads
 from resample.painting.scenes.plans import shape_of
@@ -23,15 +30,13 @@ from resample.types import Floats, Frame, Records, Screen, Statistics
 from resample_points.data.cloud import Cloud, check_cloud
 from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels, prepare_cloud
-from resample_points.painting.bending import CloudView, PinholePart, bent, pinhole_parts
-from resample_points.painting.dome import eye_dome
+from resample_points.painting.bending import CloudView, PinholePart, bent, pinhole_parts, places_at
 from resample_points.painting.windows import (
     POINT,
     SHOWN,
     SPLAT,
     STAGES,
     VISIBILITY_KINDS,
-    Projector,
     Visibility,
     WindowCanvas,
     kinds_of,
@@ -40,7 +45,57 @@ from resample_points.painting.windows import (
 )
 
 if TYPE_CHECKING:
-    from resample_points.painting.kernels.discs import CloudCamera
+    from resample_points.kernels.discs import CloudCamera
+
+PAIRS = ((0, 1), (1, 1), (1, 0), (1, -1))  # rows and columns to one neighbour of each pair
+SCALES = (1, 2)  # of the distance to neighbours
+REACH = 1 / 500  # of the picture's height: distance to the nearest of them
+GAIN = 300.0  # from the change of log₂ depth to the exponent of darkening
+
+
+def eye_dome(depth: Floats, strength: float, *, extent: float | None = None) -> Floats:
+    """Return the share of light (H, W) that stays at each pixel; a strength of 1 is usual.
+
+    `depth`: (H, W) scene units; inf where nothing is. `extent`: height of a parallel camera's
+    picture, scene units, to which differences of depth are compared; None: a perspective camera, of
+    which ratios of depths count.
+    """
+    known = np.isfinite(depth)
+    if not known.any():
+        return np.ones_like(depth)
+    # What is linear on planes: minus the depth, or the nearness.
+    if extent is not None:
+        near = np.where(known, -depth / np.float32(extent), np.float32(np.nan))
+    else:
+        near = np.where(known, 1 / np.maximum(depth, np.float32(1e-30)), np.float32(np.nan))
+    step, total = max(1, math.ceil(REACH * len(depth))), np.zeros_like(depth)
+    for scale in SCALES:
+        for row, column in PAIRS:
+            shift = row * step * scale, column * step * scale
+            pair = 0.5 * (_moved(near, shift) + _moved(near, (-shift[0], -shift[1])))
+            with np.errstate(invalid="ignore", divide="ignore"):
+                drop = pair - near if extent is not None else np.log2(pair / near)
+            total += np.maximum(np.where(np.isfinite(drop), drop, np.float32(0)), np.float32(0))
+    mean = total / (len(SCALES) * len(PAIRS))
+    light: Floats = np.exp(-GAIN * strength * mean).astype(np.float32)
+    return light
+
+
+def _moved(near: Floats, shift: tuple[int, int]) -> Floats:
+    """Return the picture whose pixels are those a shift away; NaN beyond its edges."""
+    height, width = near.shape
+    row, column = shift
+    moved = np.full_like(near, np.nan)
+    to = [
+        slice(max(0, -part), size - max(0, part)) for part, size in ((row, height), (column, width))
+    ]
+    of = [
+        slice(max(0, part), size + min(0, part)) for part, size in ((row, height), (column, width))
+    ]
+    if all(part.start < part.stop for part in to):
+        moved[to[0], to[1]] = near[of[0], of[1]]
+    return moved
+
 
 TILE = 16  # px
 MOST_SUBPIXELS = 16
@@ -207,7 +262,13 @@ def painted_cloud(
 ) -> "PaintedCloud":
     """Paint all parts of a picture, and join them."""
     parts = pinhole_parts(camera, shape, surfels)
-    made = [_drawn(surfels, each, (shape[0], each.width), style, filter) for each in parts]
+    pixel_filter = None if filter is None else plugin_of("filters", filter)
+    fine = None if pixel_filter is None else subpixels_of(pixel_filter)
+    if pixel_filter is not None and fine is not None and fine.weight.size > 1:
+        fine = subpixels_of(pixel_filter, max(style.subpixels, fine.count))
+        made = [_filtered(surfels, each, (shape[0], each.width), style, fine) for each in parts]
+    else:
+        made = [_painted(surfels, each, (shape[0], each.width), style, TILE) for each in parts]
     if len(made) == 1:
         return made[0]
     seen = zeros_beside(surfels.position, (len(surfels.position),), np.uint8)
@@ -218,20 +279,6 @@ def painted_cloud(
     )
     seconds = {stage: sum(part.seconds[stage] for part in made) for stage in STAGES}
     return PaintedCloud(rgba, depth, first, seen, made[0].subpixels, seconds)
-
-
-def _drawn(
-    surfels: Surfels,
-    part: PinholePart,
-    shape: tuple[int, int],
-    style: CloudStyle,
-    filter: str | PixelFilter | None,  # noqa: A002
-) -> "PaintedCloud":
-    pixel_filter = None if filter is None else plugin_of("filters", filter)
-    if pixel_filter is None or subpixels_of(pixel_filter).weight.size == 1:
-        return _painted(surfels, part, shape, style, TILE)
-    parts = subpixels_of(pixel_filter, max(style.subpixels, subpixels_of(pixel_filter).count))
-    return _filtered(surfels, part, shape, style, parts)
 
 
 class PaintedCloud(NamedTuple):
@@ -249,8 +296,7 @@ def _painted(
     surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle, tile: int
 ) -> PaintedCloud:
     """Paint a part of a picture in tiles; each pixel is the mean of its sub-pixels."""
-    from resample_points.painting.kernels.discs import project_discs
-    from resample_points.painting.kernels.painting import CloudPicture
+    from resample_points.kernels.discs import SURFEL, CloudPicture, project_discs
 
     picture = CloudPicture(
         np.zeros((*shape, 4), np.float32),
@@ -272,30 +318,20 @@ def _painted(
         project_discs(position, axes, color, eye, records)
 
     pages = most_of(surfels.position)
-    if pages is None:
-        seen, seconds = _painted_at_once(len(surfels.position), project_some, canvas)
-    else:
+    if pages is not None:
         seen, seconds = paint_in_windows(surfels, project_some, canvas, pages)
+    else:
+        begin, seconds = perf_counter(), dict.fromkeys(STAGES, 0.0)
+        records = np.zeros(len(surfels.position), SURFEL)
+        with told(None):
+            project_some(slice(0, len(records)), records)
+        seconds["project"] = perf_counter() - begin
+        is_shown, seen = paint_discs(records, canvas, seconds), kinds_of(records)
+        seen |= np.where(is_shown & (seen > 0), np.uint8(SHOWN), np.uint8(0))
     if part.shift:
         for away in (picture.depth, picture.first_depth):
             away -= np.float32(part.shift)  # noqa: PLW2901 - in place
     return PaintedCloud(*picture, seen, style.subpixels, seconds)
-
-
-def _painted_at_once(
-    count: int, see: Projector, canvas: WindowCanvas
-) -> tuple[Visibility, dict[str, float]]:
-    """Paint all discs; return what is visible of each, and seconds per stage."""
-    from resample_points.painting.kernels.discs import SURFEL
-
-    begin, seconds = perf_counter(), dict.fromkeys(STAGES, 0.0)
-    records = np.zeros(count, SURFEL)
-    with told(None):
-        see(slice(0, count), records)
-    seconds["project"] = perf_counter() - begin
-    is_shown, seen = paint_discs(records, canvas, seconds), kinds_of(records)
-    seen |= np.where(is_shown & (seen > 0), np.uint8(SHOWN), np.uint8(0))
-    return seen, seconds
 
 
 def _filtered(
@@ -339,7 +375,7 @@ def eye_of(
     surfels: Surfels, part: PinholePart, shape: tuple[int, int], style: CloudStyle
 ) -> "CloudCamera":
     """Return the camera for the kernels, in the discs' own coordinates."""
-    from resample_points.painting.kernels.discs import CloudCamera
+    from resample_points.kernels.discs import CloudCamera
 
     camera, is_bent = part.camera, part.bend is not None
     origin = np.zeros(3) if is_bent else surfels.origin
@@ -366,3 +402,69 @@ def _is_lit(surfels: Surfels, style: CloudStyle) -> bool:
     if light is None:
         light = Shading.NONE if len(surfels.color) else Shading.HEADLIGHT
     return light == Shading.HEADLIGHT
+
+
+NOTHING = -1  # index of pixels that show nothing
+Numbers = NDArray[np.int64]
+
+
+def index_cloud(
+    cloud: Cloud | Surfels,
+    camera: CloudView,
+    *,
+    size: tuple[int, int],
+    style: CloudStyle | None = None,
+    threads: int | None = None,
+) -> Numbers:
+    """Return which point of a cloud each pixel shows.
+
+    It is the point, among those that are seen, whose center is nearest to the nearest surface in
+    the pixel.
+
+    Parameters
+    ----------
+    cloud, camera, size, style, threads
+        As of `render_cloud`.
+
+    Returns
+    -------
+    Rows (height, width) of the cloud that was rendered or prepared; -1 where nothing is seen.
+
+    Raises
+    ------
+    ValueError
+        As of `render_cloud`, or surfels do not say which points they are.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from resample_points import Camera, Cloud, index_cloud
+    >>> place, normal = np.array([[-1.0, 0, 4], [1.0, 0, 4]]), np.array([[0, 0, -1.0]] * 2)
+    >>> cloud = Cloud(place, normal, np.empty((0, 3)), np.array([0.6, 0.6]))
+    >>> print(index_cloud(cloud, Camera.from_fov(30, 3, 9), size=(9, 3)))
+    [[-1 -1  0  0 -1  1  1 -1 -1]
+     [-1 -1  0  0 -1  1  1 -1 -1]
+     [-1 -1  0  0 -1  1  1 -1 -1]]
+    """
+    from scipy.spatial import KDTree
+
+    from resample.engine import jit
+
+    check_cloud(cloud, Cloud | Surfels)
+    chosen, shape = CloudStyle() if style is None else style, shape_of(size)
+    found = np.full(shape, NOTHING, np.int64)
+    check_threads(threads)
+    with jit.threads(jit.workers() if threads is None else threads):
+        surfels = cloud if isinstance(cloud, Surfels) else prepare_cloud(cloud)
+        if len(surfels.source) < len(surfels.position):
+            raise ValueError("these surfels do not say which points they are; prepare the cloud")
+        painted = painted_cloud(surfels, camera, shape, chosen, None)
+    shown, visible = np.isfinite(painted.first_depth), painted.visible
+    parts = [rows.start + np.flatnonzero(visible[rows] & SHOWN) for rows in rows_of(visible)]
+    which = np.concatenate([*parts, np.zeros(0, np.int64)])
+    if len(which) and shown.any():
+        depth = painted.first_depth[shown].astype(np.float64)
+        surface = places_at(camera, shape, pixel_centers(shape)[shown], depth)
+        _, nearest = KDTree(surfels.position[which]).query(surface - surfels.origin)
+        found[shown] = surfels.source[which[nearest]]
+    return found

@@ -22,7 +22,7 @@ from resample_points.data.parts import rows_of, zeros_beside
 from resample_points.geometry.spacing import Surfels
 
 if TYPE_CHECKING:
-    from resample_points.painting.kernels.painting import CloudPicture
+    from resample_points.kernels.discs import CloudPicture
 
 POINT, SPLAT, SHOWN = 1, 2, 4  # state of a disc on the screen
 VISIBILITY_KINDS = 1 + (POINT | SPLAT | SHOWN)  # number of combinations of these
@@ -54,16 +54,9 @@ def paint_in_windows(
 ) -> tuple[Visibility, dict[str, float]]:
     """Paint discs in files; at most `most` bytes of them are in memory.
 
-    Parameters
-    ----------
-    canvas
-        Frame whose picture is filled; it must be transparent, with infinite depths.
-
-    Returns
-    -------
-    What is visible of each disc, and seconds per stage.
+    Return what is visible of each, and seconds per stage. The canvas is transparent before.
     """
-    from resample_points.painting.kernels.discs import SURFEL
+    from resample_points.kernels.discs import SURFEL
 
     position, context = surfels.position, PassContext(tell=progress_here())
     rows, seen = list(rows_of(position)), zeros_beside(position, (len(position),), np.uint8)
@@ -106,7 +99,7 @@ class CloudInFiles(NamedTuple):
 
     def _projected(self, part: slice) -> Records:
         """Return the projected discs of a part."""
-        from resample_points.painting.kernels.discs import SURFEL
+        from resample_points.kernels.discs import SURFEL
 
         records = np.zeros(part.stop - part.start, SURFEL)
         self.project(part, records)
@@ -119,8 +112,7 @@ class CloudInFiles(NamedTuple):
 
     def load(self, span: tuple[int, int]) -> tuple[Records, Indices]:
         """Return the projected discs in a span of tiles, and their indices."""
-        from resample_points.painting.kernels.discs import SURFEL
-        from resample_points.painting.kernels.windows import find_overlapping
+        from resample_points.kernels.discs import SURFEL, find_overlapping
 
         canvas, count = self.canvas, 0
         held = int(self.start[span[1]] - self.start[span[0]])
@@ -159,7 +151,7 @@ def paint_discs(
     span: tuple[int, int] = (0, -1),
 ) -> NDArray[np.bool_]:
     """Paint projected discs on a span of tiles, or on all; return which of them are shown."""
-    from resample_points.painting.kernels.painting import Discs, paint
+    from resample_points.kernels.discs import Discs, paint
 
     begin = perf_counter()
     with told(None):

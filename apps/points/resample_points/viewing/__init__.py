@@ -7,33 +7,15 @@ from typing import TYPE_CHECKING, Any
 from resample.lazy import attributes
 
 if TYPE_CHECKING:
-    from resample.command.settings import Choices
-    from resample.view.files import FileView
     from resample.view.widgets import Viewer
-    from resample_points.viewing.clouds import cloud_view
+    from resample_points.viewing.pages import cloud_view, picture, view_of
 
 __all__ = ["cloud_view", "picture", "suits", "view", "view_of"]
-HOMES = {"cloud_view": "clouds", "picture": "pictures", "map_of": "particles"}
+HOMES = {
+    **dict.fromkeys(("cloud_view", "picture", "view_of"), "pages"),
+    "map_of": "particles",  # old home, until the next release
+}
 __getattr__ = attributes(__name__, HOMES)
-
-
-def view_of(path: Path, begin: "Sequence[Choices]" = ()) -> "FileView":
-    """Return what pages show of a file: a cloud, 3D Gaussians, or a snapshot's particles."""
-    from resample_points.files.gaussians.reading import is_gaussians
-    from resample_points.files.readers import SNAPSHOTS
-
-    if path.suffix.lower() in SNAPSHOTS:
-        from resample import registry
-
-        particles: FileView = registry.load("pages", "points.density")(path, begin)
-        return particles
-    if is_gaussians(path):
-        from resample_points.viewing.gaussians import gaussian_view
-
-        return gaussian_view(path, begin)
-    from resample_points.viewing.clouds import cloud_view
-
-    return cloud_view(path, begin)
 
 
 def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
@@ -63,13 +45,14 @@ def view(cloud: str | Path, /, **settings: Any) -> "Viewer":
     'top'
     """
     from resample.view.widgets import Viewer, named
+    from resample_points.viewing.pages import view_of
 
     return Viewer(view_of(Path(cloud)), named(settings))
 
 
 def suits(names: Sequence[str]) -> bool:
     """Whether the names are one file of a cloud, of 3D Gaussians or of particles."""
-    from resample_points.files.gaussians.reading import is_gaussians
+    from resample_points.files.gaussians.formats import is_gaussians
     from resample_points.files.readers import SNAPSHOTS, is_cloud
 
     if len(names) != 1 or not Path(names[0]).exists():

@@ -47,8 +47,8 @@ def compare(
     from resample.files.writing import check_targets
     from resample.measuring.compare import check_sheet, contact_sheet, plain
     from resample_comparisons.points.compare import compare_methods, methods_named
-    from resample_points.command.films import holds_gaussians
     from resample_points.command.gaussians import gaussians_of
+    from resample_points.command.rendering import holds_gaussians
 
     names, shape = methods_named(methods), height_and_width(size)
     if output is not None:

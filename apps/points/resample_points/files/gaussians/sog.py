@@ -8,7 +8,6 @@ import math
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -44,17 +43,40 @@ PARTS = {"means": 2, "scales": 1, "quats": 1, "sh0": 1}  # pictures of each
 Texels = NDArray[np.uint8]  # (N, 4)
 
 
-@dataclass(frozen=True)
-class _Scene:
-    """The description of a scene, and where its pictures are."""
+class _Pictures:
+    """The description of a scene, and the pictures that hold its Gaussians.
 
-    meta: dict[str, Any]
-    count: int
-    file: Callable[[str], Path]  # path of a picture by its name
+    `file`: gives the path of a picture by its name.
+    """
+
+    def __init__(self, text: bytes, file: Callable[[str], Path]) -> None:
+        try:
+            meta = json_of(text.decode("utf-8-sig"))
+        except UnicodeDecodeError:
+            raise ValueError(f"has a {META} that is not a text") from None
+        if not is_description(meta):
+            raise ValueError(f"has a {META} that is not of SOG: it must have {', '.join(PARTS)}")
+        version, shape = meta.get("version", 1), meta["means"].get("shape")
+        if version not in (1, 2):
+            raise ValueError(f"has the SOG version {version!r:.40}; known are 1 and 2")
+        count = meta.get("count", shape[0] if isinstance(shape, list) and shape else None)
+        if not isinstance(count, int) or isinstance(count, bool):
+            raise ValueError(
+                f"has {count!r:.40} Gaussians; a {META} has a whole number as its count"
+            )
+        self.meta, self.file, self.is_second = meta, file, version == 2
+        self.count = check_count(META, count)
+
+    def described(self, part: str) -> dict[str, Any]:
+        """Return the description of a part."""
+        found: Any = self.meta[part]
+        if not isinstance(found, dict):
+            raise ValueError(f"has {part} that are not described")
+        return found
 
     def numbers(self, part: str, key: str, count: int | None = None) -> Doubles:
         """Return numbers of the description, of a size that float32 holds."""
-        given: Any = _described(self.meta, part).get(key)
+        given: Any = self.described(part).get(key)
         listed: list[Any] = given if isinstance(given, list) else [given]
         if listed[:1] == [None] and len(listed) > 2 and None not in listed[1:]:
             # Old writers leave the first entry of a palette out, which goes on evenly.
@@ -64,36 +86,94 @@ class _Scene:
             raise ValueError(f"has {key} of {part} that are not {count or 'finite'} numbers")
         return np.array(listed, np.float64)
 
-    def name(self, part: str, n: int) -> str:
-        """Return the name of a picture."""
-        files = _described(self.meta, part).get("files")
+    def picture(self, part: str, n: int = 0) -> tuple[str, NDArray[np.uint8]]:
+        """Return a picture's name and bytes (H, W, 4); alpha is 255 where it has none."""
+        files = self.described(part).get("files")
         if not isinstance(files, list) or len(files) <= n or not isinstance(files[n], str):
             raise ValueError(f"names no picture {n + 1} of {part}")
-        return str(files[n])
-
-    def picture(self, part: str, n: int = 0) -> NDArray[np.uint8]:
-        """Return the bytes (H, W, 4) of a picture."""
-        name = self.name(part, n)
-        return _picture(self.file(name), name)
+        name: str = files[n]
+        file = open_file(self.file(name))
+        height, width, channels = file.shape
+        if file.form != "uint8" or channels not in {3, 4}:
+            raise ValueError(
+                f"has the picture {name!r:.60} of {channels} channels of {file.form}; "
+                "it must have 3 or 4 of uint8"
+            )
+        made, done = np.full((height, width, 4), 255, np.uint8), 0
+        for strip in file.strips("uint8"):
+            made[done : done + len(strip), :, :channels] = strip
+            done += len(strip)
+        return name, made
 
     def texels(self, part: str, n: int = 0) -> Texels:
         """Return the texels (N, 4) of a picture, one per Gaussian."""
-        texels = self.picture(part, n).reshape(-1, 4)
+        name, picture = self.picture(part, n)
+        texels = picture.reshape(-1, 4)
         if len(texels) < self.count:
             raise ValueError(
-                f"has {self.count} Gaussians, and {len(texels)} texels of them in "
-                f"{self.name(part, n)!r:.60}"
+                f"has {self.count} Gaussians, and {len(texels)} texels of them in {name!r:.60}"
             )
         return texels[: self.count]
+
+    def decoded(self, part: str, texels: NDArray[np.uint8], ends: int) -> Floats:
+        """Return numbers (..., K): between `ends` ends in version 1, of a palette in version 2."""
+        if self.is_second:
+            palette = self.numbers(part, "codebook")
+            if texels.size and int(texels.max()) >= len(palette):
+                raise ValueError(
+                    f"has {part} of entry {texels.max()} of a codebook, which has {len(palette)}"
+                )
+            with np.errstate(over="ignore"):
+                return palette.astype(np.float32)[texels]
+        low, high = self.numbers(part, "mins", ends), self.numbers(part, "maxs", ends)
+        tables = (low + (high - low) * np.arange(256)[:, None] / 255).astype(np.float32)
+        return tables[texels, np.arange(texels.shape[-1]) % ends]
 
 
 def read_sog(path: Path) -> Gaussians:
     """Read Gaussians of a folder's meta.json, or of a zip file."""
     if path.suffix.lower() == ".json":
         check_size(str(path), path.stat().st_size, "tree")
-        return _read(path.read_bytes(), lambda name: neighbour(path, name))
+        return _gaussians(_Pictures(path.read_bytes(), lambda name: neighbour(path, name)))
     with TemporaryDirectory(prefix="resample-sog-") as folder:
-        return _read(*_unpacked(path, Path(folder)))
+        return _gaussians(_Pictures(*_unpacked(path, Path(folder))))
+
+
+def _gaussians(scene: _Pictures) -> Gaussians:
+    """Decode the pictures of a scene."""
+    scale = exponentials(scene.decoded("scales", scene.texels("scales")[:, :3], 3))
+    texels = scene.texels("sh0")
+    if scene.is_second:
+        color = scene.decoded("sh0", texels[:, :3], 4)
+        opacity = texels[:, 3].astype(np.float32) / np.float32(255)
+    else:
+        both = scene.decoded("sh0", texels, 4)
+        color, opacity = np.ascontiguousarray(both[:, :3]), sigmoids(both[:, 3])
+    harmonics, step = _harmonics(scene)
+    # Positions have 16 bits between ends, of sign(x) log(1 + |x|).
+    lower, upper = scene.texels("means", 0), scene.texels("means", 1)
+    low, high = scene.numbers("means", "mins", 3), scene.numbers("means", "maxs", 3)
+    position = np.empty((scene.count, 3), np.float32)
+    with np.errstate(over="ignore"):
+        for axis in range(3):
+            levels = lower[:, axis] + 256.0 * upper[:, axis]
+            levels *= (high[axis] - low[axis]) / 65535
+            levels += low[axis]
+            position[:, axis] = np.copysign(np.expm1(np.abs(levels)), levels)
+    # Quaternions are 0 where the tag of the largest component is unknown.
+    texels = scene.texels("quats")
+    three = (texels[:, :3].astype(np.float32) * np.float32(2 / 255) - 1) * ROOT
+    return Gaussians(
+        position=position,
+        scale=scale,
+        rotation=quaternions_of(three, texels[:, 3] - np.uint8(FIRST_TAG)),
+        opacity=opacity,
+        color=color,
+        harmonics=harmonics,
+        harmonic_step=step,
+        is_antialiased=scene.meta.get("model") == "antialiased"
+        or scene.meta.get("antialias") is True,
+    )
 
 
 def _unpacked(path: Path, folder: Path) -> tuple[bytes, Callable[[str], Path]]:
@@ -126,150 +206,25 @@ def _unpacked(path: Path, folder: Path) -> tuple[bytes, Callable[[str], Path]]:
     return meta, unpack
 
 
-def _read(text: bytes, file: Callable[[str], Path]) -> Gaussians:
-    """Read Gaussians by their description."""
-    scene = _scene(text, file)
-    is_second: bool = scene.meta.get("version", 1) == 2
-    decode = _second if is_second else _first
-    scale, color, opacity = decode(scene)
-    harmonics, step = _harmonics(scene, is_second)
-    mode = scene.meta.get("model"), scene.meta.get("antialias")
-    return Gaussians(
-        position=_positions(scene),
-        scale=scale,
-        rotation=_rotations(scene),
-        opacity=opacity,
-        color=color,
-        harmonics=harmonics,
-        harmonic_step=step,
-        is_antialiased=mode[0] == "antialiased" or mode[1] is True,
-    )
-
-
-def _scene(text: bytes, file: Callable[[str], Path]) -> _Scene:
-    """Return a checked description."""
-    try:
-        meta = json_of(text.decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        raise ValueError(f"has a {META} that is not a text") from None
-    if not is_description(meta):
-        raise ValueError(f"has a {META} that is not of SOG: it must have {', '.join(PARTS)}")
-    version = meta.get("version", 1)
-    if version not in (1, 2):
-        raise ValueError(f"has the SOG version {version!r:.40}; known are 1 and 2")
-    shape = meta["means"].get("shape")
-    count = meta.get("count", shape[0] if isinstance(shape, list) and shape else None)
-    if not isinstance(count, int) or isinstance(count, bool):
-        raise ValueError(f"has {count!r:.40} Gaussians; a {META} has a whole number as its count")
-    return _Scene(meta, check_count(META, count), file)
-
-
 def is_description(meta: Any) -> bool:
     """Whether the content of a meta.json is of SOG."""
     return isinstance(meta, dict) and all(isinstance(meta.get(part), dict) for part in PARTS)
 
 
-def _described(meta: dict[str, Any], part: str) -> dict[str, Any]:
-    found = meta[part]
-    if not isinstance(found, dict):
-        raise ValueError(f"has {part} that are not described")
-    return found
-
-
-def _picture(path: Path, name: str) -> NDArray[np.uint8]:
-    """Return a picture (H, W, 4); alpha is 255 where it has none."""
-    file = open_file(path)
-    height, width, channels = file.shape
-    if file.form != "uint8" or channels not in {3, 4}:
-        raise ValueError(
-            f"has the picture {name!r:.60} of {channels} channels of {file.form}; "
-            "it must have 3 or 4 of uint8"
-        )
-    made = np.full((height, width, 4), 255, np.uint8)
-    done = 0
-    for strip in file.strips("uint8"):
-        made[done : done + len(strip), :, :channels] = strip
-        done += len(strip)
-    return made
-
-
-def _positions(scene: _Scene) -> Floats:
-    """Return positions: 16 bits between ends, of sign(x) log(1 + |x|)."""
-    lower, upper = scene.texels("means", 0), scene.texels("means", 1)
-    low, high = scene.numbers("means", "mins", 3), scene.numbers("means", "maxs", 3)
-    position = np.empty((scene.count, 3), np.float32)
-    with np.errstate(over="ignore"):
-        for axis in range(3):
-            levels = lower[:, axis] + 256.0 * upper[:, axis]
-            levels *= (high[axis] - low[axis]) / 65535
-            levels += low[axis]
-            position[:, axis] = np.copysign(np.expm1(np.abs(levels)), levels)
-    return position
-
-
-def _rotations(scene: _Scene) -> Floats:
-    """Return quaternions w, x, y, z; 0 where the tag of the largest component is unknown."""
-    texels = scene.texels("quats")
-    three = (texels[:, :3].astype(np.float32) * np.float32(2 / 255) - 1) * ROOT
-    return quaternions_of(three, texels[:, 3] - np.uint8(FIRST_TAG))
-
-
-def _first(scene: _Scene) -> tuple[Floats, Floats, Floats]:
-    """Return scales, colors and opacities of version 1: bytes between ends."""
-    scale = _between(scene, "scales", scene.texels("scales")[:, :3])
-    both = _between(scene, "sh0", scene.texels("sh0"))
-    return exponentials(scale), np.ascontiguousarray(both[:, :3]), sigmoids(both[:, 3])
-
-
-def _between(scene: _Scene, part: str, texels: NDArray[np.uint8]) -> Floats:
-    """Return numbers (N, K) between ends per channel."""
-    count = texels.shape[1]
-    low, high = scene.numbers(part, "mins", count), scene.numbers(part, "maxs", count)
-    tables = (low + (high - low) * np.arange(256)[:, None] / 255).astype(np.float32)
-    return np.stack([tables[texels[:, n], n] for n in range(count)], axis=1)
-
-
-def _second(scene: _Scene) -> tuple[Floats, Floats, Floats]:
-    """Return scales, colors and opacities of version 2: entries of palettes."""
-    scale = _entries(scene, "scales", scene.texels("scales")[:, :3])
-    texels = scene.texels("sh0")
-    return (
-        exponentials(scale),
-        _entries(scene, "sh0", texels[:, :3]),
-        texels[:, 3].astype(np.float32) / np.float32(255),
-    )
-
-
-def _entries(scene: _Scene, part: str, texels: NDArray[np.uint8]) -> Floats:
-    """Return the entries of a palette that texels name."""
-    palette = scene.numbers(part, "codebook")
-    if texels.size and int(texels.max()) >= len(palette):
-        raise ValueError(
-            f"has {part} of entry {texels.max()} of a codebook, which has {len(palette)}"
-        )
-    with np.errstate(over="ignore"):
-        return palette.astype(np.float32)[texels]
-
-
-def _harmonics(scene: _Scene, is_second: bool) -> tuple[NDArray[np.int16], float]:
+def _harmonics(scene: _Pictures) -> tuple[NDArray[np.int16], float]:
     """Return coefficients (N, K, 3) and their step; a Gaussian names an entry of a palette."""
     if scene.meta.get("shN") is None:
         return np.zeros((scene.count, 0, 3), np.int16), 1.0
-    texels = scene.picture("shN", 0)[..., :3]
+    texels = scene.picture("shN", 0)[1][..., :3]
     width = texels.shape[1] // PER_ROW
     degree = COUNTS.index(width) if width in COUNTS else 0
-    bands = _described(scene.meta, "shN").get("bands", degree)
+    bands = scene.described("shN").get("bands", degree)
     if texels.shape[1] % PER_ROW or not degree or bands != degree:
         raise ValueError(
             f"has a palette of harmonics {texels.shape[1]} texels wide; degrees 1 to 3 have "
             f"{', '.join(str(PER_ROW * count) for count in COUNTS[1:])}"
         )
-    if is_second:
-        values = _entries(scene, "shN", texels)
-    else:
-        low, high = scene.numbers("shN", "mins", 1), scene.numbers("shN", "maxs", 1)
-        values = (low + (high - low) * texels / 255).astype(np.float32)
-    palette, step = palette_of(values.reshape(-1, width, 3))
+    palette, step = palette_of(scene.decoded("shN", texels, 1).reshape(-1, width, 3))
     both = scene.texels("shN", 1)[:, :2].astype(np.uint16)
     label = both[:, 0] + (both[:, 1] << np.uint16(8))
     if int(label.max()) >= len(palette):

@@ -8,8 +8,9 @@ are in the file's own axes, by default right, up, back.
 import math
 import struct
 import zlib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -41,52 +42,41 @@ LONGEST = 1 << 20  # bytes of extensions
 FINE = 20  # most bits of a fraction that are written
 
 
-@dataclass(frozen=True)
-class _SpzHeader:
-    """The header of an SPZ file."""
-
-    version: int
-    count: int
-    degree: int
-    bits: int  # of a position's fraction
-    flags: int
-
-    @property
-    def width(self) -> int:
-        """Number of stored coefficients of harmonics per channel."""
-        return (*COUNTS, DEGREE_4)[self.degree]
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """Bytes of positions, opacities, colors, scales, rotations and harmonics."""
-        position = 6 if self.version == FLOAT16 else 9
-        rotation = 3 if self.version <= FIRST_THREE else 4
-        per_gaussian = (position, 1, 3, 3, rotation, 3 * self.width)
-        return tuple(self.count * size for size in per_gaussian)
-
-
 def read_spz(path: Path) -> Gaussians:
     """Read Gaussians of an SPZ file. Harmonics of degree 4 are left out."""
-    data = path.read_bytes()
-    if data.startswith(GZIP):
-        head, streams, extensions = _gzipped(path, data)
-    elif len(data) >= 8 and struct.unpack_from("<I", data, 4)[0] < STREAMS:
-        head, streams, extensions = _arrays(path, data)
-    else:
-        head, streams, extensions = _unpacked_streams(path, data)
-    position, opacity, color, scale, rotation, rest = streams
+    (version, count, degree, bits, flags), streams, extensions = _arrays(path, path.read_bytes())
+    place, opacity, color, scale, rotation, rest = streams
     level = color.reshape(-1, 3).astype(np.float32) / np.float32(255)
-    kept = rest.reshape(head.count, head.width, 3)[:, : COUNTS[-1]]
+    kept = rest.reshape(count, (*COUNTS, DEGREE_4)[degree], 3)[:, : COUNTS[-1]]
+    # Places are floats of 16 bits, or signed whole numbers of 24 bits.
+    if version == FLOAT16:
+        position = place.view("<f2").astype(np.float32).reshape(-1, 3)
+    else:
+        upper = np.zeros((3 * count, 4), np.uint8)
+        upper[:, 1:] = place.reshape(-1, 3)  # the upper bytes of 32 bits: the sign is right
+        numbers = upper.view("<i4").reshape(-1, 3).astype(np.float32)  # 24 bits are exact
+        position = numbers * np.float32(math.ldexp(1, -8 - bits))
+    if version <= FIRST_THREE:
+        three = rotation.reshape(-1, 3).astype(np.float32) / np.float32(127.5) - 1
+        quaternions = quaternions_of(three, np.zeros(count, np.uint8))
+    else:
+        packed, three = rotation.view("<u4").astype(np.uint32), np.empty((count, 3), np.float32)
+        for n, first in enumerate((20, 10, 0)):
+            part = packed >> np.uint32(first)
+            size = (part & np.uint32(511)).astype(np.float32) * (ROOT / np.float32(511))
+            three[:, n] = np.where(part & np.uint32(512), -size, size)
+        last = quaternions_of(three, packed >> np.uint32(30))
+        quaternions = np.roll(last, 1, axis=1)  # from x, y, z, w
     return Gaussians(
-        position=_positions(head, position),
+        position=position,
         scale=exponentials(scale.reshape(-1, 3).astype(np.float32) / 16 - 10),
-        rotation=_rotations(head, rotation),
+        rotation=quaternions,
         opacity=opacity.astype(np.float32) / np.float32(255),
         color=(level - np.float32(0.5)) / np.float32(0.15),
         harmonics=kept.astype(np.int16) - np.int16(128),
         harmonic_step=1 / 128,
-        is_antialiased=bool(head.flags & ANTIALIASED),
-        up=_up(extensions) if head.flags & EXTENDED else "y",
+        is_antialiased=bool(flags & ANTIALIASED),
+        up=_up(extensions) if flags & EXTENDED else "y",
     )
 
 
@@ -102,120 +92,79 @@ def is_spz(path: Path) -> bool:
     return start.startswith(MAGIC)
 
 
-_Arrays = tuple[_SpzHeader, list[NDArray[np.uint8]], bytes]  # and the extensions
-
-
-def _gzipped(path: Path, data: bytes) -> _Arrays:
-    """Return the arrays of versions 1 to 3."""
-    try:
-        start = zlib.decompressobj(wbits=ANY).decompress(data, OLD.size)
-    except zlib.error as error:
-        raise OSError(f"{path} is damaged: {one_line(error)}") from None
-    head = _head(path, start)
-    size = OLD.size + sum(head.sizes)
-    check_unpacked(path.name, len(data), size)
-    return _arrays(path, deflated(data, size + (LONGEST if head.flags & EXTENDED else 0)))
-
-
-def _arrays(path: Path, data: bytes) -> _Arrays:
-    """Return the arrays that follow a header."""
-    head = _head(path, data)
-    sizes = (OLD.size, *head.sizes)
-    if sum(sizes) > len(data):
-        raise OSError(f"{path} is cut off: {len(data)} of {sum(sizes)} bytes are there")
-    ends = np.cumsum(sizes).tolist()
-    whole = np.frombuffer(data, np.uint8)
-    arrays = [whole[ends[n] : ends[n + 1]] for n in range(len(ends) - 1)]
-    return head, arrays, data[ends[-1] :]
-
-
-def _head(path: Path, data: bytes, form: struct.Struct = OLD) -> _SpzHeader:
-    """Return a checked header."""
-    if len(data) < form.size or not data.startswith(MAGIC):
+def _arrays(path: Path, data: bytes) -> tuple[list[int], list[NDArray[np.uint8]], bytes]:
+    """Return version, count, degree, bits and flags; the arrays; and the extensions."""
+    is_packed, start = data.startswith(GZIP), data
+    if is_packed:
+        try:
+            start = zlib.decompressobj(wbits=ANY).decompress(data, OLD.size)
+        except zlib.error as error:
+            raise OSError(f"{path} is damaged: {one_line(error)}") from None
+    is_old = is_packed or (len(data) >= 8 and struct.unpack_from("<I", data, 4)[0] < STREAMS)
+    form = OLD if is_old else NEW
+    if len(start) < form.size or not start.startswith(MAGIC):
         raise OSError(f"{path} is cut off or no SPZ file")
-    version, count, degree, bits, flags = form.unpack_from(data)[1:6]
-    newest = STREAMS if form is NEW else STREAMS - 1
-    if not newest >= version >= (STREAMS if form is NEW else FLOAT16):
+    head = version, count, degree, bits, flags = list(form.unpack_from(start)[1:6])
+    if not (FLOAT16 <= version < STREAMS if is_old else version == STREAMS):
         raise ValueError(f"has the SPZ version {version}; known are 1 to 4")
     if degree > 4 or bits > MOST_BITS:
         raise ValueError(
             f"has harmonics of degree {degree} and {bits} bits of a fraction; at most 4 and "
             f"{MOST_BITS} are possible"
         )
-    return _SpzHeader(version, check_count(path.name, count), degree, bits, flags)
+    check_count(path.name, count)
+    # Bytes of positions, opacities, colors, scales, rotations and harmonics.
+    position, rotation = 6 if version == FLOAT16 else 9, 3 if version <= FIRST_THREE else 4
+    each = position, 1, 3, 3, rotation, 3 * (*COUNTS, DEGREE_4)[degree]
+    sizes = [count * size for size in each]
+    if not is_old:
+        return head, *_unpacked_streams(path, data, sizes)
+    ends = np.cumsum([OLD.size, *sizes]).tolist()
+    if is_packed:
+        check_unpacked(path.name, len(data), ends[-1])
+        data = deflated(data, ends[-1] + (LONGEST if flags & EXTENDED else 0))
+    if ends[-1] > len(data):
+        raise OSError(f"{path} is cut off: {len(data)} of {ends[-1]} bytes are there")
+    whole = np.frombuffer(data, np.uint8)
+    return head, [whole[first:last] for first, last in pairwise(ends)], data[ends[-1] :]
 
 
-def _unpacked_streams(path: Path, data: bytes) -> _Arrays:
-    """Return the arrays of version 4."""
-    head = _head(path, data, NEW)
+def _unpacked_streams(
+    path: Path, data: bytes, sizes: list[int]
+) -> tuple[list[NDArray[np.uint8]], bytes]:
+    """Return the arrays of version 4, and the extensions."""
+    from resample.reading.limits import unzstd
+
     count, place = NEW.unpack_from(data)[6:8]
-    wanted = [size for size in head.sizes if size]
+    wanted = [size for size in sizes if size]
     if count != len(wanted) or place < NEW.size:
         raise ValueError(f"has {count} streams at byte {place}; {len(wanted)} are needed")
     if place + 16 * count > len(data):
         raise OSError(f"{path} is cut off: its table of streams is not there")
     check_unpacked(path.name, len(data), sum(wanted))
-    unpack = _unpacker(path)
-    sizes = struct.unpack_from(f"<{2 * count}Q", data, place)
+    if not find_spec("numcodecs"):
+        raise ValueError(
+            "is SPZ of version 4, and numcodecs is not installed: "
+            "pip install 'hybrid-resample[zstd]'"
+        )
+    table = struct.unpack_from(f"<{2 * count}Q", data, place)
     at, arrays = place + 16 * count, []
     for n, size in enumerate(wanted):
-        packed, unpacked = sizes[2 * n : 2 * n + 2]
+        packed, unpacked = table[2 * n : 2 * n + 2]
         if unpacked != size:
             raise ValueError(f"has a stream of {unpacked} bytes, where {size} are needed")
         if at + packed > len(data):
             raise OSError(f"{path} is cut off: stream {n + 1} of {count} is not there")
-        arrays.append(np.frombuffer(unpack(data[at : at + packed], size), np.uint8))
-        at += packed
-    arrays += [np.zeros(0, np.uint8)] * (6 - count)
-    return head, arrays, data[NEW.size : place]
-
-
-def _unpacker(path: Path) -> Callable[[bytes, int], bytes]:
-    """Return a function that unpacks Zstandard data to a number of bytes."""
-    from resample.reading.limits import unzstd
-
-    try:
-        import numcodecs  # noqa: F401
-    except ImportError:
-        raise ValueError(
-            "is SPZ of version 4, and numcodecs is not installed: "
-            "pip install 'hybrid-resample[zstd]'"
-        ) from None
-
-    def unpack(data: bytes, size: int) -> bytes:
         try:
-            made = bytes(unzstd(data, size, size))
+            made = bytes(unzstd(data[at : at + packed], size, size))
         except (ValueError, RuntimeError) as error:
             raise OSError(f"{path} is damaged: {one_line(error)}") from None
         if len(made) != size:
             raise OSError(f"{path} is damaged: a stream has {len(made)} of {size} bytes")
-        return made
-
-    return unpack
-
-
-def _positions(head: _SpzHeader, data: NDArray[np.uint8]) -> Floats:
-    """Return positions from 16-bit floats, or from signed whole numbers of 24 bits."""
-    if head.version == FLOAT16:
-        return data.view("<f2").astype(np.float32).reshape(-1, 3)
-    whole = np.zeros((3 * head.count, 4), np.uint8)
-    whole[:, 1:] = data.reshape(-1, 3)  # the upper bytes of 32 bits: the sign is right
-    numbers = whole.view("<i4").reshape(-1, 3).astype(np.float32)  # 24 bits are exact
-    return numbers * np.float32(math.ldexp(1, -8 - head.bits))
-
-
-def _rotations(head: _SpzHeader, data: NDArray[np.uint8]) -> Floats:
-    """Return quaternions w, x, y, z."""
-    if head.version <= FIRST_THREE:
-        three = data.reshape(-1, 3).astype(np.float32) / np.float32(127.5) - 1
-        return quaternions_of(three, np.zeros(head.count, np.uint8))
-    packed = data.view("<u4").astype(np.uint32)
-    three = np.empty((head.count, 3), np.float32)
-    for n, first in enumerate((20, 10, 0)):
-        bits = packed >> np.uint32(first)
-        size = (bits & np.uint32(511)).astype(np.float32) * (ROOT / np.float32(511))
-        three[:, n] = np.where(bits & np.uint32(512), -size, size)
-    return np.roll(quaternions_of(three, packed >> np.uint32(30)), 1, axis=1)  # from x, y, z, w
+        arrays.append(np.frombuffer(made, np.uint8))
+        at += packed
+    arrays += [np.zeros(0, np.uint8)] * (6 - count)
+    return arrays, data[NEW.size : place]
 
 
 def _up(extensions: bytes) -> str | None:

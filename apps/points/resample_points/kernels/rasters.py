@@ -133,22 +133,12 @@ def fill_cells(
 ) -> None:
     """Give cells the values of the surface that is seen from above.
 
-    Parameters
-    ----------
-    place
-        (N, 3) of points: right and down in cells from the first bin's corner, and height in sides
-        of a cell.
-    values
-        (N, C) at points.
-    start, across, side
-        First point of each bin; number of bins in a row, and their side in cells.
-    nearest
-        Distance in cells within which a point suffices; farther ones must lie all around.
-    raster
-        (H, W, C), filled where there is a surface. Its corner is `2**DOUBLINGS` bins right of and
-        below that of the bins.
-    top
-        (H, W) point whose surface a cell shows, or -1.
+    `place`: (N, 3) of points: right and down in cells from the first bin's corner, and height in
+    sides of a cell. `values`: (N, C) at points. `start`, `across`, `side`: first point of each bin;
+    number of bins in a row, and their side in cells. `nearest`: distance in cells within which a
+    point suffices; farther ones must lie all around. `raster`: (H, W, C), filled where there is a
+    surface; its corner is `2**DOUBLINGS` bins right of and below that of the bins. `top`: (H, W)
+    point whose surface a cell shows, or -1.
     """
     height, width, count = raster.shape
     border = side * (1 << DOUBLINGS)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import Counter, inner_kernel, inner_step, parallel_kernel, tasks
+from resample.engine.jit import Counter, inner_step, parallel_kernel, tasks
 from resample.types import Doubles, Floats
 from resample_points.data.harmonics import APART, CONSTANT, CUBIC, EVEN, LINEAR, MIXED, SQUARE
 
@@ -40,23 +40,6 @@ def _basis(x: float, y: float, z: float, count: int, basis: Floats) -> None:
     basis[14] = -CUBIC[0] * x * (xx - 3.0 * yy)
 
 
-@inner_kernel
-def _color_one(
-    constant: Floats, harmonics: Levels, step: float, n: int, basis: Floats, color: Floats
-) -> None:
-    """Sum the harmonics of a Gaussian; colors below 0 are black."""
-    red = green = blue = np.float32(0)
-    for k in range(harmonics.shape[1]):
-        red += basis[k] * np.float32(harmonics[n, k, 0])
-        green += basis[k] * np.float32(harmonics[n, k, 1])
-        blue += basis[k] * np.float32(harmonics[n, k, 2])
-    per, half, zero = np.float32(step), np.float32(0.5), np.float32(0)
-    first = np.float32(CONSTANT)
-    color[n, 0] = max(half + first * constant[n, 0] + per * red, zero)
-    color[n, 1] = max(half + first * constant[n, 1] + per * green, zero)
-    color[n, 2] = max(half + first * constant[n, 2] + per * blue, zero)
-
-
 @parallel_kernel
 def color_gaussians(
     counter: Counter,
@@ -72,7 +55,8 @@ def color_gaussians(
     `position`: (N, 3). `constant`: (N, 3) of degree 0. `harmonics`: (N, K, 3) in steps of `step`.
     `eye`: (4,) position and 1, or a direction of view and 0.
     """
-    count = position.shape[0]
+    count, scale, first = position.shape[0], np.float32(step), np.float32(CONSTANT)
+    half, zero = np.float32(0.5), np.float32(0)
     for chunk in tasks(counter, (count + CHUNK - 1) // CHUNK):
         basis = np.empty(16, np.float32)
         start = int(np.int64(chunk)) * CHUNK
@@ -83,4 +67,12 @@ def color_gaussians(
             length = math.sqrt(x * x + y * y + z * z)
             per = 1.0 / length if length > 0.0 else 0.0
             _basis(x * per, y * per, z * per, harmonics.shape[1], basis)
-            _color_one(constant, harmonics, step, n, basis, color)
+            # Sum the harmonics; colors below 0 are black.
+            red = green = blue = np.float32(0)
+            for k in range(harmonics.shape[1]):
+                red += basis[k] * np.float32(harmonics[n, k, 0])
+                green += basis[k] * np.float32(harmonics[n, k, 1])
+                blue += basis[k] * np.float32(harmonics[n, k, 2])
+            color[n, 0] = max(half + first * constant[n, 0] + scale * red, zero)
+            color[n, 1] = max(half + first * constant[n, 1] + scale * green, zero)
+            color[n, 2] = max(half + first * constant[n, 2] + scale * blue, zero)

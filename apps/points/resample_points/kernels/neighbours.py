@@ -1,4 +1,4 @@
-"""Nearest neighbours of points along a Morton curve, found block by block.
+"""Nearest neighbours of points along a Morton curve, block by block, and the discs that they give.
 
 Sixteen consecutive points are a block, eight blocks one of the next size, and so on up to one that
 holds all. Eight blocks share a list of the points around them, within the distance at which the
@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.engine.jit import inner_kernel, kernel
+from resample.engine.jit import Counter, inner_kernel, kernel, parallel_kernel, tasks
 from resample.engine.vectors import Vector
 from resample.types import Doubles, Floats
+from resample_points.kernels.cells import Nearest, measure, no_lines
 
 Numbers = NDArray[np.int64]
 Box = tuple[Vector, Vector]  # least and greatest corner
@@ -301,15 +302,6 @@ def _settle(looking: Search, row: int, found: Numbers) -> None:
 
 
 @inner_kernel
-def _let_go(looking: Search, row: int, found: Numbers) -> None:
-    """Drop all candidates but the nearest, and tighten the bound to the last of them."""
-    _settle(looking, row, found)
-    for n in range(found.size):
-        looking.held[row, n], looking.away[row, n] = found[n], looking.square[n]
-    looking.many[row], looking.bound[row] = found.size, looking.square[found.size - 1]
-
-
-@inner_kernel
 def _box(blocks: PointBlocks, which: Numbers, count: int) -> Box:
     """Box around some points."""
     low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
@@ -356,8 +348,10 @@ def _hold(looking: Search, row: int, count: int, found: Numbers) -> None:
     for k in range(total):
         if many == HELD:
             looking.many[row] = many
-            _let_go(looking, row, found)
-            many = looking.many[row]
+            _settle(looking, row, found)
+            for n in range(found.size):
+                looking.held[row, n], looking.away[row, n] = found[n], looking.square[n]
+            looking.bound[row], many = looking.square[found.size - 1], found.size
         away[many], held[many] = gap[picked[k]], name[picked[k]]
         many += 1
     looking.many[row] = many
@@ -435,15 +429,6 @@ def _search_far(
 
 
 @inner_kernel
-def _of_one_block(which: Numbers, first: int, count: int) -> int:
-    """Count the points from the first on that lie in one block."""
-    last = first + 1
-    while last < count and which[last] // BLOCK == which[first] // BLOCK:
-        last += 1
-    return last - first
-
-
-@inner_kernel
 def nearest_neighbours(blocks: PointBlocks, count: int, guess: float, looking: Search) -> float:
     """Find the nearest neighbours of some points, themselves included.
 
@@ -459,7 +444,9 @@ def nearest_neighbours(blocks: PointBlocks, count: int, guess: float, looking: S
         around = _list(blocks, _box(blocks, looking.which, count), guess, looking)
     while first < count:
         # Take the points of one block.
-        some, which = _of_one_block(looking.which, first, count), looking.which[first:]
+        some, which = 1, looking.which[first:]
+        while first + some < count and which[some] // BLOCK == which[0] // BLOCK:
+            some += 1
         for row in range(some):
             for c in range(3):
                 looking.place[c, row] = blocks.place[which[row], c]
@@ -474,3 +461,52 @@ def nearest_neighbours(blocks: PointBlocks, count: int, guess: float, looking: S
             _settle(looking, row, looking.found[first + row])
         most, first = max(most, bound), first + some
     return most
+
+
+BATCH_SIZE = 2048  # points that a thread takes at a time
+MARGIN = 1.15  # factor from the squared distance that was enough to the next guess
+
+
+@parallel_kernel
+def measure_all(
+    counter: Counter,
+    blocks: PointBlocks,
+    least: int,
+    most: int,
+    normal: Floats,
+    axes: Floats,
+    spacing: Floats,
+    nearest: Nearest,
+) -> None:
+    """Measure the normals and discs of all points.
+
+    `blocks`: N points along a Morton curve. `least`, `most`: at most N neighbours, each point
+    included as its own first one; `most` for points around which the least leave a gap. `normal`:
+    (N, 3) scaled to unit length; filled where it is 0, with an arbitrary sign. `axes`, `spacing`:
+    filled, see `measure`. `nearest`: (N, least − 1) filled: the neighbours of each point, without
+    itself.
+    """
+    place, is_last = blocks.place, least == most
+    for chunk in tasks(counter, (place.shape[0] + BATCH_SIZE - 1) // BATCH_SIZE):
+        few, many = search(least), search(most)
+        lines, likely, wider = no_lines(), 0.0, 0.0
+        start = int(np.int64(chunk)) * BATCH_SIZE
+        for first in range(start, min(start + BATCH_SIZE, place.shape[0]), GROUP):
+            # Find few neighbours of a group of points.
+            count, gaps = min(GROUP, place.shape[0] - first), 0
+            for row in range(count):
+                few.which[row] = first + row
+            likely = MARGIN * nearest_neighbours(blocks, count, likely, few)
+            # Measure the points, and collect those with a gap around.
+            for row in range(count):
+                for k in range(nearest.shape[1]):
+                    nearest[first + row, k] = few.found[row, k + 1]
+                is_open = measure(place, few.found, row, is_last, lines, normal, axes, spacing)
+                if is_open and not is_last:
+                    many.which[gaps] = first + row
+                    gaps += 1
+            # Measure these with more neighbours.
+            if gaps > 0:
+                wider = MARGIN * nearest_neighbours(blocks, gaps, wider, many)
+                for row in range(gaps):
+                    measure(place, many.found, row, True, lines, normal, axes, spacing)

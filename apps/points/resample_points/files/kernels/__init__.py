@@ -1,1 +1,0 @@
-"""Numba kernels of readers; they take only arrays and numbers."""

@@ -1,1 +1,0 @@
-"""Numba kernels that measure clouds; they take only arrays and numbers."""

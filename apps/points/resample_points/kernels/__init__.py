@@ -1,0 +1,1 @@
+"""Kernels: neighbours, cells and discs of points, colors of Gaussians, rasters, LZF."""

@@ -1,1 +1,0 @@
-"""Numba kernels that paint clouds; they take only arrays and numbers."""
