@@ -56,8 +56,7 @@ WEST, NORTH, EAST, SOUTH, U_X, U_Y, V_X, V_Y, DENSITY = _rows(51, 9)
 PART, SHARE_X, SHARE_Y = _rows(60, 3)
 # A fragment, what a cell gives to one pixel: nearness there, mass, and color.
 DEPTH, MASS, RED, GREEN, BLUE = _rows(63, 5)
-(TORN,) = _rows(68, 1)  # 1 of torn cells, at which a surface may end, 0 of others
-NUMBERS = SEGMENT * 69
+NUMBERS = SEGMENT * 68
 
 # Rows of places. Pixels of a band that a cell may meet, the last ones excluded; how to paint it.
 FROM_COLUMN, FROM_ROW, TO_COLUMN, TO_ROW, WAY = _rows(0, 5)
@@ -65,7 +64,8 @@ FROM_COLUMN, FROM_ROW, TO_COLUMN, TO_ROW, WAY = _rows(0, 5)
 COLUMN, ROW, PARTS_U, PARTS_V, PIXEL = _rows(5, 5)
 # Runs of cells that are painted alike: first, last (excluded), and most rows and columns of them.
 BEGIN, END, ROWS, COLUMNS = _rows(10, 4)
-PLACES = SEGMENT * 14
+(OPEN,) = _rows(14, 1)  # bits of a cell's sides, as of links, at which its surface ends
+PLACES = SEGMENT * 15
 
 
 class BandFrame(NamedTuple):
@@ -248,9 +248,7 @@ def measure(
     _write_shared(screen, row, start, count, numbers)
     own = 0
     for n in range(count):
-        is_torn = index[row, start + n] != SHARED
-        own += int(is_torn)
-        numbers[TORN + np.uint64(n)] = ONE if is_torn else ZERO
+        own += int(index[row, start + n] != SHARED)
     if own > 0:
         _write_torn(torn, index, row, start, count, numbers)
     # Measure the cells, and group them into runs.
