@@ -22,6 +22,7 @@ from resample_warp3d.sheet.kernels.segments import (
     COLUMN,
     DEPTH,
     EAST,
+    FINE,
     GREEN,
     MASS,
     NORTH,
@@ -35,6 +36,7 @@ from resample_warp3d.sheet.kernels.segments import (
     U_X,
     V_Y,
     WEST,
+    WHOLE,
     ZERO,
     BandFrame,
     SegmentCells,
@@ -147,11 +149,12 @@ def add_boxes(
 
 @inner_kernel
 def add_parts(
-    begin: int, end: int, is_whole: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
+    begin: int, end: int, way: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
 ) -> None:
     """Add a run of cells that are cut into parts, or have one color each."""
     numbers, places = cells
-    most_u, most_v = count_parts(begin, end, frame, numbers, places)
+    is_whole, quality = way == WHOLE, frame.quality * np.float32(2 if way == FINE else 1)
+    most_u, most_v = count_parts(begin, end, quality, numbers, places)
     is_flat, is_open = is_whole or frame.is_label, _is_open(begin, end, places)
     # Cut one part out of all cells at a time.
     for part in range(1 if is_whole else most_u * most_v):

@@ -222,7 +222,7 @@ def _take_colors(
     if way == UPRIGHT:
         add_boxes(begin, end, frame, cells, look.layers)
     else:
-        add_parts(begin, end, way == WHOLE, frame, cells, look.layers)
+        add_parts(begin, end, int(way), frame, cells, look.layers)
 
 
 @inner_kernel

@@ -33,11 +33,13 @@ SHEAR: Single = np.float32(0.3)  # of a cell's length: limit of the lean of upri
 LEAN: Single = np.float32(0.4)  # px: limit of that lean, too
 VOID: Single = np.float32(0.1)  # px²: limit of what boxes leave open where four of them meet
 SMALL: Single = np.float32(0.9)  # px, at quality 1: shorter upright cells have one color
+SHEARED: Single = np.float32(0.25)  # of their sides' lengths: area of much sheared cells, squared
 NOWHERE: Single = np.float32(-1)  # nearness
 SHARED = -1  # in a sheet's index: a cell whose corners are the lattice's
 WASTE = 4  # slots of a run's cells per pixel that they may meet, at most
 
-HIDDEN, WHOLE, UPRIGHT, PARTS = range(4)  # how a cell is painted: not, in one color, as a box, cut
+# How a cell is painted: not, in one color, as a box, cut into parts, or into finer ones.
+HIDDEN, WHOLE, UPRIGHT, PARTS, FINE = range(5)
 
 # Rows of numbers. Corners top left, top right, bottom left, bottom right: x, y and nearness.
 P_X, P_Y, P_NEAR, Q_X, Q_Y, Q_NEAR = _rows(0, 6)
@@ -255,6 +257,14 @@ def measure(
     _measure_shapes(count, numbers)
     _measure_extents(count, frame, numbers, places)
     _choose_ways(count, frame, numbers, places)
+    # Boxes are far from the parts of sheared cells: at a surface's end that would show.
+    for n in range(count if own > 0 else 0):
+        m = np.uint64(n)
+        a = numbers[A_X + m] * numbers[A_X + m] + numbers[A_Y + m] * numbers[A_Y + m]
+        b = numbers[B_X + m] * numbers[B_X + m] + numbers[B_Y + m] * numbers[B_Y + m]
+        is_sheared = numbers[AREA + m] * numbers[AREA + m] < SHEARED * a * b
+        is_fine = is_sheared & (index[row, start + n] != SHARED) & (places[WAY + m] == PARTS)
+        places[WAY + m] = np.int32(FINE if is_fine else places[WAY + m])
     return _find_runs(count, places)
 
 
