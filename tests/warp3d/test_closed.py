@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -68,14 +69,14 @@ def around(degrees, distance=4.0):
     return SOURCE.moved(pose_of(SceneViewpoint(eye, -angle)))
 
 
-def seen_inside(camera):
-    """Pixels well inside the ball that the source sees well, too."""
+def seen_of_ball(camera, reach, cosine):
+    """Pixels `reach` px inside the ball whose angle to the source's rays has a larger cosine."""
     depth, (ray, eye) = hit_ball(camera), rays_of(camera)
     is_hit = np.isfinite(depth)
     point = eye + np.where(is_hit, depth, 0)[..., None] * ray
     normal = (point - BALL) / RADIUS
-    cosine = -(normal * point).sum(-1) / np.linalg.norm(point, axis=-1)
-    return inner(is_hit, RIM) & (cosine > GRAZING)
+    found = -(normal * point).sum(-1) / np.linalg.norm(point, axis=-1)
+    return inner(is_hit, reach) & (found > cosine)
 
 
 @pytest.mark.sweep
@@ -86,10 +87,21 @@ def test_no_wall_shows_through_a_ball(degrees, distance, wall):
     far = hit_card(SOURCE, WALL, 99.0, slope)
     source, camera = source_with(hit_ball(SOURCE), far), around(degrees, distance)
     warped = Hybrid()(source, between(SOURCE, camera), (SIDE, SIDE))
-    inside = seen_inside(camera)
+    inside = seen_of_ball(camera, RIM, GRAZING)
     assert inside.sum() > 10_000
     assert warped.image[inside, 1].max() == 0
     assert warped.coverage[inside].min() > 0.98  # 1 but in 4 of 115,584 pixels of the nearest view
+
+
+def test_a_ball_hides_the_wall_up_to_where_the_source_sees_it_end():
+    """There a sample of the source covers 10 px, of which only the outermost are its end."""
+    source, camera = source_with(hit_ball(SOURCE), np.full((SIDE, SIDE), WALL)), around(45)
+    warped = Hybrid()(source, between(SOURCE, camera), (SIDE, SIDE))
+    seen = seen_of_ball(camera, 0, 0.0).astype(np.uint8)
+    away = cv2.distanceTransform(seen, cv2.DIST_L2, 5)
+    shows = warped.image[..., 1] > 0.01
+    assert np.count_nonzero(shows & (away > 3)) <= 60
+    assert not np.any(shows & (away > 10))
 
 
 @pytest.mark.sweep

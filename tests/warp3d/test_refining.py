@@ -439,3 +439,14 @@ def test_wide_edges_are_hardened_where_they_are_about_2_px_wide(
     small = (flat.shape[0] // least, flat.shape[1] // least)
     assert tried[0] == (small, pytest.approx(sigma / least), pytest.approx(0.1 / least))
     assert tried[-1] == (flat.shape, sigma, 0.1)
+
+
+def test_a_thin_thing_before_a_surface_that_falls_does_not_make_its_end_rise(rng):
+    """Blurred, the bar is a bump, whose slope led the surface nearer, up to its end 12 px on."""
+    is_near = X < 40
+    true = np.where(is_near, NEAR - 0.004 * X, 0.1)
+    true[:, 28] = 1.4 * NEAR  # the bar
+    soft = blurred(3.0)(np.float32(true))
+    found = refine(depth_image(soft, painted(is_near, rng)), "sharpen").image.nearness
+    assert found[8:-8].min() > 0  # all samples keep a depth
+    assert found[8:-8, 32:40].max() <= soft[:, 28:40].max()

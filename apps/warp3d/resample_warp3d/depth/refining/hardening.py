@@ -161,13 +161,21 @@ def ballot_of(
 def counted(
     task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats, reach: int = REACH
 ) -> tuple[Floats, Floats]:
-    """Count the votes for a band of samples; return nearness and share of votes."""
+    """Count the votes for a band of samples; return nearness and share of votes.
+
+    Slopes are those of a few samples: none makes a known sample nearer than all as far around. A
+    sample for which none votes stays.
+    """
+    import cv2
+
     from resample_warp3d.depth.refining.kernels.voting import Voters, vote_rows
 
     refined, agreed = nearness.copy(), (nearness > 0).astype(np.float32)
     voters = Voters(task.color, ballot.nearness, ballot.trust, ballot.slope)
     vote_rows(voters, window(reach), band, refined, agreed)
-    return refined, agreed
+    nearest = cv2.dilate(ballot.nearness, _square(task.recipe.length))
+    np.minimum(refined, nearest, out=refined, where=nearness > 0)
+    return np.where(refined > 0, refined, nearness), agreed
 
 
 def _with_thin_things(

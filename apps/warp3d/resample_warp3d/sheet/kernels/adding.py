@@ -1,6 +1,6 @@
 """Add fragments to the two layers of pixels: colors, labels, and mass.
 
-What is added at torn cells is counted by itself: there surfaces end, and nowhere else.
+What is added at open sides of cells is counted by itself: there surfaces end, and nowhere else.
 """
 
 from typing import NamedTuple
@@ -16,18 +16,32 @@ from resample_warp3d.sheet.kernels.fragments import (
     set_boxes,
     set_parts,
 )
+from resample_warp3d.sheet.kernels.screen import Indices
 from resample_warp3d.sheet.kernels.segments import (
     BLUE,
+    COLUMN,
     DEPTH,
+    EAST,
+    FINE,
     GREEN,
     MASS,
+    NORTH,
+    OPEN,
+    PARTS_U,
+    PARTS_V,
     PIXEL,
     RED,
-    TORN,
+    ROW,
+    SOUTH,
+    U_X,
+    V_Y,
+    WEST,
+    WHOLE,
     ZERO,
     BandFrame,
     SegmentCells,
 )
+from resample_warp3d.types import DOWN, LEFT, RIGHT, UP
 
 DISTINCT: Single = np.float32(0.99)  # of the nearness: what is nearer than that is the same surface
 
@@ -39,7 +53,7 @@ class TwoLayers(NamedTuple):
     behind: Floats
     sums: Floats  # (8 pixels,) red, green, blue and mass of both
     voted: Floats  # (2 pixels,) mass of all votes, for labels
-    rims: Floats  # (2 pixels,) mass of torn cells of both, at which surfaces end
+    rims: Floats  # (2 pixels,) mass of parts at open sides of cells of both, where surfaces end
 
 
 @inner_kernel
@@ -88,24 +102,23 @@ def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoL
 
 
 @inner_kernel
-def _add_rims(begin: int, end: int, cells: SegmentCells, layers: TwoLayers) -> None:
-    """Add the mass of torn cells' fragments to the layers of their pixels."""
+def _add_rim(n: int, sides: int, cells: SegmentCells, layers: TwoLayers) -> None:
+    """Add the mass of a cell's fragment to its layer's rim, if one of its sides is open."""
     numbers, places = cells
-    for n in range(begin, end):
-        m = np.uint64(n)
-        if places[PIXEL + m] >= 0:
-            pixel = np.uint64(places[PIXEL + m])
-            layer = np.uint64(numbers[DEPTH + m] < layers.front[pixel] * DISTINCT)
-            layers.rims[np.uint64(2) * pixel + layer] += numbers[TORN + m] * numbers[MASS + m]
+    m = np.uint64(n)
+    if places[PIXEL + m] >= 0 and places[OPEN + m] & sides:
+        pixel = np.uint64(places[PIXEL + m])
+        layer = np.uint64(numbers[DEPTH + m] < layers.front[pixel] * DISTINCT)
+        layers.rims[np.uint64(2) * pixel + layer] += numbers[MASS + m]
 
 
 @inner_kernel
-def _is_torn(begin: int, end: int, numbers: Floats) -> bool:
-    """Whether any cell of a run is torn."""
-    torn = ZERO
+def _is_open(begin: int, end: int, places: Indices) -> bool:
+    """Whether the surface of any cell of a run ends at one of its sides."""
+    sides = 0
     for n in range(begin, end):
-        torn = max(torn, numbers[TORN + np.uint64(n)])
-    return bool(torn > ZERO)
+        sides |= places[OPEN + np.uint64(n)]
+    return sides != 0
 
 
 @inner_kernel
@@ -114,24 +127,35 @@ def add_boxes(
 ) -> None:
     """Add a run of upright cells as boxes, slot by slot."""
     numbers, places = cells
-    is_torn = _is_torn(begin, end, numbers)
+    is_open = _is_open(begin, end, places)
     rows, columns = set_boxes(begin, end, frame, numbers, places)
     for j in range(rows):
         for i in range(columns):
             if fill_from_boxes(begin, end, i, j, frame, numbers, places):
                 _add(begin, end, frame.is_label, cells, layers)
-                if is_torn:
-                    _add_rims(begin, end, cells, layers)
+                # Which sides of each box lie in the pixel depends on how it is turned.
+                for n in range(begin if is_open else end, end):
+                    m = np.uint64(n)
+                    left, top = float(places[COLUMN + m] + i), float(places[ROW + m] + j)
+                    west, east = numbers[WEST + m] >= left, numbers[EAST + m] <= left + 1
+                    north, south = numbers[NORTH + m] >= top, numbers[SOUTH + m] <= top + 1
+                    if numbers[U_X + m] < ZERO:
+                        west, east = east, west
+                    if numbers[V_Y + m] < ZERO:
+                        north, south = south, north
+                    sides = west * LEFT | east * RIGHT | north * UP | south * DOWN
+                    _add_rim(n, sides, cells, layers)
 
 
 @inner_kernel
 def add_parts(
-    begin: int, end: int, is_whole: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
+    begin: int, end: int, way: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
 ) -> None:
     """Add a run of cells that are cut into parts, or have one color each."""
     numbers, places = cells
-    most_u, most_v = count_parts(begin, end, frame, numbers, places)
-    is_flat, is_torn = is_whole or frame.is_label, _is_torn(begin, end, numbers)
+    is_whole, quality = way == WHOLE, frame.quality * np.float32(2 if way == FINE else 1)
+    most_u, most_v = count_parts(begin, end, quality, numbers, places)
+    is_flat, is_open = is_whole or frame.is_label, _is_open(begin, end, places)
     # Cut one part out of all cells at a time.
     for part in range(1 if is_whole else most_u * most_v):
         v, u = divmod(part, most_u)
@@ -141,5 +165,9 @@ def add_parts(
                 i, j = slot % 2, slot // 2
                 if fill_from_parts(begin, end, i, j, is_flat, frame, numbers, places):
                     _add(begin, end, frame.is_label, cells, layers)
-                    if is_torn:
-                        _add_rims(begin, end, cells, layers)
+                    for n in range(begin if is_open else end, end):
+                        m = np.uint64(n)
+                        last_u = is_whole or u + 1 == places[PARTS_U + m]
+                        last_v = is_whole or v + 1 == places[PARTS_V + m]
+                        sides = (u == 0) * LEFT | last_u * RIGHT | (v == 0) * UP | last_v * DOWN
+                        _add_rim(n, sides, cells, layers)

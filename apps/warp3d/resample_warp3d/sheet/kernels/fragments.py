@@ -164,7 +164,7 @@ def fill_from_boxes(
 
 @inner_kernel
 def count_parts(
-    begin: int, end: int, frame: BandFrame, numbers: Floats, places: Indices
+    begin: int, end: int, quality: Single, numbers: Floats, places: Indices
 ) -> tuple[int, int]:
     """Count the parts of cells along both sides; return the largest counts."""
     most_u, most_v = np.int32(1), np.int32(1)
@@ -173,8 +173,8 @@ def count_parts(
         # Cut by the sides' lengths; the margin keeps cells of exactly one part whole.
         side_u = length(numbers[A_X + m], numbers[A_Y + m])
         side_v = length(numbers[B_X + m], numbers[B_Y + m])
-        count_u = np.int32(pixel_of(side_u * frame.quality - np.float32(0.01)) + 1)
-        count_v = np.int32(pixel_of(side_v * frame.quality - np.float32(0.01)) + 1)
+        count_u = np.int32(pixel_of(side_u * quality - np.float32(0.01)) + 1)
+        count_v = np.int32(pixel_of(side_v * quality - np.float32(0.01)) + 1)
         most_u, most_v = max(most_u, count_u), max(most_v, count_v)
         places[PARTS_U + m], places[PARTS_V + m] = count_u, count_v
     return int(most_u), int(most_v)

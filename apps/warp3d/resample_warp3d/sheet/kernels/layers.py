@@ -32,6 +32,7 @@ from resample_warp3d.sheet.kernels.segments import (
     LEAST,
     NUMBERS,
     ONE,
+    OPEN,
     PIXEL,
     PLACES,
     ROWS,
@@ -44,12 +45,13 @@ from resample_warp3d.sheet.kernels.segments import (
     SegmentCells,
     SheetStrip,
 )
-from resample_warp3d.types import Links
+from resample_warp3d.types import DOWN, LEFT, MARGIN, RIGHT, UP, Links
 
 FULL: Single = np.float32(0.97)  # coverage of a full pixel; boxes only approximate cells
 # Coverage from which gaps between a surface's parts begin to count as covered, and from which they
-# do, where the surface does not end; it may where torn cells cover more than the last.
-OPEN, CLOSED, ENDING = np.float32(0.8), np.float32(0.88), np.float32(0.05)
+# do, where the surface does not end; it may where parts at open sides cover more than the last.
+GAPPY, CLOSED, ENDING = np.float32(0.8), np.float32(0.88), np.float32(0.05)
+SIDES = np.int32(LEFT | RIGHT | UP | DOWN)  # bits of links, without TURNS
 TRACE: Single = np.float32(1e-4)  # coverage below which a pixel is empty
 NEAREST_OF_ALL: Single = np.float32(np.inf)  # nearer than all
 
@@ -206,6 +208,10 @@ def _take_colors(
     k, frame = np.uint64(run), strip.frame
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     begin, end, start = int(places[BEGIN + k]), int(places[END + k]), segment * SEGMENT
+    # Note the sides at which surfaces end.
+    for n in range(begin, end):
+        bits = links[np.uint64(row + MARGIN), np.uint64(start + n + MARGIN)]
+        places[OPEN + np.uint64(n)] = SIDES & ~np.int32(bits)
     # Prepare the colors: means are enough for cells of one color.
     way = places[WAY + np.uint64(begin)]
     if way == WHOLE or frame.is_label:
@@ -216,16 +222,16 @@ def _take_colors(
     if way == UPRIGHT:
         add_boxes(begin, end, frame, cells, look.layers)
     else:
-        add_parts(begin, end, way == WHOLE, frame, cells, look.layers)
+        add_parts(begin, end, int(way), frame, cells, look.layers)
 
 
 @inner_kernel
 def _closed(mass: Single, rim: Single) -> Single:
     """Share of what is missing of a pixel that the gaps between a surface's parts explain.
 
-    `mass`: coverage by the surface. `rim`: coverage by torn cells.
+    `mass`: coverage by the surface. `rim`: coverage by their parts at open sides.
     """
-    within = min(max((mass - OPEN) / (CLOSED - OPEN), ZERO), ONE)
+    within = min(max((mass - GAPPY) / (CLOSED - GAPPY), ZERO), ONE)
     return within * max(ONE - rim / ENDING, ZERO)
 
 

@@ -33,11 +33,13 @@ SHEAR: Single = np.float32(0.3)  # of a cell's length: limit of the lean of upri
 LEAN: Single = np.float32(0.4)  # px: limit of that lean, too
 VOID: Single = np.float32(0.1)  # px²: limit of what boxes leave open where four of them meet
 SMALL: Single = np.float32(0.9)  # px, at quality 1: shorter upright cells have one color
+SHEARED: Single = np.float32(0.25)  # of their sides' lengths: area of much sheared cells, squared
 NOWHERE: Single = np.float32(-1)  # nearness
 SHARED = -1  # in a sheet's index: a cell whose corners are the lattice's
 WASTE = 4  # slots of a run's cells per pixel that they may meet, at most
 
-HIDDEN, WHOLE, UPRIGHT, PARTS = range(4)  # how a cell is painted: not, in one color, as a box, cut
+# How a cell is painted: not, in one color, as a box, cut into parts, or into finer ones.
+HIDDEN, WHOLE, UPRIGHT, PARTS, FINE = range(5)
 
 # Rows of numbers. Corners top left, top right, bottom left, bottom right: x, y and nearness.
 P_X, P_Y, P_NEAR, Q_X, Q_Y, Q_NEAR = _rows(0, 6)
@@ -56,8 +58,7 @@ WEST, NORTH, EAST, SOUTH, U_X, U_Y, V_X, V_Y, DENSITY = _rows(51, 9)
 PART, SHARE_X, SHARE_Y = _rows(60, 3)
 # A fragment, what a cell gives to one pixel: nearness there, mass, and color.
 DEPTH, MASS, RED, GREEN, BLUE = _rows(63, 5)
-(TORN,) = _rows(68, 1)  # 1 of torn cells, at which a surface may end, 0 of others
-NUMBERS = SEGMENT * 69
+NUMBERS = SEGMENT * 68
 
 # Rows of places. Pixels of a band that a cell may meet, the last ones excluded; how to paint it.
 FROM_COLUMN, FROM_ROW, TO_COLUMN, TO_ROW, WAY = _rows(0, 5)
@@ -65,7 +66,8 @@ FROM_COLUMN, FROM_ROW, TO_COLUMN, TO_ROW, WAY = _rows(0, 5)
 COLUMN, ROW, PARTS_U, PARTS_V, PIXEL = _rows(5, 5)
 # Runs of cells that are painted alike: first, last (excluded), and most rows and columns of them.
 BEGIN, END, ROWS, COLUMNS = _rows(10, 4)
-PLACES = SEGMENT * 14
+(OPEN,) = _rows(14, 1)  # bits of a cell's sides, as of links, at which its surface ends
+PLACES = SEGMENT * 15
 
 
 class BandFrame(NamedTuple):
@@ -248,15 +250,21 @@ def measure(
     _write_shared(screen, row, start, count, numbers)
     own = 0
     for n in range(count):
-        is_torn = index[row, start + n] != SHARED
-        own += int(is_torn)
-        numbers[TORN + np.uint64(n)] = ONE if is_torn else ZERO
+        own += int(index[row, start + n] != SHARED)
     if own > 0:
         _write_torn(torn, index, row, start, count, numbers)
     # Measure the cells, and group them into runs.
     _measure_shapes(count, numbers)
     _measure_extents(count, frame, numbers, places)
     _choose_ways(count, frame, numbers, places)
+    # Boxes are far from the parts of sheared cells: at a surface's end that would show.
+    for n in range(count if own > 0 else 0):
+        m = np.uint64(n)
+        a = numbers[A_X + m] * numbers[A_X + m] + numbers[A_Y + m] * numbers[A_Y + m]
+        b = numbers[B_X + m] * numbers[B_X + m] + numbers[B_Y + m] * numbers[B_Y + m]
+        is_sheared = numbers[AREA + m] * numbers[AREA + m] < SHEARED * a * b
+        is_fine = is_sheared & (index[row, start + n] != SHARED) & (places[WAY + m] == PARTS)
+        places[WAY + m] = np.int32(FINE if is_fine else places[WAY + m])
     return _find_runs(count, places)
 
 
