@@ -49,7 +49,7 @@ AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
 def placement(media: Sequence[VolumeLayer]) -> tuple[list[VolumeLayer], Volume, Doubles, Doubles]:
-    """Place several volumes in a scene: they, their lattice, its former place, clip planes."""
+    """Place volumes in a scene: return them, their lattice, its former center, clip planes."""
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
@@ -159,7 +159,7 @@ class Subject:
         cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None, *,
         around: Volume | None = None,
     ) -> "Subject":  # fmt: skip
-        """Classify a volume; cameras orbit another one as a whole, or what is visible."""
+        """Classify a volume; cameras orbit the volume `around`, or what is visible."""
         resampler = resampler or looks.resampler_for(appearance)
         looks.check_together(resampler, appearance.classification, appearance.extras)
         ((volume, appearance),), resampler = looks.decided([(volume, appearance)], resampler)

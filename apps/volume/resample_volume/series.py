@@ -29,9 +29,9 @@ SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the
 
 
 def common_lattice(volumes: Sequence[Volume]) -> tuple[Volume, Doubles]:
-    """Return the finest volume's lattice, extended to cover all in any order, and its center.
+    """Return the finest volume's lattice, extended to cover all volumes, and its center.
 
-    It is a volume of zeros without memory.
+    It is a volume of zeros without memory, and does not depend on the order of the volumes.
     """
     # The finest has the smallest voxels; others decide if several are as fine.
     keys = []

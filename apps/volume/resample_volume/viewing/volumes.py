@@ -310,7 +310,7 @@ def volume_view(
     name: str, source: ReadOptions | None = None, begin: Sequence[Any] = (),
     added: Added | None = None,
 ) -> FileView:  # fmt: skip
-    """Return what pages show of a volume and of those added to it, with first options."""
+    """Return a volume's pages: how it is read, what is added, and options to begin with."""
     first, source = painter_of(name, source or ReadOptions(), begin, added or Added())
     volume, is_own = first.volume, first.first is None
 

@@ -17,7 +17,7 @@ from resample.engine.jit import workers
 from resample.memory.mapped import array_like, most_of
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import FIELD, bytes_of_field
-from resample.types import Doubles, Flags, Floats, Reached
+from resample.types import Doubles, Flags, Floats
 from resample_volume.data.values import require_memory
 from resample_volume.types import Volume
 
@@ -130,22 +130,6 @@ def of_samples(volume: Volume, thin: Thin) -> Volume:
     origin = np.asarray(volume.origin + volume.direction @ shift)
     values = np.broadcast_to(np.zeros((), volume.values.dtype), shape)
     return volume._replace(values=values, spacing=spacing, origin=origin)
-
-
-def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
-    """Convert cells of light over voxels to cells over samples along the thin axis."""
-    if thin.parts == 1:
-        return reached
-    last = reached.share.shape[thin.axis] - 1
-    cell = np.arange(-(-samples // reached.per))
-    at = np.clip((cell + 0.5) / thin.parts - 0.5, 0, last)
-    before = at.astype(np.int64)
-    share = (at - before).reshape([-1 if n == thin.axis else 1 for n in range(4)])
-    one = np.take(reached.share, before, thin.axis)
-    two = np.take(reached.share, np.minimum(before + 1, last), thin.axis)
-    return reached._replace(
-        share=np.rint(one + share * (two - one.astype(np.float64))).astype("u1")
-    )
 
 
 def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> NDArray[np.int64]:
