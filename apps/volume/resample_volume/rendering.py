@@ -177,9 +177,8 @@ class Subject:
         if appearance.classification is looks.Classification.POST or not is_composite:
             measured, look, tone = scene, appearance, Tone(is_negative=appearance.invert)
             if projection is Projection.XRAY:  # the field is of attenuations
-                xray = looks.settled(
-                    appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene)), scene
-                )
+                xray = appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene))
+                xray = looks.settled(xray, scene)
                 water = looks.attenuation(scene.values, xray.added)
                 measured = scene._replace(values=water, units="")
                 look = replace(look, transfer=LEVELS)
@@ -353,9 +352,8 @@ def filled(
         )
     if subject.seen is None:
         return viewpoint
-    found = framing.filling(
-        viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around
-    )
+    place = (viewpoint, subject.sphere, subject.seen(), size)
+    found = framing.filling(*place, subject.mesh.corner, around)
     is_smaller = around > 0 and found.zoom < viewpoint.zoom  # of a ball all is seen at zoom 1
     return viewpoint if is_smaller else found
 

@@ -120,9 +120,8 @@ class Series:
         span, steep = finite_range(together.values), None
         if transfer.needs_gradient:
             found = (visible_with_slopes(each, transfer, span, look.gradient)[2] for each in self)
-            steep = max(
-                (max_gradient(np.linalg.norm(slope, axis=1)) for slope in found), default=0.0
-            )
+            slopes = (np.linalg.norm(slope, axis=1) for slope in found)
+            steep = max(map(max_gradient, slopes), default=0.0)
         if steep is not None or transfer.normalized:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing

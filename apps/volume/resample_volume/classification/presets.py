@@ -144,9 +144,8 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     if (body := _body(volume, known, limit)) is not None:
         # Hot spots in a body; the body is a veil as deep as it is large.
         before, peak, _ = ((value - low) / (high - low) for value in body)
-        across = np.cbrt(
-            body.share(known.levels) / known.levels.share(low, high) * volume.values.size
-        )
+        share = body.share(known.levels) / known.levels.share(low, high)
+        across = np.cbrt(share * volume.values.size)
         veil = 1 - (1 - BODY_DEPTH) ** (1 / max(1.0, float(across)))
         hot = ramp((threshold + 1) / 256)
         points = [(before, BODY, 0.0), (peak, BODY, veil)]
@@ -174,9 +173,8 @@ def _signed(known: Survey) -> TransferFunction:
     start = limit * float(np.clip(NOISE * typical / 0.6745 / limit, LEAST_START, MOST_START))
     soon = start + RAMP[1][0] * (limit - start)
     below = [(-limit, COLD, RAMP[2][2]), (-soon, COOL, RAMP[1][2]), (-start, COOL, 0.0)]
-    return from_points(
-        [*below, (start, WARM, 0.0), (soon, WARM, RAMP[1][2]), (limit, HOT, RAMP[2][2])]
-    )
+    above = [(start, WARM, 0.0), (soon, WARM, RAMP[1][2]), (limit, HOT, RAMP[2][2])]
+    return from_points(below + above)
 
 
 def _body(volume: Volume, known: Survey, threshold: float) -> Peak | None:

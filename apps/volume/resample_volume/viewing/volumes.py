@@ -202,9 +202,8 @@ class VolumePainter:
         camera, volume = self._placed_view(request, size)
         self._vtk = self._vtk or registry.load("peers", VTK)()
         light = self._vtk.picture(volume, request.layers[0][1], request.resampler, camera, size)
-        return views.PagePicture(
-            screen_levels(light, background=request.picture.behind(".png")), False
-        )
+        levels = screen_levels(light, background=request.picture.behind(".png"))
+        return views.PagePicture(levels, False)
 
     def keyframes(self, cameras: Sequence[str], settings: views.Settings) -> str:
         """Return a file of cameras around the volume, see `resample.view.views.Filming`."""
@@ -416,9 +415,8 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     if not given.keys() & {"also", "channels"}:
         with suppress(SeveralChannelsError):  # of which the file may say the looks
             return render(volume, size=(width, height), **{"camera": None, **given})
-    of_inputs = {
-        option_of(model, key) for model in (ReadOptions, Added) for key in model.model_fields
-    }
+    fields = ((model, key) for model in (ReadOptions, Added) for key in model.model_fields)
+    of_inputs = {option_of(*each) for each in fields}
     inputs = {option: given.pop(option) for option in of_inputs & given.keys()}
     source, added = chosen(inputs, (ReadOptions, Added))
     begin = chosen(given, SHOWN)

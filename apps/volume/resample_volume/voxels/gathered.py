@@ -314,9 +314,8 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         return values, np.zeros(0, np.uint8)
     depth, height, width = values.shape
     deep = array_like(values, values.shape, np.int32, FIELD)
-    known = array_like(
-        values, (depth + 2 * PAD, height + 2 * PAD, width + 2 * PAD), np.uint8, FIELD
-    )
+    padded = (depth + 2 * PAD, height + 2 * PAD, width + 2 * PAD)
+    known = array_like(values, padded, np.uint8, FIELD)
     last = np.full((height, width), NOTHING, np.int32)
     for z, plane in enumerate(values):
         is_known = np.isfinite(plane)

@@ -266,10 +266,8 @@ def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     flow.setVariationalRefinementIterations(0)
     flow.setFinestScale(int(max(slices.value.shape[1:]) > FINE_SIDE))
     scale = np.float32((255 - 2 * DARK) / slices.span)
-    one, two = (
-        np.clip(np.rint(scale * slices.value[n] + slices.grain), 0, 255).astype(np.uint8)
-        for n in (before, before + 1)
-    )
+    pair = (scale * slices.value[n] + slices.grain for n in (before, before + 1))
+    one, two = (np.clip(np.rint(levels), 0, 255).astype(np.uint8) for levels in pair)
     return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
 
 
