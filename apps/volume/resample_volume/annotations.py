@@ -60,9 +60,8 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     pixel, start = np.unique(marked[order], return_index=True)
     count = np.diff(np.append(start, marked.size))
     rgba = frame.rgba.reshape(-1, 4)[pixel].astype(np.float64)
-    depth, first = (
-        part.reshape(-1)[pixel].astype(np.float64) for part in (frame.depth, frame.first_depth)
-    )
+    both = (part.reshape(-1)[pixel] for part in (frame.depth, frame.first_depth))
+    depth, first = (part.astype(np.float64) for part in both)
     sent = np.zeros((pixel.size, 5))  # premultiplied light, opacity, opacity × depth
     behind = np.ones(pixel.size)  # share of the medium in front of what was composited so far
     for turn in range(int(count.max())):
@@ -87,9 +86,8 @@ def with_lines(frame: Frame, view: View, lines: Sequence[Stroke]) -> Frame:
     copies[2].reshape(-1)[pixel] = first
     covered = np.maximum.reduceat(lights[:, 3], start)
     copies[3].reshape(-1)[pixel] = np.maximum(copies[3].reshape(-1)[pixel], covered)
-    return frame._replace(
-        rgba=copies[0], depth=copies[1], first_depth=copies[2], coverage=copies[3]
-    )
+    rgba, depth, first, coverage = copies
+    return frame._replace(rgba=rgba, depth=depth, first_depth=first, coverage=coverage)
 
 
 def _marks(

@@ -406,9 +406,8 @@ def decided(
         if is_of_field and len(media) == 1:  # can rays show what the look asks for?
             is_of_field = look.gradient == GRADIENT and (look.labels is None or look.labels.are_few)
             is_of_field = is_of_field and max(map(abs, finite_range(volume.values))) < LARGEST
-        is_of_field = is_of_field or any(
-            look.meshes or look.planes or look.surfaces for _, look in media
-        )
+        has_objects = any(look.meshes or look.planes or look.surfaces for _, look in media)
+        is_of_field = is_of_field or has_objects
         resampler = resampler if is_of_field else of_voxels(resampler)
     found = Classification.POST if is_of_field else Classification.PRE
     of_auto = {Classification.AUTO: found}

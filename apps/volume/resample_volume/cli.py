@@ -321,9 +321,8 @@ def fetch(name: str | None = None, /, *, folder: flags.Target = None) -> None:
 
     if name is None:
         entries = store.available()
-        sys.stdout.write(
-            "".join(f"{key}  {entry['description']}\n" for key, entry in entries.items())
-        )
+        listed = [f"{key}  {entry['description']}\n" for key, entry in entries.items()]
+        sys.stdout.writelines(listed)
     else:
         sys.stdout.write(f"{store.fetch(name, folder=folder)}\n")
 
@@ -366,18 +365,14 @@ def _listed(facts: dict[str, Any]) -> str:
     for n, level in enumerate(facts.get("levels", ())):
         lines.append(f"{f'level {n}':<12} {level['shape']}, spacing {level['spacing']}")
     # Format a histogram as bars on a logarithmic scale, so that rare values show
-    counts, (two, three) = facts["histogram"], facts["thresholds"].values()
+    counts, by = facts["histogram"], facts["thresholds"]
     low, high = facts["robust_range"] or (0.0, 0.0)
     edges = edges_of((low, high), len(counts), facts["scale"])
     longest = math.log1p(max(*counts, 1))
     bars = ["values from   voxels; logarithmic bars"]
     for n, count in enumerate(counts):
         bar = "#" * math.ceil(BAR * math.log1p(count) / longest) if count else ""
-        marks = [
-            mark
-            for mark, limits in (("2", two), ("3", three))
-            if any(edges[n] < limit <= edges[n + 1] for limit in limits)
-        ]
+        marks = [k for k, ends in by.items() if any(edges[n] < e <= edges[n + 1] for e in ends)]
         note = f"  <- between {' and '.join(marks)} classes" if marks else ""
         bars.append(f"{edges[n]:>12.6g}  {bar:<{BAR}}  {count}{note}")
     return "\n".join([*lines, *facts["findings"], *bars]) + "\n"

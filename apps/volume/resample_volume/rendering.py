@@ -49,7 +49,7 @@ AROUND = 0.04  # of the visible part, left free around it without a camera
 
 
 def placement(media: Sequence[VolumeLayer]) -> tuple[list[VolumeLayer], Volume, Doubles, Doubles]:
-    """Place several volumes in a scene: they, their lattice, its former place, clip planes."""
+    """Place volumes in a scene: return them, their lattice, its former center, clip planes."""
     from resample_volume.series import common_lattice
 
     unit = unit_of_space(media[0][0])
@@ -159,7 +159,7 @@ class Subject:
         cls, volume: Volume, appearance: Appearance, resampler: Resampler | None = None, *,
         around: Volume | None = None,
     ) -> "Subject":  # fmt: skip
-        """Classify a volume; cameras orbit another one as a whole, or what is visible."""
+        """Classify a volume; cameras orbit the volume `around`, or what is visible."""
         resampler = resampler or looks.resampler_for(appearance)
         looks.check_together(resampler, appearance.classification, appearance.extras)
         ((volume, appearance),), resampler = looks.decided([(volume, appearance)], resampler)
@@ -177,9 +177,8 @@ class Subject:
         if appearance.classification is looks.Classification.POST or not is_composite:
             measured, look, tone = scene, appearance, Tone(is_negative=appearance.invert)
             if projection is Projection.XRAY:  # the field is of attenuations
-                xray = looks.settled(
-                    appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene)), scene
-                )
+                xray = appearance.xray or looks.XRay(looks.MU_WATER * mm_of(scene))
+                xray = looks.settled(xray, scene)
                 water = looks.attenuation(scene.values, xray.added)
                 measured = scene._replace(values=water, units="")
                 look = replace(look, transfer=LEVELS)
@@ -353,9 +352,8 @@ def filled(
         )
     if subject.seen is None:
         return viewpoint
-    found = framing.filling(
-        viewpoint, subject.sphere, subject.seen(), size, subject.mesh.corner, around
-    )
+    place = (viewpoint, subject.sphere, subject.seen(), size)
+    found = framing.filling(*place, subject.mesh.corner, around)
     is_smaller = around > 0 and found.zoom < viewpoint.zoom  # of a ball all is seen at zoom 1
     return viewpoint if is_smaller else found
 

@@ -25,9 +25,9 @@ SAME = 1e-3  # voxels by which the ends of volumes may differ from places of the
 
 
 def common_lattice(volumes: Sequence[Volume]) -> tuple[Volume, Doubles]:
-    """Return the finest volume's lattice, extended to cover all in any order, and its center.
+    """Return the finest volume's lattice, extended to cover all volumes, and its center.
 
-    It is a volume of zeros without memory.
+    It is a volume of zeros without memory, and does not depend on the order of the volumes.
     """
     # The finest has the smallest voxels; others decide if several are as fine.
     keys = []
@@ -116,9 +116,8 @@ class Series:
         span, steep = finite_range(together.values), None
         if transfer.needs_gradient:
             found = (visible_with_slopes(each, transfer, span, look.gradient)[2] for each in self)
-            steep = max(
-                (max_gradient(np.linalg.norm(slope, axis=1)) for slope in found), default=0.0
-            )
+            slopes = (np.linalg.norm(slope, axis=1) for slope in found)
+            steep = max(map(max_gradient, slopes), default=0.0)
         if steep is not None or transfer.normalized:
             transfer = Windowed(transfer, span, steep=steep)
         framing = look.framing

@@ -95,9 +95,8 @@ def profile(volume: Volume, start: ArrayLike, end: ArrayLike) -> tuple[float, Do
     share = np.linspace(0, 1, min(MOST, max(2, steps + 1)))[:, np.newaxis]
     place = (1 - share) * index[0] + share * index[1]
     size = np.array(volume.values.shape[::-1])
-    found = map_coordinates(
-        volume.values, place.T[::-1], output=np.float64, order=1, mode="nearest"
-    )
+    at, how = place.T[::-1], {"output": np.float64, "order": 1, "mode": "nearest"}
+    found = map_coordinates(volume.values, at, **how)
     is_outside = ((place < -0.5) | (place > size - 0.5)).any(axis=1)
     values = np.where(is_outside, np.nan, value_at(found, volume.scale))
     return float(np.linalg.norm(ends[1] - ends[0])), values

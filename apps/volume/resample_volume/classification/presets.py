@@ -144,9 +144,8 @@ def automatic(volume: Volume, known: Survey) -> TransferFunction:
     if (body := _body(volume, known, limit)) is not None:
         # Hot spots in a body; the body is a veil as deep as it is large.
         before, peak, _ = ((value - low) / (high - low) for value in body)
-        across = np.cbrt(
-            body.share(known.levels) / known.levels.share(low, high) * volume.values.size
-        )
+        share = body.share(known.levels) / known.levels.share(low, high)
+        across = np.cbrt(share * volume.values.size)
         veil = 1 - (1 - BODY_DEPTH) ** (1 / max(1.0, float(across)))
         hot = ramp((threshold + 1) / 256)
         points = [(before, BODY, 0.0), (peak, BODY, veil)]
@@ -174,9 +173,8 @@ def _signed(known: Survey) -> TransferFunction:
     start = limit * float(np.clip(NOISE * typical / 0.6745 / limit, LEAST_START, MOST_START))
     soon = start + RAMP[1][0] * (limit - start)
     below = [(-limit, COLD, RAMP[2][2]), (-soon, COOL, RAMP[1][2]), (-start, COOL, 0.0)]
-    return from_points(
-        [*below, (start, WARM, 0.0), (soon, WARM, RAMP[1][2]), (limit, HOT, RAMP[2][2])]
-    )
+    above = [(start, WARM, 0.0), (soon, WARM, RAMP[1][2]), (limit, HOT, RAMP[2][2])]
+    return from_points(below + above)
 
 
 def _body(volume: Volume, known: Survey, threshold: float) -> Peak | None:
@@ -255,19 +253,15 @@ def _codes(values: NDArray[Any], known: Survey) -> NDArray[np.uint8]:
 def levels(
     volume: Volume, known: Survey, projection: Projection, window: tuple[float, float] | None
 ) -> Transfer:
-    """Return gray levels for a projection of values; of means, over the range of means."""
+    """Return gray levels for a projection of values; of means, over the range of means.
+
+    These are the means along all lines parallel to a volume's axes, without the brightest, which
+    run along a wall, unlike most rays.
+    """
     if window is not None:
         return spread(LEVELS, window)
-    if projection is Projection.AVERAGE:
-        return spread(LEVELS, range_of_means(volume, known))
-    return LEVELS if known.is_plain else spread(LEVELS, known.span)
-
-
-def range_of_means(volume: Volume, known: Survey) -> tuple[float, float]:
-    """Return the range of the means along all lines parallel to a volume's axes.
-
-    The brightest lines are left out: they run along a wall, unlike most rays.
-    """
+    if projection is not Projection.AVERAGE:
+        return LEVELS if known.is_plain else spread(LEVELS, known.span)
     deep, down, across = volume.values.shape
     sides = ((down, across), (deep, across), (deep, down))
     total, count = ([np.zeros(size) for size in sides] for _ in range(2))
@@ -281,10 +275,10 @@ def range_of_means(volume: Volume, known: Survey) -> tuple[float, float]:
             sums[2][z] = terms.sum(axis=1)
     ends = [sums[n > 0] / n[n > 0] for sums, n in zip(total, count, strict=True)]
     mean = np.concatenate([part.ravel() for part in ends])
-    low, high = np.percentile(mean, [0, BRIGHT]) if mean.size else (0.0, 0.0)
-    if low < high:
-        return float(low), float(high)
-    return known.low, max(known.high, float(np.nextafter(known.low, np.inf)))
+    low, high = np.percentile(mean, [0, BRIGHT]).tolist() if mean.size else (0.0, 0.0)
+    if not low < high:
+        low, high = known.low, max(known.high, float(np.nextafter(known.low, np.inf)))
+    return spread(LEVELS, (low, high))
 
 
 BLACK, RED, BLUE = (0.0, 0.0, 0.0), (0.85, 0.12, 0.08), (0.15, 0.25, 0.55)
@@ -373,10 +367,12 @@ class Names:
         transfer = self._base(base)
         try:
             changes = dict(choices_in(text))
-            for key in [key for key in changes if key not in ADJUSTMENTS]:
-                raise ValueError(f"unknown parameter {key!r}; known: {', '.join(ADJUSTMENTS)}")
-            for key in filter(changes.__contains__, ADJUSTMENTS):
-                transfer = _adjusted(transfer, key, changes[key])
+            if unknown := [key for key in changes if key not in ADJUSTMENTS]:
+                known = ", ".join(ADJUSTMENTS)
+                raise ValueError(f"unknown parameter {unknown[0]!r}; known: {known}")
+            for key in ADJUSTMENTS:
+                if key in changes:
+                    transfer = _adjusted(transfer, key, changes[key])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
         is_placed = base == "auto" and not transfer.normalized

@@ -204,10 +204,8 @@ def findings(known: Survey) -> list[str]:
             f"{known.low:g} to {known.high:g}, which looks are spread over"
         )
     if known.units.is_assumed:
-        lines.append(
-            f"values look like {known.units.name} and are taken for them (--units none: they "
-            "are not)"
-        )
+        name = known.units.name
+        lines.append(f"values look like {name} and are taken for them (--units none: they are not)")
     if metal := known.metal:
         lines.append(f"{metal} voxels above {METAL:g} HU are metal")
     return lines

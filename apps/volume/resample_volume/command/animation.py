@@ -49,6 +49,7 @@ from resample_volume.types import Recording, Volume
 
 PATHS = ("orbit", "zoom", "threshold", "still")
 FRAMES = 96
+BY_RAYS = "rays:quality=usual"  # the order of fields under `auto`
 FARTHER = 16.0  # distance at the end of `zoom` over that at its start
 SPLATS, POINTS = 2.0, 0.03  # px between neighbouring voxels at the ends of `threshold`
 
@@ -293,9 +294,8 @@ def _read(
     """Return the times, streamed or as one array, and how streamed times are read."""
     resampler = script.appearance.renderer(script.resampling, script.source.scale)
     is_alone = not script.added.also and script.added.channels is None
-    if chunked(times) is not None and not (
-        is_alone and resampler.projection is Projection.COMPOSITE
-    ):
+    can_stream = is_alone and resampler.projection is Projection.COMPOSITE
+    if chunked(times) is not None and not can_stream:
         times = inputs.read_as_whole(times, script.source)
     if chunked(times) is not None:
         count, *_, deep, down, across = times.values.shape
@@ -316,9 +316,8 @@ def _scenes(
     if script.appearance.labels is not None:
         look = replace(look, labels=script.appearance.labels_of(series[0]))
     own = replace(look, **objects)
-    further = inputs.further_layers(
-        inputs.others(script.added.also, script.source), script.appearance, resampler
-    )
+    others = inputs.others(script.added.also, script.source)
+    further = inputs.further_layers(others, script.appearance, resampler)
 
     def layers(time: int) -> list[VolumeLayer]:
         return [(series[time], own), *further]
@@ -385,10 +384,7 @@ def again(
     if look.classify == "auto":  # resolve it here: a worker with less memory might choose otherwise
         order = resampling.order
         if film.is_of_field:
-            look, order = (
-                look.model_copy(update={"classify": "post"}),
-                order or "rays:quality=usual",
-            )
+            look, order = look.model_copy(update={"classify": "post"}), order or BY_RAYS
         else:
             is_by_rays = look.renderer(resampling, source.scale).order.summing is Summing.RAYS
             look, order = look.of_voxels(), None if is_by_rays else order

@@ -282,26 +282,24 @@ def media(
     recording: Recording | None = None, start_workers: "StartWorkers | None" = None,
 ) -> list[VolumeLayer]:  # fmt: skip
     """Read the volumes of a scene with their looks, each file once; workers scan a store."""
-    further = others(added.also, source)
-    if added.channels is not None:
-        first = _channels(source, name, look, added.channels, resampler)
-        return first + further_layers(further, look, resampler)
-    if recording is None:
-        is_streamed = resampler.projection is Projection.COMPOSITE
+    further, channels = others(added.also, source), added.channels
+    is_composite, volume = resampler.projection is Projection.COMPOSITE, None
+    if recording is not None and channels is None:
+        volume = recordings.volume_at(recording, None, source.channel)
+        volume = padding_removed(scaled(volume, source.scale))
+    elif channels is None:
         try:
-            volume = prepared(source, name, streamed=is_streamed, start_workers=start_workers)
+            volume = prepared(source, name, streamed=is_composite, start_workers=start_workers)
         except recordings.SeveralChannelsError:
-            if resampler.projection is not Projection.COMPOSITE or look.transfer != "auto":
+            if not is_composite or look.transfer != "auto":
                 raise
-            first = _channels(source, name, look, None, resampler)
-            return first + further_layers(further, look, resampler)
+    if volume is None:
+        first = _channels(source, name, look, channels, resampler)
     else:
-        volume = padding_removed(
-            scaled(recordings.volume_at(recording, None, source.channel), source.scale)
-        )
-    if look.labels is None and (count := label_count(volume)):
-        note(f"{count} whole numbers in regions, as labels, are drawn as amounts ({LABELS})")
-    return [(volume, look.appearance(volume, resampler)), *further_layers(further, look, resampler)]
+        if look.labels is None and (count := label_count(volume)):
+            note(f"{count} whole numbers in regions, as labels, are drawn as amounts ({LABELS})")
+        first = [(volume, look.appearance(volume, resampler))]
+    return first + further_layers(further, look, resampler)
 
 
 def further_layers(

@@ -75,7 +75,7 @@ def alone(recording: Recording) -> Volume:
 
 
 def volume_at(recording: Recording, time: int | None, channel: int | None) -> Volume:
-    """Return the volume at a time and channel; None if there is one, or a color's channels."""
+    """Return the volume at a time and channel; None where there is one, or for colors."""
     chosen, (times, parts) = recording, recording.values.shape[:2]
     if (time is not None and times == 1 < parts and channel is None) or (
         channel is not None and parts == 1 < times and time is None

@@ -94,7 +94,7 @@ def _frozen(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def side_by_side(job: Callable[[slice], None], count: int) -> None:
-    """Run a job on ranges of `count` voxels, on threads if they are many; GIL is released."""
+    """Run a job on ranges of `count` voxels, in threads if there are many."""
     shares = [slice(n, min(n + SHARE, count)) for n in range(0, count, SHARE)]
     is_alone = min(threads_at_work(), len(shares)) < 2
     for _ in map(job, shares) if is_alone else in_order(job, shares):

@@ -202,9 +202,8 @@ class VolumePainter:
         camera, volume = self._placed_view(request, size)
         self._vtk = self._vtk or registry.load("peers", VTK)()
         light = self._vtk.picture(volume, request.layers[0][1], request.resampler, camera, size)
-        return views.PagePicture(
-            screen_levels(light, background=request.picture.behind(".png")), False
-        )
+        levels = screen_levels(light, background=request.picture.behind(".png"))
+        return views.PagePicture(levels, False)
 
     def keyframes(self, cameras: Sequence[str], settings: views.Settings) -> str:
         """Return a file of cameras around the volume, see `resample.view.views.Filming`."""
@@ -310,7 +309,7 @@ def volume_view(
     name: str, source: ReadOptions | None = None, begin: Sequence[Any] = (),
     added: Added | None = None,
 ) -> FileView:  # fmt: skip
-    """Return what pages show of a volume and of those added to it, with first options."""
+    """Return a volume's pages: how it is read, what is added, and options to begin with."""
     first, source = painter_of(name, source or ReadOptions(), begin, added or Added())
     volume, is_own = first.volume, first.first is None
 
@@ -416,9 +415,8 @@ def picture(volume: str, settings: Mapping[str, Any]) -> Frame:
     if not given.keys() & {"also", "channels"}:
         with suppress(SeveralChannelsError):  # of which the file may say the looks
             return render(volume, size=(width, height), **{"camera": None, **given})
-    of_inputs = {
-        option_of(model, key) for model in (ReadOptions, Added) for key in model.model_fields
-    }
+    fields = ((model, key) for model in (ReadOptions, Added) for key in model.model_fields)
+    of_inputs = {option_of(*each) for each in fields}
     inputs = {option: given.pop(option) for option in of_inputs & given.keys()}
     source, added = chosen(inputs, (ReadOptions, Added))
     begin = chosen(given, SHOWN)

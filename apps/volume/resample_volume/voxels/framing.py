@@ -215,7 +215,7 @@ def _cells_at(place: Indices, shape: tuple[int, ...], side: int) -> Indices:
 
 
 def _body(volume: Volume) -> Counting | None:
-    """Return the bodies in a CT scan that are thicker than a surface of `THIN`; or None."""
+    """Return the bodies in a CT scan that are more than `THIN` thick, or None."""
     known = survey(volume)
     if known.units.added is None:
         return None

@@ -38,7 +38,6 @@ from resample_volume.voxels.thin import (
     EXTREMES,
     SAME,
     Thin,
-    cells_over_samples,
     of_samples,
     thin_that_fits,
     thinned,
@@ -221,8 +220,18 @@ def with_shadows(
     parts = [(volume, _extinctions(field, volume, resampler.iso)) for field, volume in pairs]
     lit = []
     for field, reached in zip(fields, field_transmittance(scene, parts, clip, light), strict=True):
-        samples = field.spline.shape[field.thin.axis]
-        lit.append(field._replace(reached=cells_over_samples(reached, samples, field.thin)))
+        axis, count, found = field.thin.axis, field.thin.parts, reached
+        if count > 1:  # interpolate cells over voxels at cells over samples
+            last = reached.share.shape[axis] - 1
+            cell = np.arange(-(-field.spline.shape[axis] // reached.per))
+            at = np.clip((cell + 0.5) / count - 0.5, 0, last)
+            before = at.astype(np.int64)
+            share = (at - before).reshape([-1 if n == axis else 1 for n in range(4)])
+            one = np.take(reached.share, before, axis)
+            two = np.take(reached.share, np.minimum(before + 1, last), axis)
+            mixed = np.rint(one + share * (two - one.astype(np.float64))).astype("u1")
+            found = reached._replace(share=mixed)
+        lit.append(field._replace(reached=found))
     return lit
 
 
@@ -305,9 +314,8 @@ def _without_gaps(values: NDArray[np.generic]) -> tuple[NDArray[np.generic], Fla
         return values, np.zeros(0, np.uint8)
     depth, height, width = values.shape
     deep = array_like(values, values.shape, np.int32, FIELD)
-    known = array_like(
-        values, (depth + 2 * PAD, height + 2 * PAD, width + 2 * PAD), np.uint8, FIELD
-    )
+    padded = (depth + 2 * PAD, height + 2 * PAD, width + 2 * PAD)
+    known = array_like(values, padded, np.uint8, FIELD)
     last = np.full((height, width), NOTHING, np.int32)
     for z, plane in enumerate(values):
         is_known = np.isfinite(plane)

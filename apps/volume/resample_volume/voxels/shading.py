@@ -361,9 +361,8 @@ def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
     from scipy.ndimage import map_coordinates
 
     place = (index.T - (per - 1) / 2) / per
-    between = [
-        map_coordinates(share[..., n], place, np.float32, order=1, mode="nearest") for n in (0, 1)
-    ]
+    how = {"order": 1, "mode": "nearest"}
+    between = [map_coordinates(share[..., n], place, np.float32, **how) for n in (0, 1)]
     return np.asarray(np.stack(between, axis=1) / np.float32(ALL))
 
 
@@ -417,11 +416,8 @@ def _moved(
         return values
     from scipy.ndimage import affine_transform
 
-    return np.asarray(
-        affine_transform(
-            values.astype(np.float32), matrix[::-1, ::-1], start[::-1], grid, order=1, mode=mode
-        )
-    )
+    values, turned = values.astype(np.float32), matrix[::-1, ::-1]
+    return np.asarray(affine_transform(values, turned, start[::-1], grid, order=1, mode=mode))
 
 
 def _grid_of(size: NDArray[np.int64], per: int) -> tuple[int, ...]:

@@ -17,7 +17,7 @@ from resample.engine.jit import workers
 from resample.memory.mapped import array_like, most_of
 from resample.painting.choices import MEASURING, Projection
 from resample.painting.splines import FIELD, bytes_of_field
-from resample.types import Doubles, Flags, Floats, Reached
+from resample.types import Doubles, Flags, Floats
 from resample_volume.data.values import require_memory
 from resample_volume.types import Volume
 
@@ -130,22 +130,6 @@ def of_samples(volume: Volume, thin: Thin) -> Volume:
     origin = np.asarray(volume.origin + volume.direction @ shift)
     values = np.broadcast_to(np.zeros((), volume.values.dtype), shape)
     return volume._replace(values=values, spacing=spacing, origin=origin)
-
-
-def cells_over_samples(reached: Reached, samples: int, thin: Thin) -> Reached:
-    """Convert cells of light over voxels to cells over samples along the thin axis."""
-    if thin.parts == 1:
-        return reached
-    last = reached.share.shape[thin.axis] - 1
-    cell = np.arange(-(-samples // reached.per))
-    at = np.clip((cell + 0.5) / thin.parts - 0.5, 0, last)
-    before = at.astype(np.int64)
-    share = (at - before).reshape([-1 if n == thin.axis else 1 for n in range(4)])
-    one = np.take(reached.share, before, thin.axis)
-    two = np.take(reached.share, np.minimum(before + 1, last), thin.axis)
-    return reached._replace(
-        share=np.rint(one + share * (two - one.astype(np.float64))).astype("u1")
-    )
 
 
 def voxels_of(sample: NDArray[np.int64], shape: tuple[int, ...], thin: Thin) -> NDArray[np.int64]:
@@ -282,10 +266,8 @@ def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:
     flow.setVariationalRefinementIterations(0)
     flow.setFinestScale(int(max(slices.value.shape[1:]) > FINE_SIDE))
     scale = np.float32((255 - 2 * DARK) / slices.span)
-    one, two = (
-        np.clip(np.rint(scale * slices.value[n] + slices.grain), 0, 255).astype(np.uint8)
-        for n in (before, before + 1)
-    )
+    pair = (scale * slices.value[n] + slices.grain for n in (before, before + 1))
+    one, two = (np.clip(np.rint(levels), 0, 255).astype(np.uint8) for levels in pair)
     return np.asarray(flow.calc(one, two, None)), np.asarray(flow.calc(two, one, None))
 
 

@@ -80,9 +80,8 @@ def classify(
     if labels is not None:
         color, opacity = labels.applied(place, color, opacity)
     kept = np.flatnonzero(opacity > 0)
-    stored.require_memory(
-        BYTES_PER_VOXEL * kept.size, f"{volume.name} with {kept.size} visible voxels"
-    )
+    what = f"{volume.name} with {kept.size} visible voxels"
+    stored.require_memory(BYTES_PER_VOXEL * kept.size, what)
     if kept.size < place.size:
         place, color, opacity = place[kept], color[kept], opacity[kept]
         slope = slope if gradient is None else slope[kept]
@@ -185,9 +184,8 @@ def visible_with_slopes(
         index = visible_places(transfer, value, data_range)
         parts.append((index + start, value[index]))
         start, count = start + value.size, count + index.size
-        stored.require_beside(
-            volume.values, size * count, f"{volume.name} with {count} visible voxels"
-        )
+        what = f"{volume.name} with {count} visible voxels"
+        stored.require_beside(volume.values, size * count, what)
     place, found = map(np.concatenate, zip(*parts, strict=True))
     order = np.empty(place.size, np.int64)
     brick_order(place, volume.values.shape, order)
