@@ -133,7 +133,9 @@ class BarLayout(NamedTuple):
         shown = title if len(title) <= LONGEST else title[: LONGEST - 1] + "…"
         top = margin + round(1.7 * size if title else 0.3 * size)
         bottom = height - margin - round(1.5 * size)
-        span = span if span[0] < span[1] else _around(span[0])
+        if not span[0] < span[1]:  # a single value
+            away = max(abs(span[0]), 1.0) / 2
+            span = span[0] - away, span[0] + away
         ticks = (ticked or ticks_of)(span, (bottom - top) / (2.5 * size))
         is_wide = form == "plane"
         middle = margin + round(max(0.5 * (bottom - top), 11 * size) if is_wide else 2.2 * size)
@@ -155,12 +157,6 @@ class BarLayout(NamedTuple):
         count = round(self.bottom - self.top) * parts
         share = (np.arange(count) + 0.5) / count
         return self.span[1] * (1 - share) + self.span[0] * share
-
-
-def _around(value: float) -> Span:
-    """Range around a single value."""
-    away = max(abs(value), 1.0) / 2
-    return value - away, value + away
 
 
 def ticks_of(span: Span, most: float) -> dict[float, str]:
@@ -236,11 +232,8 @@ def name(
 def frame(axes: "Axes", page: BarLayout, span: tuple[float, float], ink: str) -> None:
     """Draw a line around the area between two columns of px."""
     left, right = span
-    x, y = (
-        [left, right, right, left, left],
-        [page.top, page.top, page.bottom, page.bottom, page.top],
-    )
-    axes.plot(x, y, color=ink, lw=thin(page), alpha=0.7)
+    rows = [page.top, page.top, page.bottom, page.bottom, page.top]
+    axes.plot([left, right, right, left, left], rows, color=ink, lw=thin(page), alpha=0.7)
 
 
 def write(

@@ -5,7 +5,7 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from resample.messages import visible
 from resample.types import Floats
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from rich.table import Table
 
 DPI = 100
@@ -137,60 +136,30 @@ def contact_sheet(
     zoom, count = zoom or max(1, math.ceil(SMALLEST / width)), len(images)
     columns = min(columns or (count if count <= 4 else math.ceil(math.sqrt(count))), count)
     rows = math.ceil(count / columns)
-    layout = _SheetLayout(columns, rows, width * zoom, height * zoom, zoom)
-    figure = Figure((layout.width / DPI, layout.height / DPI), dpi=DPI, facecolor="white")
+    # Each cell has a line of text above the picture and one below.
+    wide, high = width * zoom + MARGIN, height * zoom + 2 * LINE + MARGIN
+    whole = MARGIN + columns * wide, MARGIN + rows * high
+    figure = Figure((whole[0] / DPI, whole[1] / DPI), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
+    room = max(4, int(width * zoom / 6.5))  # characters of 10 px type
     for cell, (title, image) in enumerate(images.items()):
-        left, top = layout.corner(cell)
-        pixels = np.repeat(np.repeat(as_levels(shown(image)), layout.zoom, 0), layout.zoom, 1)
-        figure.figimage(pixels, left, layout.height - top - pixels.shape[0])
-        _write_text(figure, layout, (left, top - LINE), title)
-        _write_text(
-            figure, layout, (left, top + layout.cell_height), (captions or {}).get(title, "")
-        )
+        left, top = MARGIN + cell % columns * wide, MARGIN + LINE + cell // columns * high
+        pixels = np.repeat(np.repeat(as_levels(shown(image)), zoom, 0), zoom, 1)
+        figure.figimage(pixels, left, whole[1] - top - pixels.shape[0])
+        caption = (captions or {}).get(title, "")
+        for row, told in ((top - LINE, title), (top + height * zoom, caption)):
+            text = visible(told)
+            short = text if len(text) <= room else "…" + text[1 - room :]
+            x, y = left / whole[0], 1 - (row + 2) / whole[1]
+            figure.text(x, y, short, fontsize=7.5, va="top", parse_math=False)
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", dpi=DPI)
-
-
-class _SheetLayout(NamedTuple):
-    """Positions of the pictures on a sheet, px."""
-
-    columns: int
-    rows: int
-    cell_width: int  # of the largest picture, enlarged
-    cell_height: int
-    zoom: int
-
-    @property
-    def width(self) -> int:
-        return MARGIN + self.columns * (self.cell_width + MARGIN)
-
-    @property
-    def height(self) -> int:
-        return MARGIN + self.rows * (self.cell_height + 2 * LINE + MARGIN)
-
-    def corner(self, cell: int) -> tuple[int, int]:
-        """Left and top of a cell's picture."""
-        row, column = divmod(cell, self.columns)
-        left = MARGIN + column * (self.cell_width + MARGIN)
-        return left, MARGIN + LINE + row * (self.cell_height + 2 * LINE + MARGIN)
 
 
 def enlarged(detail: Floats, side: int) -> Floats:
     """Enlarge each pixel of a detail to a square; as large as fits into `side`."""
     zoom = max(1, side // max(detail.shape[:2]))
     return np.repeat(np.repeat(detail, zoom, 0), zoom, 1)
-
-
-def _write_text(
-    figure: "Figure", layout: _SheetLayout, corner: tuple[float, float], text: str
-) -> None:
-    """Draw a line of text at its top left corner, shortened to the cell's width."""
-    room = max(4, int(layout.cell_width / 6.5))  # characters of 10 px type
-    text = visible(text)
-    short = text if len(text) <= room else "…" + text[1 - room :]
-    x, y = corner[0] / layout.width, 1 - (corner[1] + 2) / layout.height
-    figure.text(x, y, short, fontsize=7.5, va="top", parse_math=False)
 
 
 def _size(picture: NDArray[Any]) -> str:

@@ -112,10 +112,28 @@ def _traced(
     normal = -np.sign(ray) * (np.arange(3) == axis[..., None])
     paint = np.empty_like(ray)
     _paint_walls(eye + ray * depth[..., None], axis, paint)
-    _add_box(eye, ray, (depth, normal, paint))
-    for center, radius, color in BALLS:
-        ball = np.array(center, eye.dtype), radius, np.array(color, eye.dtype)
-        _add_ball(eye, ray, ball, (depth, normal, paint))
+    # Add the box where it is nearest.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        one, other = (BOX_LOW - eye) / ray, (BOX_HIGH - eye) / ray
+    enter, leave = np.minimum(one, other), np.maximum(one, other)
+    near = enter.max(axis=2)
+    hit = (near < leave.min(axis=2)) & (near > 0) & (near < depth)
+    side, away = enter.argmax(axis=2)[hit], near[hit]
+    fine = np.floor((eye + ray[hit] * away[:, None]) * 10 + 1e-3).sum(axis=1) % 2
+    depth[hit], normal[hit] = away, -np.sign(ray[hit]) * (np.arange(3) == side[:, None])
+    paint[hit] = np.array([0.60, 0.30, 0.14]) * (0.55 + 0.45 * fine)[:, None]
+    # Add the balls.
+    for place, radius, levels in BALLS:
+        center, color = np.array(place, eye.dtype), np.array(levels, eye.dtype)
+        offset = eye - center
+        a, b = (ray * ray).sum(axis=2), (ray * offset).sum(axis=2)
+        root = b * b - a * (offset @ offset - radius * radius)
+        near = (-b - np.sqrt(np.maximum(root, 0))) / a
+        hit = (root > 0) & (near > 0) & (near < depth)
+        out = (eye + ray[hit] * near[hit][:, None] - center) / radius
+        depth[hit], normal[hit] = near[hit], out
+        bands = np.sin(14 * np.arctan2(out[:, 1], np.hypot(out[:, 0], out[:, 2])))
+        paint[hit] = np.where((bands > 0.55)[:, None], 0.82 - 0.4 * color, color)
     return _lit(eye + ray * depth[..., None], normal, paint), depth
 
 
@@ -140,42 +158,6 @@ def _paint_walls(place: Doubles, axis: NDArray[np.intp], paint: Doubles) -> None
     color[framed] = 0.16, 0.09, 0.05
     color[inside] = rings[:, None] * np.array([0.85, 0.72, 0.38]) + np.array([0.05, 0.08, 0.16])
     paint[wall] = color
-
-
-def _add_box(eye: Doubles, ray: Doubles, seen: tuple[Doubles, Doubles, Doubles]) -> None:
-    """Add the box where it is nearest."""
-    depth, normal, paint = seen
-    with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = (BOX_LOW - eye) / ray, (BOX_HIGH - eye) / ray
-    enter, leave = np.minimum(one, other), np.maximum(one, other)
-    near = enter.max(axis=2)
-    hit = (near < leave.min(axis=2)) & (near > 0) & (near < depth)
-    axis, ray = enter.argmax(axis=2)[hit], ray[hit]
-    place = eye + ray * near[hit][:, None]
-    fine = np.floor(place * 10 + 1e-3).sum(axis=1) % 2
-    depth[hit] = near[hit]
-    normal[hit] = -np.sign(ray) * (np.arange(3) == axis[:, None])
-    paint[hit] = np.array([0.60, 0.30, 0.14]) * (0.55 + 0.45 * fine)[:, None]
-
-
-def _add_ball(
-    eye: Doubles,
-    ray: Doubles,
-    ball: tuple[Doubles, float, Doubles],
-    seen: tuple[Doubles, Doubles, Doubles],
-) -> None:
-    """Add a ball where it is nearest."""
-    center, radius, color = ball
-    depth, normal, paint = seen
-    offset = eye - center
-    a, b = (ray * ray).sum(axis=2), (ray * offset).sum(axis=2)
-    root = b * b - a * (offset @ offset - radius * radius)
-    near = (-b - np.sqrt(np.maximum(root, 0))) / a
-    hit = (root > 0) & (near > 0) & (near < depth)
-    out = (eye + ray[hit] * near[hit][:, None] - center) / radius
-    depth[hit], normal[hit] = near[hit], out
-    bands = np.sin(14 * np.arctan2(out[:, 1], np.hypot(out[:, 0], out[:, 2])))
-    paint[hit] = np.where((bands > 0.55)[:, None], 0.82 - 0.4 * color, color)
 
 
 def _lit(place: Doubles, normal: Doubles, paint: Doubles) -> Doubles:

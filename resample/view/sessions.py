@@ -171,8 +171,9 @@ class PageSession:
 
     async def handle(self, message: Message) -> None:
         """Handle a message of the page; errors are reported on the page."""
-        try:
-            self._check(message)
+        try:  # settings that a page must not change are rejected
+            for given in (message.settings, getattr(message, "other", None)):
+                check_page_options(self._view.about["command"], given or {}, self._begun())
         except ValueError as error:
             await self._send(_json_message("error", message.number, text=one_line(error)))
             return
@@ -195,20 +196,21 @@ class PageSession:
             answer = _json_message("error", message.number, text=one_line(error))
         await self._send(answer)
 
-    def _check(self, message: Message) -> None:
-        """Reject settings that a page must not change."""
-        command, begun = self._view.about["command"], self._begun()
-        check_page_options(command, message.settings, begun)
-        if isinstance(message, Draw) and message.other is not None:
-            check_page_options(command, message.other, begun)
-
     def _answer(self, message: Pick | Slice | MeasureLine | Ask | Export | Save) -> str | bytes:
         size = message.width, message.height
         if isinstance(message, Pick):
             found = self._painter.pick(message.settings, size, message.x, message.y)
             return _json_message("picked", message.number, found=found)
         if isinstance(message, Slice | MeasureLine):
-            return self._sliced(message)
+            if not isinstance(self._painter, Slicing):
+                raise ValueError("this page shows no volume that could be sliced or measured")
+            if isinstance(message, MeasureLine):
+                told = self._painter.measure(message.start, message.end)
+                return _json_message("measured", message.number, **told)
+            shown = self._painter.slice(size, message.plane, message.voxel, message.window)
+            kind, data = encoded(shown)
+            about = {"kind": "slice", "number": message.number, "type": kind}
+            return _framed({**shown.about, **about, "plane": message.plane}, data)
         if isinstance(message, Ask):
             if not isinstance(self._painter, Knowing):
                 raise ValueError("this page has nothing to ask for")
@@ -222,19 +224,6 @@ class PageSession:
             return _json_message("exported", message.number, texts=texts)
         file = self._view.save(message.settings, size, message.suffix)
         return _framed({"kind": "file", "name": f"picture{message.suffix}"}, file)
-
-    def _sliced(self, message: Slice | MeasureLine) -> str | bytes:
-        """Slice of a volume, or values along a line in it."""
-        if not isinstance(self._painter, Slicing):
-            raise ValueError("this page shows no volume that could be sliced or measured")
-        if isinstance(message, MeasureLine):
-            told = self._painter.measure(message.start, message.end)
-            return _json_message("measured", message.number, **told)
-        size = message.width, message.height
-        shown = self._painter.slice(size, message.plane, message.voxel, message.window)
-        kind, data = encoded(shown)
-        about = {"kind": "slice", "number": message.number, "type": kind, "plane": message.plane}
-        return _framed({**shown.about, **about}, data)
 
     async def _filmed(self, message: MakeFilm, cancel: Cancel) -> None:
         """Make a film and report its progress."""

@@ -256,7 +256,13 @@ def exports_of(
     )
     film = {}
     if len(cameras) > 1 and "film" in about:
-        film = {"keyframes": keyframes, "film": _film(about, whole, len(cameras))}
+        told = about["film"]
+        known = {*told.get("options", whole)} - {*told["steered"]}
+        still = option_words({key: value for key, value in whole.items() if key in known})
+        parts = [*told["command"].split(), *inputs, *still, f"--path={told['file']}"]
+        if "each" in told:
+            parts.append(f"--frames={told['each'] * (len(cameras) - 1) + 1}")
+        film = {"keyframes": keyframes, "film": shlex.join([*parts, "-o", "film.mp4"])}
     return {
         "command": shlex.join([*words, "-o", "picture.png"]),
         "settings": as_toml(command, appearance_settings(whole, marks_in(command))),
@@ -284,20 +290,6 @@ def keyframes_as_toml(cameras: Sequence[str], settings: Settings) -> str:
             f"up = {json.dumps(settings.get('up', orbit.up))}\n"
         )
     return "\n".join(tables)
-
-
-def _film(about: dict[str, Any], settings: Settings, count: int) -> str:
-    """Command that makes a film through `count` keyframes."""
-    film = about["film"]
-    known = film.get("options", settings)
-    still = {
-        key: value for key, value in settings.items() if key in known and key not in film["steered"]
-    }
-    words = [*film["command"].split(), *about["inputs"], *option_words(still)]
-    words.append(f"--path={film['file']}")
-    if "each" in film:
-        words.append(f"--frames={film['each'] * (count - 1) + 1}")
-    return shlex.join([*words, "-o", "film.mp4"])
 
 
 def option_words(settings: Settings) -> list[str]:
