@@ -169,17 +169,14 @@ def main() -> NoReturn:
 def _plugin(group: str, name: str) -> str:
     """Describe a plugin: its package, summary and parameters, or why it cannot be used."""
     try:
-        notes = _notes(registry.load(group, name))[: 1 if group == "commands" else None]
+        plugin = registry.load(group, name)
+        summary = plugin.help if isinstance(plugin, App) else plugin.__doc__ or "no description"
+        notes = [str(summary).strip().partition("\n")[0]]
+        if group != "commands" and not isinstance(plugin, App):
+            notes.append(registry.described(plugin))
     except LookupError as error:
         notes = [f"broken: {error}"]
     return "\n      ".join([f"  {name}  ({registry.distribution(group, name)})", *notes])
-
-
-def _notes(plugin: Any) -> list[str]:
-    if isinstance(plugin, App):
-        return [str(plugin.help).partition("\n")[0]]
-    summary = (plugin.__doc__ or "no description").strip().partition("\n")[0]
-    return [summary, registry.described(plugin)]
 
 
 for _name in registry.names("apps"):

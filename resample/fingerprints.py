@@ -58,26 +58,22 @@ def _words(value: Any, place_of: Callable[[Any], object | None]) -> Iterator[byt
         yield np.ascontiguousarray(value).tobytes()
     else:
         yield _named(kind)
-        parts = _parts(value, place_of)
+        parts: Sequence[Any] = ()
+        if isinstance(value, tuple | list):
+            parts = value
+        elif isinstance(value, Set):  # order does not matter
+            names = [fingerprint(part, place_of) for part in value]
+            if None in names:
+                raise _UnknownError("a part of a set")
+            parts = sorted(str(name) for name in names)
+        elif isinstance(made := value.__reduce_ex__(2), str):
+            parts = (made,)
+        else:
+            function, arguments, *more = made  # state, list items and mapping items
+            parts = [function, arguments, *more[:1], *(list(items or ()) for items in more[1:])]
         yield b"%d" % len(parts)
         for part in parts:
             yield from _words(part, place_of)
-
-
-def _parts(value: Any, place_of: Callable[[Any], object | None]) -> Sequence[Any]:
-    """Components of a compound value."""
-    if isinstance(value, tuple | list):
-        return value
-    if isinstance(value, Set):  # order does not matter
-        names = [fingerprint(part, place_of) for part in value]
-        if None in names:
-            raise _UnknownError("a part of a set")
-        return sorted(str(name) for name in names)
-    made: Any = value.__reduce_ex__(2)
-    if isinstance(made, str):
-        return (made,)
-    function, arguments, *more = made  # state, list items and mapping items
-    return [function, arguments, *more[:1], *(list(items or ()) for items in more[1:])]
 
 
 def _named(value: Any) -> bytes:

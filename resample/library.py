@@ -148,8 +148,7 @@ class Scatter:
         shape = pair_of("shape", shape, "height and width")
         check_size(*shape)
         place, values = _samples(position, value)
-        sides = _jacobians(jacobian, radius, len(place))
-        place, sides = _on_screen(place, sides, plane)
+        place, sides = _on_screen(place, _jacobians(jacobian, radius, len(place)), plane)
         # Samples with a weight that may reach into the grid (height, width).
         from resample.engine.surfaces import RIM
 
@@ -171,7 +170,16 @@ class Scatter:
         sums = np.zeros((*shape, values.shape[0] + 1), np.float32)
         if seen.place.size:
             with limited(threads):
-                self._add(_in_order(seen), sums)
+                # Sort samples independently of their input order: by tile, position, properties.
+                (x, y), tile = seen.place.T, _tile(seen.place)
+                order = np.lexsort((x, y, tile))
+                if (np.diff(seen.place[order], axis=0) == 0).all(axis=1).any():
+                    order = np.lexsort((*seen.value, *seen.jacobian.reshape(-1, 4).T, x, y, tile))
+                by_sample = {
+                    name: np.ascontiguousarray(getattr(seen, name)[order])
+                    for name in ("place", "jacobian", "is_splat", "low", "high")
+                }
+                self._add(seen._replace(value=seen.value[:, order], **by_sample), sums)
         coverage = sums[..., -1].copy()
         filled = coverage > 0
         mean = np.full((*shape, values.shape[0]), np.nan, np.float32)
@@ -289,17 +297,6 @@ def _tile(place: Doubles) -> NDArray[np.int64]:
     """Tile numbers of positions (N, 2), row by row; those outside the grid have numbers too."""
     column, row = np.floor(np.clip(place / TILE, -(2.0**20), 2.0**20)).astype(np.int64).T
     return np.asarray(row * 2**22 + column)
-
-
-def _in_order(seen: _VisibleSamples) -> _VisibleSamples:
-    """Sort samples independently of their input order: by tile, position and properties."""
-    x, y = seen.place.T
-    order = np.lexsort((x, y, _tile(seen.place)))
-    if (np.diff(seen.place[order], axis=0) == 0).all(axis=1).any():
-        order = np.lexsort((*seen.value, *seen.jacobian.reshape(-1, 4).T, x, y, _tile(seen.place)))
-    place, jacobian = (np.ascontiguousarray(a[order]) for a in (seen.place, seen.jacobian))
-    marks = seen.is_splat[order], seen.low[order], seen.high[order]
-    return _VisibleSamples(place, jacobian, seen.value[:, order], *marks)
 
 
 def particles(

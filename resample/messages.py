@@ -133,15 +133,12 @@ def warn(message: str, kind: type[Warning] = UserWarning) -> None:
     """Warn at the line of the user's code from which ours was called."""
     frame: FrameType | None = sys._getframe(1)
     level = 2
-    while frame is not None and _is_ours(frame):
+    while frame is not None:
+        name = frame.f_globals.get("__name__", "").partition(".")[0]
+        if name not in OURS and not name.startswith("resample_"):
+            break
         frame, level = frame.f_back, level + 1
     warnings.warn(message, kind, stacklevel=level)
-
-
-def _is_ours(frame: FrameType) -> bool:
-    """Whether code is of our packages, or of Python's modules that call it."""
-    name = frame.f_globals.get("__name__", "").partition(".")[0]
-    return name in OURS or name.startswith("resample_")
 
 
 def visible(text: str) -> str:
@@ -159,15 +156,15 @@ def visible(text: str) -> str:
     """
     if text.isprintable():
         return text
-    return "".join(
-        letter if letter.isprintable() or letter == " " else _code(letter) for letter in text
-    )
-
-
-def _code(letter: str) -> str:
-    if "\udc80" <= letter <= "\udcff":  # an undecodable byte of a file name; see `os.fsdecode`
-        return f"\\x{ord(letter) - 0xDC00:02x}"
-    return letter.encode("unicode_escape").decode("ascii")
+    shown = []
+    for letter in text:
+        if letter.isprintable() or letter == " ":
+            shown.append(letter)
+        elif "\udc80" <= letter <= "\udcff":  # an undecodable byte of a name; see `os.fsdecode`
+            shown.append(f"\\x{ord(letter) - 0xDC00:02x}")
+        else:
+            shown.append(letter.encode("unicode_escape").decode("ascii"))
+    return "".join(shown)
 
 
 @contextmanager

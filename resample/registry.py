@@ -15,6 +15,7 @@ import inspect
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -256,20 +257,12 @@ def _value(key: str, text: str, default: Any) -> Any:
         return text
     if default is None and text.lower() == "none":
         return None
-    value = _parsed_value(text)
+    value: int | float | bool | str = text == "true" if text in ("true", "false") else text
+    for kind in (float, int):  # an int, if it is one
+        with suppress(ValueError):
+            value = kind(text)
     if isinstance(default, bool) and not isinstance(value, bool):
         raise ValueError(f"{key} is true or false, not {text!r}")
     if isinstance(default, int | float) and type(value) not in (int, float, type(default)):
         raise ValueError(f"{key} is a number, not {text!r}")
     return value
-
-
-def _parsed_value(text: str) -> int | float | bool | str:
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            pass
-    return text

@@ -94,8 +94,8 @@ def asked_for(root: App, words: Sequence[str]) -> Asked | None:
 def brief(asked: Asked) -> list[str]:
     """Return the lines of brief help."""
     if asked.command.default_command is None:
-        named = ", ".join(name for name in asked.command if not name.startswith("-"))
-        lines = wrap(f"Commands: {named}", COLUMNS, subsequent_indent=" " * 10)
+        names = ", ".join(name for name in asked.command if not name.startswith("-"))
+        lines = wrap(f"Commands: {names}", COLUMNS, subsequent_indent=" " * 10)
         lines.append("COMMAND -h explains a command; --help says what each of them does.")
         return [*_opening(asked, str(asked.command.help), "COMMAND"), *lines]
     text = inspect.getdoc(asked.command.default_command) or ""

@@ -469,40 +469,40 @@ class Resampling(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
     method: Literal["hybrid", "points", "splats", "paper", "inflate", "ewa"] | None = Field(
-        None,
+        default=None,
         description="Method: paper, as published, points up to 1 px and splats above; hybrid, "
         "exact splats on as many sub-pixels as they need; splats, one ray per pixel; points, "
         "only these; inflate or ewa, splats antialiased as by Swan 1997 and Zwicker 2001. "
         "[default: hybrid; none where rays are cast]",
     )
     footprint: Literal["exact", "corrected", "affine", "equation", "projected"] | None = Field(
-        None,
+        default=None,
         description="Model of splats in perspective: exact, or of the paper: corrected, "
         "equation (without its table), projected (around the projected center) and affine "
         "(the projection linearized). [default: exact; corrected for paper]",
     )
     threshold: float | None = Field(
-        None,
+        default=None,
         ge=0,
         description="Paint samples as points up to this spacing in sub-pixels, and others as "
         "the paper's splats. [default: 1 px for paper; none for hybrid and splats]",
     )
     subpixels: int | None = Field(
-        None,
+        default=None,
         ge=1,
         le=32,
         description="Sub-pixels per side of a pixel. [default: as many as each region needs]",
     )
     filter: str | None = Field(
-        None, description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"
+        default=None, description="Pixel filter, such as gaussian:sigma=0.6. [default: box]"
     )
     kernel: str = Field(
-        "gaussian",
+        default="gaussian",
         description="Kernel around every sample: gaussian or bspline, or with a "
         "width: bspline:radius=2.",
     )
     order: str | None = Field(
-        None,
+        default=None,
         description="Compositing order: every-sample; axis-sheets and image-sheets:thickness=1 "
         "of hybrid-resample-comparisons. Fields and their projections are cast along "
         "rays:step=1,sharpness=1,quality=best (or usual, or fast). Maxima and minima stay "
@@ -512,11 +512,12 @@ class Resampling(Choices):
     iso: Iso = None
     attenuation: Attenuation = 0.05
     opacity: Literal["exact", "linear"] = Field(
-        "exact",
+        default="exact",
         description="Exact transmittance of the field, or the product of classic splatting.",
     )
     color_by: Literal["sample", "primitive"] = Field(
-        "sample", description="Source of colors: the samples, or the primitive, with splats in red."
+        default="sample",
+        description="Source of colors: the samples, or the primitive, with splats in red.",
     )
 
     @property
@@ -560,14 +561,14 @@ class PictureFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: str = Field("400", description=SQUARE)
+    size: str = Field(default="400", description=SQUARE)
     background: str | None = Field(
-        None,
+        default=None,
         description="Background: black, white, #rrggbb or none for transparent. [default: none "
         "for .exr, otherwise black]",
     )
     bits: Annotated[Literal[8, 16, 32], BeforeValidator(number)] = Field(
-        8, description="Bits per channel: PNG 8 or 16, TIFF also 32."
+        default=8, description="Bits per channel: PNG 8 or 16, TIFF also 32."
     )
     threads: Threads = None
 
@@ -597,10 +598,10 @@ class FrameFormat(Choices):
     heading: ClassVar[str] = "Picture"
     about: ClassVar[OptionTopic] = OptionTopic.APPEARANCE
 
-    size: str = Field(USUAL_SIZE, description=SIZE)
+    size: str = Field(default=USUAL_SIZE, description=SIZE)
     background: Background = None
     bits: Annotated[Literal[8, 16], BeforeValidator(number)] = Field(
-        8, description="Bits per channel: 8 or 16 (PNG)."
+        default=8, description="Bits per channel: 8 or 16 (PNG)."
     )
 
     def height_and_width(self) -> tuple[int, int]:
@@ -624,14 +625,14 @@ class Sharing(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.RESOURCE
 
     workers: int | None = Field(
-        None,
+        default=None,
         ge=1,
         le=1024,
         description="Local processes that share the work and the memory; needs the extra dist. "
         "Pixels do not depend on it. [default: none; this process works alone]",
     )
     scheduler: Annotated[str | None, OptionTopic.TARGET] = Field(
-        None,
+        default=None,
         description="Address of a dask scheduler whose workers do the work, such as "
         "tcp://10.0.0.1:8786; they must see the same files under the same names.",
     )
@@ -656,10 +657,11 @@ class Serving(Choices):
     about: ClassVar[OptionTopic] = OptionTopic.TARGET
 
     host: str = Field(
-        "127.0.0.1", description="Address to listen at; warns if other machines can reach it."
+        default="127.0.0.1",
+        description="Address to listen at; warns if other machines can reach it.",
     )
-    port: int = Field(0, ge=0, le=65535, description="Port to listen at; 0: any free port.")
-    browser: bool = Field(True, description="Open the page in the browser.")
+    port: int = Field(default=0, ge=0, le=65535, description="Port to listen at; 0: any free port.")
+    browser: bool = Field(default=True, description="Open the page in the browser.")
 
 
 class Written(Choices):
@@ -670,16 +672,17 @@ class Written(Choices):
 
     background: Background = None
     bits: Annotated[Literal[8, 16, 32] | None, BeforeValidator(number)] = Field(
-        None,
+        default=None,
         description="Bits per channel: PNG 8 or 16, TIFF also 32. [default: those of the source]",
     )
 
     profile: Literal["keep", "srgb"] = Field(
-        "keep", description="Colors: keep the source's ICC profile, or convert them to sRGB."
+        default="keep",
+        description="Colors: keep the source's ICC profile, or convert them to sRGB.",
     )
 
     file_quality: str | None = Field(
-        None,
+        default=None,
         description="Of .jpg, .webp and .avif: 1 to 100, or lossless for .webp. [default: 95 "
         "for .jpg, 90 for .webp, 85 for .avif]",
     )

@@ -109,11 +109,7 @@ def _client(sharing: Sharing, held: ExitStack) -> "Client":
                 f"no scheduler of dask answers at {sharing.scheduler}: {one_line(error):.200}"
             ) from None
     own = {
-        "distributed.nanny.pre-spawn-environ": {
-            **dask.config.get("distributed.nanny.pre-spawn-environ", {}),
-            "MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK),  # as in `return_freed_memory`
-            "DASK_LOGGING__DISTRIBUTED": "critical",
-        },
+        "distributed.nanny.pre-spawn-environ": _environment(),
         "distributed.scheduler.no-workers-timeout": f"{PATIENCE}s",
     }
     held.enter_context(dask.config.set(own))
@@ -151,6 +147,15 @@ async def _meet(address: str) -> None:
             raise ValueError(f"it is a {kind}")
     finally:
         comm.abort()
+
+
+def _environment() -> dict[str, object]:
+    """Environment of workers: no logging, little memory kept."""
+    import dask.config
+
+    own: dict[str, object] = dask.config.get("distributed.nanny.pre-spawn-environ", {})
+    held = {"MALLOC_MMAP_THRESHOLD_": str(GIVEN_BACK)}  # as in `return_freed_memory`
+    return {**own, **held, "DASK_LOGGING__DISTRIBUTED": "critical"}
 
 
 def _pool_of(client: "Client", sharing: Sharing, threads: int | None) -> WorkerPool:

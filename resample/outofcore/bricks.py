@@ -236,15 +236,7 @@ class BrickArray:
         return list(product(*map(range, self.count)))
 
     def brick(self, index: Step) -> NDArray[Any]:
-        """Return the values of a brick."""
-        return self.decoded(self._read(index))
-
-    def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
-        """Return values for those in the file; here the same."""
-        return stored
-
-    def _read(self, index: Step) -> NDArray[Any]:
-        """Read the values of a brick, from the cache or the file."""
+        """Return the values of a brick, from the cache or the file."""
         values = None if self.pinned is None else self.pinned.found(index)
         box, number = self.box(index), int(np.ravel_multi_index(index, self.count))
         if values is None and self.shared is not None:
@@ -257,7 +249,11 @@ class BrickArray:
             is_there = self.shared is not None and self.shared.keep(number, values)
             if self.pinned is not None and not is_there:
                 self.pinned.keep(index, values)
-        return values
+        return self.decoded(values)
+
+    def decoded(self, stored: NDArray[Any]) -> NDArray[Any]:
+        """Return values for those in the file; here the same."""
+        return stored
 
     def share_bricks(self) -> None:
         """Let processes of this machine share pinned bricks, of which none reads one again."""

@@ -118,8 +118,10 @@ class PaperPainter:
         counts = Counts(*(max(numbers) for numbers in zip(*found, strict=True)))
         tally = np.array([[counts.points, counts.splats, counts.hidden, fine]])
         numbers = samples.extinction.size, counts.points, counts.splats, counts.hidden, fine
-        others = {"from_table": counts.from_table, "by_equation": counts.by_equation}
-        statistics = Statistics(*numbers, clock.seconds, **others)
+        statistics = Statistics(*numbers, clock.seconds)
+        statistics = statistics._replace(
+            from_table=counts.from_table, by_equation=counts.by_equation
+        )
         return PaintTarget(film, np.zeros((0, 0), np.float32), tally), statistics
 
     def placed(

@@ -13,7 +13,6 @@ from resample.painting.scenes.plans import Window
 from resample.profiles.orders import Summing
 from resample.progress import Progress
 from resample.types import (
-    Classifier,
     Doubles,
     Ellipsoid,
     Film,
@@ -102,12 +101,11 @@ def kernel_field(field: LatticeField) -> LatticeField:
     """Field with the array and number types that kernels are compiled for."""
     look, lamp = field.classifier, field.classifier.lamp
     toward, viewer = contiguous(lamp.toward, np.float64), contiguous(lamp.viewer, np.float64)
-    numbers = map(float, (look.near, look.far, look.dimmed))
-    classifier = Classifier(
-        contiguous(look.table, np.float32),
-        *map(float, (look.low, look.high, look.steep)),
-        Lamp(toward, viewer, *map(float, lamp[2:])),
-        *numbers,
+    names = ("low", "high", "steep", "near", "far", "dimmed")
+    classifier = look._replace(
+        table=contiguous(look.table, np.float32),
+        lamp=Lamp(toward, viewer, *map(float, lamp[2:])),
+        **{name: float(getattr(look, name)) for name in names},
     )
     lattice, origin = (contiguous(each, np.float64) for each in (field.lattice, field.origin))
     return field._replace(lattice=lattice, origin=origin, classifier=classifier)
