@@ -37,6 +37,7 @@ Places = Callable[[Any, Any], Any]  # from x and y in the target to x and y in t
 MOST_CHANNELS = 15  # of an array whose last axis is not named
 MOST_COLORS = 4  # so many numbers are likelier channels than columns of narrow frames
 CHANNELS: Literal[-1] = -1
+PREMULTIPLIED: Literal["premultiplied"] = "premultiplied"
 Fit = Literal["contain", "cover", "stretch", "pad"]
 AnySize = tuple[int, int] | int | float  # height and width; longer side; share
 
@@ -174,9 +175,6 @@ def check_shape(shape: Size) -> None:
             f"a target of {width} × {height} px; give a height and a width of 1 px or more, "
             f"together at most {LARGEST_PICTURE} px"
         )
-
-
-PREMULTIPLIED: Literal["premultiplied"] = "premultiplied"
 
 
 def adds(method: Method) -> bool:

@@ -18,19 +18,7 @@ from resample.types import Floats
 from resample_texture.geometry.mappings import Geometry, Size
 from resample_texture.geometry.regions import AnyEdge, Edge
 
-__all__ = [
-    "AnyEdge",
-    "Edge",
-    "Fill",
-    "Method",
-    "PictureSceneOptions",
-    "Previewed",
-    "ProjectOptions",
-    "ResizeOptions",
-    "WarpOptions",
-    "Warped",
-    "WarpedMeans",
-]
+__all__ = ["AnyEdge", "Edge"]  # those from elsewhere
 
 
 class Alpha(StrEnum):

@@ -42,6 +42,7 @@ PIXELS = re.compile(r"\d{1,9}([xX]\d{1,9})?", re.ASCII)
 SHARE = re.compile(r"(\d+|\d*\.\d+|\d+\.)\s*(%|x)?", re.ASCII)
 Fit = Literal["contain", "cover", "stretch", "pad"]
 Edges = Literal["transparent", "clamp", "wrap", "mirror"]
+Edge = Annotated[Edges, Field(description="What lies beyond the picture's edges.")]
 
 
 Picture = Annotated[
@@ -266,9 +267,7 @@ class PictureFiltering(Choices):
 class PictureWarping(PictureFiltering):
     """How a picture is warped."""
 
-    edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = (
-        "transparent"
-    )
+    edge: Edge = "transparent"
     total: Annotated[
         bool,
         Switch,
@@ -279,7 +278,7 @@ class PictureWarping(PictureFiltering):
 class Filling(PictureWarping):
     """Options of a warp that fills its target, so that its edges must not fade."""
 
-    edge: Annotated[Edges, Field(description="What lies beyond the picture's edges.")] = "clamp"
+    edge: Edge = "clamp"
 
 
 class Reports(Choices):

@@ -49,6 +49,7 @@ MOST_IN_STRIP, LEAST_IN_STRIP = 1 << 24, 1 << 22  # target values per strip
 SHARE_OF_STRIP = 8  # a strip takes 1 / 8 of what --memory allows
 WHOLE_PICTURE = 1 << 62  # px of a window
 ROWS = 32  # strips have a multiple of this, so that files keep their blocks
+FOV = 50.0  # degrees along the frame's shorter side
 
 Roi = tuple[int, int, int, int]  # left, top, width and height, px
 
@@ -231,20 +232,18 @@ class Large:
         size = self.form.shape[:2]
         seen = Rect(0, 0, size[1], size[0])
         if self.parts is None or self.parts.mixed is None:
-            seen = Rect.around([self.bounds(*rows) for rows in self._rows()], size)
+            parts, edge = [], Edge(self.choice.edge)
+            for rows in self._rows():  # continued beyond the source's edges
+                drawing, _ = self._drawing(*rows)
+                tiles = self.method.visible_tiles(size, drawing.geometry, drawing.shape, edge)
+                parts.append(next(windows_of(tiles, size, WHOLE_PICTURE)).source)
+            seen = Rect.around(parts, size)
         loaded = self.form.load(seen.part)
         if self._is_curved and not loaded.has_levels:
             for first in range(0, len(loaded.data), ROWS):
-                rows = loaded.data[first : first + ROWS]
-                rows[...] = curved(Picture(rows, loaded.kind), to_srgb)
+                part = loaded.data[first : first + ROWS]
+                part[...] = curved(Picture(part, loaded.kind), to_srgb)
         return loaded
-
-    def bounds(self, first: int, count: int) -> Rect:
-        """Return the part of the source, continued beyond its edges, that a strip shows."""
-        size, (drawing, _) = self.form.shape[:2], self._drawing(first, count)
-        edge = Edge(self.choice.edge)
-        seen = self.method.visible_tiles(size, drawing.geometry, drawing.shape, edge)
-        return next(windows_of(seen, size, WHOLE_PICTURE)).source
 
     @cached_property
     def kind(self) -> Kind:
@@ -327,9 +326,6 @@ class Large:
         drawing = drawing._replace(has_gaps=loaded.has_gaps, linear_light=light)
         image, coverage = drawn(loaded.data, drawing)
         return Warped(image[part], coverage[part])
-
-
-FOV = 50.0  # degrees along the frame's shorter side
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,10 @@ from resample.types import Doubles, Floats, Indices
 from resample_texture.geometry.mappings import BackwardMap, Homography, Size, TargetRegion
 
 FARTHEST = 2.0**52  # px or texels; beyond it float64 has no halves
+MOST_TWICE = 1.5  # source texels of both halves over those of the whole; above, windows stay whole
+LEFT, TOP, RIGHT, BOTTOM = range(4)
+
+Integers = NDArray[np.int64]
 
 
 class Edge(StrEnum):
@@ -133,12 +137,6 @@ def unfolded(image: NDArray[Any]) -> NDArray[Any]:
         there_and_back = np.concatenate([np.arange(size), np.arange(size - 2, 0, -1)])
         image = image.take(there_and_back, axis)
     return image
-
-
-MOST_TWICE = 1.5  # source texels of both halves over those of the whole; above, windows stay whole
-LEFT, TOP, RIGHT, BOTTOM = range(4)
-
-Integers = NDArray[np.int64]
 
 
 class Rect(NamedTuple):

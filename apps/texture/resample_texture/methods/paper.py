@@ -24,7 +24,6 @@ from resample_texture.texels.splatting import (
     borders_of_splats,
     check_deviations,
     forward_of,
-    is_within,
     nearest_drawn,
     splat_view_bounds,
 )
@@ -86,7 +85,12 @@ class Paper:
             values = color * share[:, None] if self.total else color
             paint(records, FLAT_TABLES, WeightedSum(values, image, weight), shape)
         lines, full = borders_of_splats(geometry, size, edge, self.sigma, self.widths.kernel)
-        is_full = (weight >= full) | is_within(lines, shape, self.widths.filter)
+        # Pixels farther inside the lines than the filter reaches are full.
+        column, row = np.arange(shape[1]) + 0.5, np.arange(shape[0])[:, None] + 0.5
+        within = np.ones(shape, np.bool_)
+        for a, b, c in lines:
+            within &= a * column + b * row + c > self.widths.filter * (abs(a) + abs(b))
+        is_full = (weight >= full) | within
         mean, coverage = mean_of(WeightedSum(image, image, weight), is_full)
         return Warped(image if self.total else mean, coverage)
 

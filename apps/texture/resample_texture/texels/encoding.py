@@ -15,7 +15,7 @@ pixel averages is light. So a pixel hardly longer than a texel is interpolated i
 
 import dataclasses
 import math
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import contiguous
+from resample.profiles.named import once
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography, Size
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped
@@ -36,6 +37,9 @@ COMPLEX = ("complex64", "complex128")  # whose parts are warped as two channels
 STEPS = 65535  # of linear light, in the table for encoding 8 bits
 WIDE = ("int32", "int64", "uint32", "uint64", "float64")
 COMFORTABLE = 60  # exponents of two up to which sums and squares of values fit into float32
+SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
+HARDLY = 0.5 / 255  # of the levels, a bound that is several times what light does differ by
+CURVE_STEPS = 65536  # of a curve's table, between which it is linear
 
 Booleans = NDArray[np.bool_]
 MaskedArray = np.ma.MaskedArray[Any, Any]
@@ -409,11 +413,6 @@ def complex_of_parts(parts: NDArray[Any], image: NDArray[Any]) -> NDArray[Any]:
     return masked(values, hidden.reshape(form), getattr(image, "fill_value", None))
 
 
-SHORT, LONG = 1.15, 1.75  # texels along a pixel's longer axis
-HARDLY = 0.5 / 255  # of the levels, a bound that is several times what light does differ by
-CURVE_STEPS = 65536  # of a curve's table, between which it is linear
-
-
 def light_for(
     linear_light: AnyLight | None, dtype: np.dtype[Any], is_encoded: bool | None = None
 ) -> AnyLight:
@@ -426,25 +425,19 @@ def light_for(
 def in_levels(method: Method) -> Method:
     """The method as it interpolates levels: a `limit=usual` of its interpolation is `levels`."""
     given: Any = method
-    if hasattr(given, "in_levels"):
-        levels: Method = given.in_levels
-        return levels
-    try:
-        levels = _with_limits_of_levels(given)
-    except TypeError:  # a plugin's options that cannot be hashed
-        levels = _with_limits_of_levels.__wrapped__(given)
+    has_own = hasattr(given, "in_levels")
+    levels: Method = given.in_levels if has_own else _with_limits_of_levels(given)
     return levels
 
 
-@lru_cache(maxsize=16)
+@once
 def _with_limits_of_levels(method: Any) -> Any:
     interpolation: Any = getattr(method, "interpolation", None)
-    is_usual = getattr(interpolation, "limit", None) == "usual" and dataclasses.is_dataclass(method)
+    if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):
+        return method
+    levels = dataclasses.replace(interpolation, limit="levels")
     kept: Any = method
-    if is_usual:
-        levels = dataclasses.replace(interpolation, limit="levels")
-        kept = dataclasses.replace(kept, interpolation=levels)
-    return kept
+    return dataclasses.replace(kept, interpolation=levels)
 
 
 def share_of_levels(

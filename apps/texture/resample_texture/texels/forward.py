@@ -201,23 +201,14 @@ def blocks_of(
                 for axis, size in enumerate((width, height))
             )
             roots = np.array([[u, v, w - u, h - v] for u, w in across for v, h in down])
-    axes, bounds = split(matrix, roots, shape, cells)
-    return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
-
-
-def split(
-    matrix: Doubles, roots: Integers, shape: Size, cells: CellGrid
-) -> tuple[Integers, Integers]:
-    """Split a plane into blocks, see `split_plane`; reject a plane without end."""
-    axes, bounds, is_whole = split_plane(
-        matrix, roots, shape, cells.reach, cells.cut_quality, cells.longest
-    )
+    sizes = cells.reach, cells.cut_quality, cells.longest
+    axes, bounds, is_whole = split_plane(matrix, roots, shape, *sizes)
     if not is_whole:
         raise ValueError(
             "the matrix stretches texels without limit near the camera's plane; give one whose "
             "numbers are closer to each other, or keep that part out of the frame"
         )
-    return axes, bounds
+    return SourceBlocks(axes, bounds, matrix, NOTHING, NOTHING)
 
 
 def with_margins(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
@@ -291,9 +282,9 @@ class PointSums:
         self, source: Floats, blocks: SourceBlocks, edge: Edge, totals_help: bool | None = None
     ) -> None:
         """Add blocks of a source (H, W, C); `totals_help`: use a summed-area table."""
-        ready = texels(source, self.cells.interpolation, edge, kinds_of(blocks.axes))
         if totals_help is None:
             totals_help = needs_totals(blocks.axes, source.shape[:2], edge)
+        ready = texels(source, self.cells.interpolation, edge, kinds_of(blocks.axes))
         # Summed-area tables (K, H + 1, W + 1, C), if a block needs them.
         height, width, channels = source.shape
         kinds = [ready.plain] if all(one is ready.plain for one in ready) else ready[:3]

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from resample.engine.cells.bands import collect
 from resample.engine.cells.parts import batches, parts_of
@@ -163,12 +162,3 @@ def borders_of_splats(
     nearest = nearest_drawn(geometry.normalized(source_shape), radius)
     lines[:-1] -= radius * front
     return np.vstack([lines, np.array([0.0, 0.0, 1.0]) - 2.0 * nearest * front]), full
-
-
-def is_within(lines: Doubles, shape: Size, reach: float) -> NDArray[np.bool_]:
-    """Pixels (H, W) that lie farther than `reach`, px, inside lines (N, 3) on screen."""
-    x, y = np.arange(shape[1]) + 0.5, np.arange(shape[0])[:, None] + 0.5
-    within = np.ones(shape, np.bool_)
-    for a, b, c in lines:
-        within &= a * x + b * y + c > reach * (abs(a) + abs(b))
-    return within
