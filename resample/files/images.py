@@ -42,7 +42,7 @@ class LightEncoding(NamedTuple):
     def light(self, data: Floats, size: int | None = None) -> Floats:
         """Convert data (H, W, C) to light, premultiplied, with the channels that are shown.
 
-        `size`: values of the whole picture, of which this may be a part. The data are overwritten.
+        `size`: number of values of the whole picture; None: this is it. The data are overwritten.
         """
         alpha = self.names.index("A") if "A" in self.names else None
         color = [n for n in range(len(self.names)) if n != alpha]

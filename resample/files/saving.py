@@ -298,7 +298,7 @@ def spec_of(suffix: str, page: StoredPage, height: int) -> Any:
     if is_whole:
         spec.attribute("oiio:UnassociatedAlpha", 1)
         if not has_profile:
-            # "data" says nothing, as a source of light of which nothing is said.
+            # "data" states no space, as a source of light that states none.
             is_found = page.options.is_light and not (page.about.number or page.about.says_linear)
             unlit = "data" if is_found else "lin_rec709_scene"
             spec.attribute("oiio:ColorSpace", "sRGB" if page.is_light else unlit)

@@ -128,7 +128,7 @@ class StoreFormat(Protocol):
         """Reject a store that could not be written, before any work is done."""
 
     def writing_store(self, path: Path, height: int) -> AbstractContextManager[Any]:
-        """Write a picture, whose rows (N, W, C) the context's method `put` takes from the top."""
+        """Write a picture; the context's method `put` takes its rows (N, W, C) from the top."""
 
 
 def store_format(path: Place) -> StoreFormat:

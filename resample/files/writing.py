@@ -162,7 +162,7 @@ def beside(target: Path) -> Iterator[Path]:
 
 
 def _start_of(lock: Path) -> str:
-    """Names of temporary files begin so, of whom holds a lock."""
+    """Beginning of the names of temporary files that belong to a lock."""
     return LOCK.sub(r"\1.tmp-\2\3", lock.name)
 
 
@@ -264,8 +264,8 @@ def load_arrays(
 def store_arrays(file: Path, arrays: Mapping[str, Any], most: int | None = None) -> bool:
     """Write arrays to a cache file, and return whether that succeeded.
 
-    `most`: limit on the bytes of all files in its folder, of which the least recently used are
-    removed; None: the folder is not ours, so that none are.
+    `most`: limit on the bytes of all files in its folder; the least recently used make room. None:
+    the folder is not ours, so none are removed.
     """
     import numpy as np
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from resample.reading.limits import check_items, check_size, neighbour
 from resample.reading.texts import check_xml_file
+from resample_cells.corners import check_corners
 from resample_cells.resampling import pieces_of, resampled
 from resample_volume.data.values import require_memory
 from resample_volume.files.headers import Check, OneOfAll, accept_any, existing_file, stem
@@ -28,7 +29,7 @@ from resample_volume.files.sections import (
     check_part,
 )
 from resample_volume.files.texts import Numbers, steps_of
-from resample_volume.files.vtk import UNSTRUCTURED, grid_of
+from resample_volume.files.vtk import grid_of
 from resample_volume.types import Recording
 
 Cells = tuple[NDArray[Any], NDArray[Any]]  # where each begins, and its corners
@@ -36,7 +37,7 @@ READERS = {  # class of VTK's, by suffix
     ".vti": "vtkXMLImageDataReader",
     ".vtr": "vtkXMLRectilinearGridReader",
     ".vts": "vtkXMLStructuredGridReader",
-    ".vtu": UNSTRUCTURED,
+    ".vtu": "vtkXMLUnstructuredGridReader",
 }
 KIB = 1024
 
@@ -164,8 +165,10 @@ def _begins_arrays(words: list[str]) -> bool:
 
 
 def read_grid(path: Path) -> Any:
-    """Read the grid of one piece, by its file's suffix; errors as of `vti.grid_of`."""
-    return grid_of(existing_file(path), READERS[path.suffix.lower()])
+    """Read the grid of one piece, by its file's suffix; errors as in `grid_of`."""
+    suffix = path.suffix.lower()
+    check = check_corners if suffix == ".vtu" else None
+    return grid_of(existing_file(path), READERS[suffix], check)
 
 
 def read_pieces(path: Path) -> list[Any]:

@@ -509,7 +509,7 @@ class Zarr:
         )
 
     def levels(self, path: Place) -> list[dict[str, Any]]:
-        """Return levels with `path`, `shape` and `spacing` (x, y, z); errors as of `streamed`."""
+        """Return levels with `path`, `shape` and `spacing` (x, y, z); errors as in `streamed`."""
         name = stem(PurePath(path.resolve().name), self.suffixes)
         layout, node = _image(path, name)
         listed = []

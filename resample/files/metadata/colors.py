@@ -86,7 +86,7 @@ def marks_of(path: Path) -> bytes:
 
 
 def assumed_of(path: Path, spec: Any) -> str:
-    """What is assumed of a picture's values, of which its file says nothing."""
+    """What is assumed of a picture's values where its file says nothing."""
     space = spec.get_string_attribute("oiio:ColorSpace").lower()
     is_said = "lin" in space or is_encoded(path, spec)
     if spec.format == "uint16" and not is_said:

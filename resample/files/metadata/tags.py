@@ -89,7 +89,7 @@ Directory = Mapping[int, "Tag | Directory"]
 
 
 class _Layout(NamedTuple):
-    """Formats of a file's parts, as of `struct`."""
+    """Formats of a file's parts, in the letters of `struct`."""
 
     order: str  # of bytes
     entry: str  # tag, type, count, and values or their offset

@@ -84,7 +84,7 @@ def open_volume(
     OSError
         There is no such file, it is not readable, or a server does not answer.
     ValueError
-        No reader knows it, or it holds no volume, or several of which none was chosen.
+        No reader knows it, or it holds no volume, or several and none was chosen.
 
     Examples
     --------

@@ -203,7 +203,7 @@ def numbers(file: BinaryIO, count: int, dtype: np.dtype[Any], name: str) -> NDAr
 
 
 def skip_numbers(file: BinaryIO, count: int, name: str) -> None:
-    """Skip numbers; errors as of `numbers`, except for words."""
+    """Skip numbers; errors as in `numbers`, but for words that are none."""
     check_length(file, count, name)
     for _ in _batches(file, count, name):
         pass

@@ -4,8 +4,7 @@ import base64
 import math
 import re
 import struct
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from math import prod
@@ -61,10 +60,6 @@ WIDEST = 32  # bytes of an empty text
 WIDTHS = {"8": 1, "6": 2, "2": 4, "4": 8}  # bytes of a number, by the last digit of its type
 LETTERS = 32  # of base64 for three numbers of 64 bits
 LETTER = re.compile(rb"[A-Za-z0-9+/]*")
-KEPT = ("version", "byte_order", "header_type", "compressor")  # of the whole file
-NAME = "offsets"
-POLYHEDRA = ("faceoffsets", "face_offsets", "polyhedron_offsets", "faces")
-BYTES = 8  # of a corner's number in memory
 
 
 @dataclass
@@ -215,83 +210,6 @@ def _decoded(letters: bytes) -> bytes:
     return base64.b64decode(found + b"=" * (-len(found) % 4))
 
 
-class _Ends(NamedTuple):
-    """An array of cell offsets."""
-
-    cells: int
-    attributes: dict[str, str]  # of the array
-    data: bytes  # within its element, or appended
-
-
-def _ends(name: str, content: mmap, every: list[Element]) -> Iterator[_Ends]:
-    """Return all arrays of offsets, one per piece."""
-    first = data_start(content, every[-1]) if every[-1].name == APPENDED else -1
-    starts = sorted({count_of(each.attributes.get("offset", "")) for each in every})
-    cells = 0
-    for element in every:
-        attributes, label = element.attributes, element.attributes.get("Name", "").lower()
-        if element.name == "Piece":
-            cells = count_of(attributes.get("NumberOfCells", "0"))
-        elif label in POLYHEDRA:
-            raise ValueError(
-                f"{name} has polyhedra, which are not read from files; cut their cells "
-                "(ParaView's Tetrahedralize), or give the grid to as_volume in Python"
-            )
-        elif label == NAME and cells:
-            if attributes.get("format") != "appended":
-                yield _Ends(cells, attributes, content[element.data : element.end] or b" ")
-            elif first >= 0:
-                start = count_of(attributes.get("offset", ""))
-                following = [each for each in starts if each > start]
-                end = first + min(following[0] if following else len(content), len(content))
-                yield _Ends(cells, attributes, content[first + start : end])
-
-
-def _table(about: dict[str, str], form: str, ends: _Ends) -> bytes:
-    """Return the file of a table with only that column."""
-    is_apart = ends.attributes.get("format") == "appended"
-    attributes = {key: ends.attributes.get(key, "") for key in ("type", "format")}
-    about, rows = {"type": "Table", **about}, {"NumberOfCols": "1", "NumberOfRows": str(ends.cells)}
-    column = f"<DataArray{_attributes({'Name': NAME, **attributes})}"
-    head = f'<?xml version="1.0"?><VTKFile{_attributes(about)}><Table><Piece{_attributes(rows)}>'
-    head += f"<RowData>{column}"
-    foot = "</RowData></Piece></Table>"
-    if not is_apart:
-        return f"{head}>".encode() + ends.data + f"</DataArray>{foot}</VTKFile>".encode()
-    head += f' offset="0"/>{foot}<AppendedData{_attributes({"encoding": form})}>_'
-    end = b"</AppendedData></VTKFile>"
-    return head.encode() + ends.data.partition(b"</AppendedData")[0] + end
-
-
-def _attributes(attributes: dict[str, str]) -> str:
-    from xml.sax.saxutils import quoteattr
-
-    return "".join(f" {key}={quoteattr(text)}" for key, text in attributes.items())
-
-
-def _last(name: str, table: bytes) -> int:
-    """Return the largest offset."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    failures: list[str] = []
-    reader: Any = import_module("vtkmodules.vtkIOXML").vtkXMLTableReader()
-    reader.AddObserver("ErrorEvent", lambda _, event: failures.append(event))
-    with tempfile.TemporaryDirectory(prefix="resample-offsets-") as folder:
-        place = Path(folder, "a.vtt")
-        place.write_bytes(table)
-        reader.SetFileName(str(place))
-        with suppressed_output():
-            reader.Update()
-    column = reader.GetOutput().GetRowData().GetArray(NAME)
-    if failures or column is None or not column.GetNumberOfTuples():
-        raise ValueError(f"{name} is damaged: where its cells end cannot be read")
-    found = vtk_to_numpy(column)
-    if found.min() < 0:
-        raise ValueError(f"{name} is damaged: cells end before they begin")
-    return int(found.max())
-
-
-UNSTRUCTURED = "vtkXMLUnstructuredGridReader"
 BASE64 = re.compile(rb"[A-Za-z0-9+/=\s]*")
 
 
@@ -309,7 +227,7 @@ def read_vti(path: Path, wanted: ArrayQuery, name: str, check: Check = accept_an
 
 
 def read_vtr(path: Path, wanted: ArrayQuery, name: str) -> Volume:
-    """Read one array of a rectilinear grid; parameters as of `read_vti`."""
+    """Read one array of a rectilinear grid; parameters as in `read_vti`."""
     grid = grid_of(path, "vtkXMLRectilinearGridReader")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -331,8 +249,8 @@ def points_along(data: Any) -> tuple[int, ...]:
     return tuple(b - a + 1 for a, b in zip(first, last, strict=True))
 
 
-def grid_of(path: Path, reader_name: str) -> Any:
-    """Read a file by a reader of VTK's."""
+def grid_of(path: Path, reader_name: str, check: Callable[[Path], None] | None = None) -> Any:
+    """Read a file by a reader of VTK's, after checks of it; `check` is a further one."""
     try:
         forms = import_module("vtkmodules.vtkIOXML")
     except ImportError:
@@ -342,15 +260,8 @@ def grid_of(path: Path, reader_name: str) -> Any:
     _check_end(path)
     check_xml_file(path, "AppendedData")
     check_blocks(path)
-    if reader_name == UNSTRUCTURED:
-        # Reject cells with far more corners than the file can hold
-        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-            every = elements_of(content)
-            about = {key: told for key, told in every[0].attributes.items() if key in KEPT}
-            form = every[-1].attributes.get("encoding", "") if every[-1].name == APPENDED else ""
-            for ends in _ends(path.name, content, every):
-                corners = _last(path.name, _table(about, form, ends))
-                check_unpacked(path.name, len(content), BYTES * corners)
+    if check is not None:
+        check(path)
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
     failures: list[str] = []
