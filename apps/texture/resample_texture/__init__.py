@@ -69,7 +69,11 @@ __all__ = [
 
 _MOVED = {"coadd": "mosaics", "reproject": "mosaics"}  # to `resample_sky`; until the next release
 
-_OPENCV = dict.fromkeys(("remap", "warpAffine", "warpPerspective"), "like.opencv")
+_LIKE = {  # other libraries' names, of what the calls above do in their way
+    "like.opencv": "remap warpAffine warpPerspective warpPolar linearPolar logPolar",
+    "like.ndimage": "affine_transform map_coordinates zoom",
+}
+_THEIRS = {name: module for module, names in _LIKE.items() for name in names.split()}
 
-__getattr__ = attributes(__name__, _HOMES | _MOVED | _OPENCV)
+__getattr__ = attributes(__name__, _HOMES | _MOVED | _THEIRS)
 __dir__ = listing(_HOMES)
