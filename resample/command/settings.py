@@ -48,7 +48,7 @@ from resample.command.flags import (
     under,
 )
 from resample.command.stopping import at_most
-from resample.console import SPLAT_COLOR, Color, linear_color
+from resample.console import SPLAT_COLOR, Color, background_in, linear_color
 from resample.files.metadata.tags import SUFFIXES as PICTURES
 from resample.files.metadata.tags import settings_in, stating
 from resample.files.writing import check_targets, replacing
@@ -598,7 +598,7 @@ class PictureFormat(Choices):
     def behind(self, suffix: str) -> Color | None:
         """Linear background color for a file with this suffix; None leaves it transparent."""
         own = "none" if suffix.lower() == ".exr" else "black"
-        return linear_color(own if self.background is None else self.background)
+        return background_in(suffix, self.background, own)
 
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
@@ -639,8 +639,7 @@ class FrameFormat(Choices):
 
     def behind(self, suffix: str = "") -> Color | None:
         """Linear color behind the picture, in a file with this suffix; None: transparent."""
-        own = "black" if suffix.lower() in (".jpg", ".jpeg") else "none"
-        return linear_color(own if self.background is None else self.background)
+        return background_in(suffix, self.background)
 
 
 class Sharing(Choices):

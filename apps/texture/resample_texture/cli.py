@@ -435,14 +435,14 @@ def animate(
     """
     from resample import registry
     from resample.command.films import write_shared
-    from resample.console import linear_color
+    from resample.console import film_background
     from resample.files.animations import check_film
     from resample.files.pictures import read_picture
     from resample_texture.command import rendering
     from resample_texture.types import AnyLight, Edge
 
     flight = rendering.Flyover(path, frames, height_and_width(size))
-    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    behind = film_background(background)
     check_film(output, fps)
     rendering.require_film(image, flight.size)
     read = read_picture(image)

@@ -15,7 +15,7 @@ from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.command.session import Session
 from resample.command.settings import Choices, Written, chosen, option_of
-from resample.console import linear_color
+from resample.console import film_background
 from resample.files.animations import write_film
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
@@ -175,7 +175,7 @@ class DepthPainter:
         given = {key: value for key, value in settings.items() if key not in STEERED}
         if unknown := [key for key in given if key not in OPTIONS]:
             raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
-        background = linear_color(str(given.pop("background", "black"))) or (0.0, 0.0, 0.0)
+        background = film_background(str(given.pop("background", "black")))
         spelled = {**given, "size": f"{size[0]}x{size[1]}"}
         eye, meaning, target, warping = chosen(spelled, MODELS)
         target.check_target()
