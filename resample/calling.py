@@ -67,7 +67,8 @@ NAMES = {
     "out output_file outfile outpath out_file dest destination save write o": ("output", ""),
     "output_shape out_shape dsize": ("shape", ""),  # of dsize width and height
     "size": ("shape", "factor"),  # width and height
-    "fraction percent ratio rescale_factor": ("", "factor size"),
+    "fraction percent ratio rescale_factor scale_factor": ("", "factor size"),
+    "factor": ("", "size"),
     "scale": ("", "factor size"),
     "resolution imsize window_size figsize": ("size", "factor"),
     "res dim dimension dimensions dims geometry pixels px": ("", "size factor"),
@@ -182,7 +183,7 @@ CHOICES = {
     "dubois": "anaglyph-dubois",
     "half-color": "anaglyph-half-color",
     "interlaced interleaved row-interlaced": "rows",
-    "meters metric distance": "z",
+    "meters metric distance depth": "z",
     "fill crop": "cover",
     "fit letterbox": "contain pad",
     "linear bilinear": "bilinear linear",
@@ -240,7 +241,7 @@ FUNCTIONS = {
     "rotate": "resample_texture.rotate(image, degrees) rotates",
     "flip fliplr flipud": "image[:, ::-1] flips left and right, image[::-1] up and down",
     "crop": "image[top:bottom, left:right] crops; warp and resize take roi= and box=",
-    "slice slices": "volume.values[k] is a slice; the command resample-volume slice cuts obliquely",
+    "slice slices": "volume.values[k] is a slice; plane='z=80' shows one in a scene",
     "rasterization rasterize splat": "render_gaussians(gaussians, camera) draws 3D Gaussians",
     "point_cloud pointcloud unproject backproject create_from_rgbd_image": "the command "
     "resample-warp3d render --export points.ply --export-as points writes the points of a depth",

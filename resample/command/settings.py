@@ -439,6 +439,13 @@ def number(given: object) -> object:
     return int(given) if isinstance(given, str) and given.isdecimal() else given
 
 
+def no_share(given: object) -> object:
+    """Tell how opaque voxels are made, where a share is given for a way to sum samples."""
+    if str(given)[:1] in "0123456789.":
+        raise ValueError("transfer gray:opacity=0.2 says how opaque voxels are")
+    return given
+
+
 class Choices(BaseModel):
     """Immutable choices of a user; unknown names are rejected."""
 
@@ -532,6 +539,7 @@ class Resampling(Choices):
     attenuation: Attenuation = 0.05
     opacity: Annotated[
         Literal["exact", "linear"],
+        BeforeValidator(no_share),
         Field(description="Exact transmittance of the field, or the product of classic splatting."),
     ] = "exact"
     color_by: Annotated[

@@ -19,7 +19,9 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
+from resample import registry
 from resample.calling import ours_of
+from resample.command.applications import VIEWED
 from resample.command.flags import described
 from resample.messages import one_line, visible
 
@@ -39,6 +41,10 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
         error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), missing)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
+    inputs = takewhile(lambda word: not word.startswith("-"), words)
+    numbers = [word for word in inputs if re.fullmatch(r"\d[\dx.,%]*", word)]
+    if isinstance(error, ValueError) and numbers and not Path(numbers[0]).exists():
+        return f"{one_line(error)}; {numbers[0]} is taken for a file: options have names, as --size"
     if isinstance(error, IsADirectoryError):
         return one_line(error) + _within(error)
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app:
@@ -49,6 +55,10 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
             example = f"{_command(error)} {first} {given}"
             return visible(f"{given} is a file; give a command before it, such as {example}")
         near = get_close_matches(given, known, n=1, cutoff=NEAR)
+        homes = [app for app in VIEWED if app in known and given in registry.load("apps", app)]
+        if homes:
+            programs = " and ".join(f"resample-{app}" for app in homes)
+            return visible(f'"{given}" is a command of {programs}')
         remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
         return visible(f'Unknown command "{given}". {remedy}')
     if isinstance(error, UnknownOptionError):
@@ -87,9 +97,13 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
 
 def _missing_input(words: Sequence[str]) -> str:
     """Return the first input of a command if it names a file that is not there; else nothing."""
-    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
-    is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
-    return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
+    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:]
+    has_output = {"-o", "--output"} & {*words}
+    for name in inputs if has_output else inputs[:1]:  # the last may be the output
+        is_path = not set(name) & set(":*?=,") and Path(name).suffix[1:].isalnum()
+        if is_path and not Path(name).exists():
+            return name
+    return ""
 
 
 def with_own_pip(text: str) -> str:

@@ -181,7 +181,7 @@ def film_background(name: str) -> Color:
 
 def linear_color(name: str) -> Color | None:
     """Linear RGB of a color name or #rrggbb; None for "none"."""
-    if name.lower() == "none":
+    if name.lower() in ("none", "transparent"):
         return None
     if name in COLORS:
         return COLORS[name]

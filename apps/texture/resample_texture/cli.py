@@ -309,6 +309,7 @@ def rectify(
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
     """
+    from resample.console import note
     from resample_texture.command.jobs import warp_all
     from resample_texture.geometry.matrices import (
         from_corners,
@@ -320,6 +321,8 @@ def rectify(
 
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
+    if min(rectified_shape(ordered)) < 4:
+        note("the corners enclose less than 4 px; they are x and y in px of the photo, not shares")
     page = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
     warp_all(files, output, lambda _: page, warping=warping, written=written, besides=BESIDES)
 

@@ -16,6 +16,7 @@ from resample.command.settings import (
     Written,
     with_settings,
 )
+from resample.console import say
 from resample.lazy import installed_version
 from resample_warp3d.command.choices import (
     Depth,
@@ -219,6 +220,8 @@ def stereo(
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
+    if fraction == 0:
+        say("--fraction 0 moves nothing: both pictures are the same; 1 is the other eye's")
     if warping.unmixed:  # filling would mix colors
         warping = warping.model_copy(update={"fill": False})
     warping.built()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from resample.command.settings import FrameFormat
-from resample.console import say
+from resample.console import note, say
 from resample.lazy import installed_version
 from resample_points.command.choices import Aimed, CloudOptions
 
@@ -132,6 +132,8 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
         cloud, scale = _chosen(file, look), None
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
+        elif "colormap" in look.model_fields_set:
+            note("--colormap colors numbers, of which --color-by names one")
     with session.stage("prepare", bar="measuring") as progress, told(progress):
         surfels = prepare_cloud(
             cloud,

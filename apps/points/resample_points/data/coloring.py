@@ -1,5 +1,6 @@
 """Color clouds by the columns of their files."""
 
+import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from resample_points.data.cloud import AXES, Cloud, columns_of, part_of
 from resample_points.data.fields import COLORS, white_of
 from resample_points.data.parts import quantile_of, rows_of, span_in, zeros_beside
 
+LOG = logging.getLogger("resample")
 UNKNOWN = 0.2  # linear gray of points without a value
 LEVELS = 1024  # colors of a scale
 SCANNED = ("intensity", "classification")  # columns to color points by if they have no colors
@@ -161,7 +163,11 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
     """Return a span in numbers, from text, numbers, or None for the whole range."""
     if given is None:
         return whole
-    words = given.split(",") if isinstance(given, str) else [str(float(end)) for end in given]
+    words = (
+        given.replace("..", ",").split(",")
+        if isinstance(given, str)
+        else [str(float(end)) for end in given]
+    )
     try:
         first, last = (_end(word.strip(), values) for word in words)
     except ValueError:
@@ -174,6 +180,10 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
         raise ValueError(
             f"a range from {first:g} to {last:g}; give the smaller first, and a colormap with _r "
             "for reversed colors"
+        )
+    if last < whole[0] or first > whole[1]:
+        LOG.warning(
+            "the range from %g to %g holds no value; they go from %g to %g", first, last, *whole
         )
     return first, last
 

@@ -412,6 +412,10 @@ class AppearanceChoices(Choices):
             return None
         if ".." in self.window:
             low, high = _numbers("window", self.window, 2, "..")
+        elif len(parts_of(self.window)) != 2:
+            raise ValueError(
+                f"window {self.window!r}; give a center and a width, 40,400, or a range, -160..240"
+            )
         else:
             center, width = _numbers("window", self.window, 2)
             low, high = center - width / 2, center + width / 2
