@@ -483,7 +483,9 @@ def _channels(
             volume = volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
             volume = padding_removed(announced(volume))
-            transfer = f"auto:color={word}" if _is_color(word) else word
+            if len(recording.looks) == count and (label := recording.looks[channel].label):
+                volume = volume._replace(name=f"{recording.name} ({label})")
+            transfer = look_of(word)
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
             found.append((volume, own.appearance(volume, resampler)))
@@ -509,6 +511,17 @@ def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> Appear
     """Return the look of a further volume: without labels, with its own colors."""
     own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
     return look.model_copy(update=own)
+
+
+def looks_of(channels: str) -> list[str]:
+    """Return the transfer functions of the channels that a text shows."""
+    words = [word.strip() for word in BETWEEN.split(channels)]
+    return [look_of(word) for word in words if word != HIDDEN]
+
+
+def look_of(word: str) -> str:
+    """Return the transfer function of a channel's look, which may be a color."""
+    return f"auto:color={word}" if _is_color(word) else word
 
 
 def _is_color(word: str) -> bool:

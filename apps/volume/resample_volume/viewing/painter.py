@@ -81,11 +81,16 @@ def entry_of(volume: Volume, look: Appearance) -> dict[str, Any]:
 
 
 def own_look(
-    look: AppearanceChoices, volume: Volume, transfer: Transfer | None, resampler: Resampler
+    look: AppearanceChoices, volume: Volume, transfer: Transfer | str | None, resampler: Resampler
 ) -> Appearance:
-    """Return the look of one of several volumes, with its own transfer function."""
-    if transfer is None:
-        return look.appearance(volume, resampler)
+    """Return the look of one of several volumes, with its own transfer function.
+
+    One that is a text is spread over the window of the look; the window of others is their own.
+    """
+    if transfer is None or isinstance(transfer, str):
+        named = {} if transfer is None else {"transfer": transfer}
+        return look.model_copy(update=named).appearance(volume, resampler)
+    look = look.model_copy(update={"window": None})
     if look.opacity_unit is not None:
         transfer = replace(transfer, opacity_unit=look.opacity_unit)
     found = look.model_copy(update={"transfer": "auto"}).appearance(volume, resampler)
@@ -101,8 +106,8 @@ class VolumePainter:
     """
 
     volume: Volume
-    first: Transfer | None = None
-    others: Sequence[tuple[Volume, Transfer]] = ()
+    first: Transfer | str | None = None
+    others: Sequence[tuple[Volume, Transfer | str]] = ()
     _scene: Scene = field(init=False)
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
     _found: Memo = field(default_factory=dict)
@@ -131,7 +136,7 @@ class VolumePainter:
         key = look.model_copy(update=still), resampler, beside.mesh, beside.plane, beside.surface
         layers = self._layers.get(key)
         if layers is None:
-            bare = look.model_copy(update={"labels": None, "label": (), "window": None})
+            bare = look.model_copy(update={"labels": None, "label": ()})
             with memoizing(self._found):
                 first = own_look(look, self.volume, self.first, resampler)
                 others = [(one, own_look(bare, one, own, resampler)) for one, own in self.others]
@@ -159,7 +164,14 @@ class VolumePainter:
         camera, volume = self._placed_view(request, size, quality)
         view = projection_of(camera.view(), size, centered(volume)[1])
         legend = {} if quick else {"legend": [entry_of(*layer) for layer in request.layers]}
-        return PagePicture(levels, quick, {"view": view, **legend})
+        return PagePicture(levels, quick, {"view": view, **legend, **self._range(request)})
+
+    def _range(self, request: VolumeRequest) -> dict[str, Any]:
+        """Return the ends of the window that channels share, for pages that drag it."""
+        if not isinstance(self.first, str):
+            return {}
+        points = points_of(transfer_of(*request.layers[0]), survey(self.volume).span)
+        return {"range": {"ends": [points[0][0], points[-1][0]], "option": "window"}}
 
     def check(self, settings: Settings) -> None:
         """Reject options that are not allowed; errors as of `frame`."""

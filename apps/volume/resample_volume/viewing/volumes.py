@@ -22,7 +22,7 @@ from resample_volume.classification import PRESETS, TISSUES
 from resample_volume.classification.scales import scale_named
 from resample_volume.classification.value_statistics import survey
 from resample_volume.command.choices import Added, AppearanceChoices, ReadOptions
-from resample_volume.command.inputs import media, of_first_channel, prepared
+from resample_volume.command.inputs import looks_of, media, of_first_channel, prepared
 from resample_volume.data.recordings import SeveralChannelsError, unit_of_space
 from resample_volume.data.values import as_array
 from resample_volume.slicing import slice_planes
@@ -100,7 +100,8 @@ def volume_view(
         values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(volume.values.dtype)
         return VolumePainter(volume._replace(values=values))
 
-    left_out = LEFT_OUT if is_own else (*LEFT_OUT, "transfer", "window")
+    left_out = LEFT_OUT if is_own else (*LEFT_OUT, "transfer")
+    left_out = left_out if is_own or isinstance(first.first, str) else (*left_out, "window")
     return FileView(first, described, first.check, KINDS, left_out, little)
 
 
@@ -123,6 +124,10 @@ def painter_of(
         return VolumePainter(volume), source
     (volume, transfer), *others = [(as_array(one), transfer_of(one, own)) for one, own in shown]
     in_channels = added.channels or len(others) > len(added.also)
+    if added.channels and not added.also:
+        own, *rest = looks_of(added.channels)
+        beside = [(one, text) for (one, _), text in zip(others, rest, strict=True)]
+        return VolumePainter(volume, own, beside), source
     return VolumePainter(volume, transfer if in_channels else None, others), source
 
 

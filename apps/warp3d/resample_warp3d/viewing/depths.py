@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from resample import registry
 from resample.cameras.files import read_pose
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
@@ -237,6 +238,7 @@ def depth_view(
             "inputs": [color, depth],
             "fixed": {"view": list(further)} if further else {},
             **({} if further else {"film": FILM}),
+            "names": {"method": registry.names("warps")},
             "gestures": "walk",
             "extent": [width, height],
             "distance": [far.near, far.middle],
