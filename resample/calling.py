@@ -6,12 +6,29 @@ The words are those of OpenCV, scikit-image, SciPy, Pillow, Matplotlib, napari, 
 from collections.abc import Callable, Collection, Mapping
 from functools import partial, wraps
 from importlib import import_module
-from typing import Any, ParamSpec, TypeVar
+from os import PathLike
+from typing import Any, ParamSpec, TypedDict, TypeVar
 
 VARKEYWORDS = 8  # `inspect.CO_VARKEYWORDS`, whose import takes 10 ms
 P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C")
+
+CommandOptions = TypedDict("CommandOptions", {  # noqa: UP013 - as a class one line each
+    "fps": float, "resume": bool, "settings": str | PathLike[str],
+    "settings_trusted": str | PathLike[str], "save_settings": str | PathLike[str], "memory": str,
+    "limit": float, "allow_outside": bool,
+}, total=False)  # fmt: skip
+
+
+class FilmOptions(CommandOptions, total=False):
+    """Options of all films."""
+
+    frames: int
+    path: str
+    workers: int
+    scheduler: str
+
 
 # What others call an argument or option -> what it is here with the same values: the first that a
 # call has; and what is like it, for messages only.
@@ -19,11 +36,13 @@ NAMES = {
     "angle": ("degrees", "turn camera"),
     "antialias aa ssaa spp samples supersample": ("", "subpixels quality filter"),
     "azimuth elevation zoom eye view viewpoint": ("", "camera move"),
+    "translation translate": ("move", ""),
     "cpos camera_position": ("camera", ""),
     "bg bgcolor background_color bg_color": ("background", ""),
     "clim vmin vmax min max levels_range": ("", "window range"),
     "cmap colormap palette lut color_map": ("colormap transfer", ""),
-    "c color rgb colors scalars": ("colors", "colormap transfer"),
+    "c color rgb colors scalars values": ("colors", "colormap transfer"),
+    "image img picture rgb": ("color picture image", ""),
     "crop_box region bbox rect": ("", "roi crop"),
     "depth_factor depth_unit depth_units": ("", "depth_scale"),
     "field_of_view hfov vfov fovy": ("fov", "target_fov"),
@@ -39,16 +58,17 @@ NAMES = {
     "dist distcoeffs dist_coeffs": ("distortion", ""),
     "newcameramatrix new_camera_matrix": ("new_matrix", ""),
     "pose": ("target", ""),
-    "extrinsic extrinsics viewmat w2c": ("world_to_camera target", ""),
-    "isovalue iso_value isosurface level": ("iso", ""),
+    "extrinsic extrinsics viewmat w2c": ("world_to_camera target pose", ""),
+    "isovalue iso_value iso_threshold isosurface level": ("iso", ""),
     "mode blending rendering": ("projection layout", "method"),
     "algorithm renderer": ("method", "projection"),
     "mode bordermode border_mode padding_mode boundary": ("edge", ""),  # by names, not numbers
-    "bordervalue border_value cval fill_value": ("fill", ""),
+    "bordervalue border_value cval fill_value fillcolor fill_color": ("fill", ""),
     "out output_file outfile outpath out_file dest destination save write o": ("output", ""),
     "output_shape out_shape dsize": ("shape", ""),  # of dsize width and height
     "size": ("shape", "factor"),  # width and height
-    "fraction percent ratio rescale_factor": ("", "factor size"),
+    "fraction percent ratio rescale_factor scale_factor": ("", "factor size"),
+    "factor": ("", "size"),
     "scale": ("", "factor size"),
     "resolution imsize window_size figsize": ("size", "factor"),
     "res dim dimension dimensions dims geometry pixels px": ("", "size factor"),
@@ -72,15 +92,30 @@ NAMES = {
     "width height w h": ("", "width size factor"),
 }
 TURNED = "dsize size"  # arguments whose two numbers are the other way round here
-PAIRS = {  # ours, of two of theirs
-    "size": ("width", "height"),
-    "camera": ("azimuth", "elevation"),
+TOGETHER = (  # ours, and those of others that say it together
+    ("size", "width height"),
+    ("camera", "azimuth elevation zoom"),
+    ("camera", "azimuth elevation"),
+    ("camera", "eye lookat up"),
+    ("camera", "eye look_at up"),
+    ("camera", "intrinsic extrinsic"),
+    ("camera", "k extrinsic"),
+    ("intrinsics", "fx fy cx cy"),
+    ("pose", "r t"),
+)
+USUAL = {  # arguments of others, and their values that are all that there is here
+    "anti_aliasing antialias expand reshape resize preserve_range": (True,),
+    "render_points_as_spheres opencv align_centers": (True,),
+    "align_corners multichannel": (False,),
+    "channel_axis": (-1, 2),
 }
-USUAL = "anti_aliasing antialias expand reshape resize"  # arguments that here are always true
+WHOLE = ("expand", "reshape", "resize")  # of rotations: False keeps the size of the picture
+INVERSE = 16  # `cv2.WARP_INVERSE_MAP`, in `flags`
 # Numbers of OpenCV (`flags`, `interpolation`) and of SciPy and scikit-image (`order`).
 NUMBERED = {
     "flags interpolation": ("nearest", "bilinear", "cubic", "area-spline", "lanczos"),
     "order": ("nearest", "bilinear", "", "spline"),
+    "bordermode": ("transparent", "clamp", "mirror", "wrap", "reflect-101"),
 }
 # What others call an argument -> what to do instead; before a colon, what such a call has.
 REMEDIES = {
@@ -94,6 +129,19 @@ REMEDIES = {
     "anti_aliasing antialias": "results are always antialiased; leave it out",
     "expand reshape resize": "without a shape the result holds all of the picture; "
     "shape=image.shape[:2] keeps its size",
+    "channel_axis multichannel": "channels come last: np.moveaxis(image, 0, -1)",
+    "preserve_range": "values keep their range; leave it out",
+    "align_corners": "pixels are areas, so corners are not aligned; leave it out",
+    "gamma": "transfer='LOW,black,0 HIGH,white,0.5' has the opacity of each value",
+    "isomin isomax surface_count": "iso= is one surface; surface=['0.3,red', '0.6,white'] adds "
+    "others",
+    "alpha": "transfer='gray:opacity=0.2' is that of volumes; points are opaque",
+    "position: radius": "radius= is in scene units, (N,)",
+    "point_size: radius": "point_size= is a width in px",
+    "point_size: r t": "camera=Camera(matrix, world_to_camera) is a camera of OpenCV's axes",
+    "depth: znear zfar": "near= and far= are the ends of relative depth; other depth is not cut",
+    "move: rotation rotate rot": "turn=(yaw, pitch, roll) turns the view, degrees",
+    "output: divergence convergence": "stereo(picture, depth, divergence=...) makes both eyes",
     "degrees: center": "a rotation about another point is a matrix for warp(image, matrix)",
     "map_x map_y map1 map2": "give both maps as one: warp(image, (map_x, map_y))",
     "matrix: depth": "resample_warp3d.warp(color, depth, source, target) takes depth and cameras",
@@ -121,7 +169,7 @@ CHOICES = {
     "attenuated-mip attenuated_mip": "attenuated",
     "sum": "additive",
     "dvr volume translucent": "composite",
-    "surface isosurface": "first-hit",
+    "surface isosurface iso": "first-hit",
     "reflect reflect101 reflect-101 symmetric": "mirror",
     "replicate nearest edge border": "clamp",
     "repeat grid-wrap circular": "wrap",
@@ -135,7 +183,7 @@ CHOICES = {
     "dubois": "anaglyph-dubois",
     "half-color": "anaglyph-half-color",
     "interlaced interleaved row-interlaced": "rows",
-    "meters metric distance": "z",
+    "meters metric distance depth": "z",
     "fill crop": "cover",
     "fit letterbox": "contain pad",
     "linear bilinear": "bilinear linear",
@@ -159,11 +207,24 @@ RESULTS = {
 # What others call a function or method -> what it is here: the first that there is.
 ALIASES = {
     "load read imread load_volume": "open",
-    "show plot": "view",
+    "show plot imshow": "view",
     "rescale": "scale",
+    "add_volume add_points add_mesh draw_geometries isosurface novel_view": "render",
+    "turntable orbit spin": "animate",
+    "reproject forward_warp": "warp",
     "warp_affine": "warpAffine",
     "warp_perspective": "warpPerspective",
-    "read_point_cloud load_point_cloud": "read_cloud",
+    "read_point_cloud load_point_cloud load_ply": "read_cloud",
+    "pointcloud point_cloud": "Cloud",
+}
+# What others call a function with choices of its own -> what it is here, and these choices.
+PRESETS: dict[str, tuple[str, dict[str, Any]]] = {
+    "anaglyph": ("stereo", {"layout": "anaglyph"}),
+    "mip maximum_projection": ("render", {"projection": "maximum"}),
+    "pyrdown pyramid_reduce": ("resize", {"shape": 0.5}),
+    "pyrup pyramid_expand": ("scale", {"factor": 2}),
+    "getperspectivetransform": ("control_points", {"shape": (1, 1), "kind": "projective"}),
+    "getaffinetransform": ("control_points", {"shape": (1, 1), "kind": "affine"}),
 }
 METHODS = "render animate view"  # functions of a package that are methods of its data, too
 # What others call a function or method -> what to do instead.
@@ -180,15 +241,26 @@ FUNCTIONS = {
     "rotate": "resample_texture.rotate(image, degrees) rotates",
     "flip fliplr flipud": "image[:, ::-1] flips left and right, image[::-1] up and down",
     "crop": "image[top:bottom, left:right] crops; warp and resize take roi= and box=",
-    "slice slices": "volume.values[k] is a slice; the command resample-volume slice cuts obliquely",
+    "slice slices": "volume.values[k] is a slice; plane='z=80' shows one in a scene",
     "rasterization rasterize splat": "render_gaussians(gaussians, camera) draws 3D Gaussians",
-    "point_cloud pointcloud": "Cloud(position)",
-    "warp_perspective warp_affine affine remap affine_transform": "warp(image, matrix or maps, "
+    "point_cloud pointcloud unproject backproject create_from_rgbd_image": "the command "
+    "resample-warp3d render --export points.ply --export-as points writes the points of a depth",
+    "scatter scatter3d": "render(np.column_stack([x, y, z]), colors=numbers) draws them",
+    "rgbdimage rgbd": "DepthImage(color, 1 / depth); render, warp and stereo take both as they are",
+    "get_perspective_transform estimate_transform findhomography": "resample_sky"
+    '.control_points(source, target, shape, "projective") makes the matrix for warp',
+    "getrotationmatrix2d": "rotate(image, degrees) rotates",
+    "downscale_local_mean": "resize(image, 0.5) halves it",
+    "warp_polar": "warpPolar(image, dsize, center, radius, flags) is that of OpenCV",
+    "swirl piecewise_affine": "warp(image, (map_x, map_y), shape) "
+    "takes the places (H, W) in the source",
+    "equirectangular_to_perspective equirect_to_perspective e2p e2c py360convert": "project(image, "
+    '"equirectangular", "perspective:fov=90", (height, width), turn=(yaw, pitch, 0)) does that',
+    "warp_perspective warp_affine affine remap": "warp(image, matrix or maps, "
     "shape) does that; resample_dropins.opencv (hybrid-resample-dropins) has OpenCV's names",
     "thumbnail": "resize(image, 64) makes the longer side 64 px",
     "rectify": "resample_sky.control_points(...) makes the matrix for warp; the command is "
     "resample-texture rectify",
-    "map_coordinates": "warp(image, (map_x, map_y), shape) does that",
 }
 
 
@@ -202,8 +274,7 @@ def answer(word: str, known: Collection[str], remedies: Mapping[str, str]) -> st
 
     known = [name for name in known if not name.startswith("_")]
     close = get_close_matches(word, known, 1)
-    hint = f", did you mean {close[0]!r}?" if close else ";"
-    return f"{hint} known: {', '.join(known)}"
+    return f", did you mean {close[0]!r}?" if close else f"; known: {', '.join(known)}"
 
 
 def choice_meant(given: str, choices: Collection[Any]) -> str:
@@ -237,20 +308,54 @@ def _value_of(name: str, value: Any, known: Collection[str]) -> Any:
     word = name.lower()
     if name not in known and word in TURNED.split() and hasattr(value, "__len__"):
         return tuple(value)[::-1]
+    if isinstance(value, tuple) and len({*value}) == 1 and ours_of(name, known) == "fill":
+        return value[0]  # gray of all channels
     if isinstance(value, int) and not isinstance(value, bool):
         modes = next((row for words, row in NUMBERED.items() if word in words.split()), ())
         return (modes[value] or value) if 0 <= value < len(modes) else value
     return value
 
 
-def _pair(given: dict[str, Any], known: set[str]) -> None:
-    """Replace two arguments of others by the one that they are here."""
-    for ours, both in PAIRS.items():
-        if ours in known and not known & set(both) and given.keys() >= set(both):
-            given[ours] = tuple(given.pop(one) for one in both)
+def _joined(given: dict[str, Any], known: set[str]) -> None:
+    """Replace arguments of others that belong together by the one that they are here."""
+    for ours, text in TOGETHER:
+        spelled, words = {name.lower(): name for name in given}, text.split()
+        if ours not in known or known >= {*words} or not spelled.keys() >= {*words}:
+            continue
+        parts = [given[spelled[word]] for word in words]
+        if words[-1] == "up" and isinstance(parts[-1], str):
+            continue  # an axis, which is an option of its own
+        for word in words:
+            del given[spelled[word]]
+        if "extrinsic" in words:
+            from resample.cameras.models import Camera
+
+            given[ours] = Camera(parts[0], parts[1])
+        elif ours == "pose":
+            given[ours] = [[*row, float(part)] for row, part in zip(*parts, strict=True)]
+        else:
+            given[ours] = tuple(parts)
     if "fit" in known and given.get("fx", "") == given.get("fy"):  # of `resize`
         given["scale"] = given.pop("fx")
         del given["fy"]
+    if "sh" in given and "harmonics" in known:  # (N, K, 3) of gsplat
+        import numpy as np
+
+        whole = np.asarray(given.pop("sh"), np.float32)
+        given["color"], rest = whole[:, 0], whole[:, 1:]
+        step = float(np.abs(rest).max(initial=0) / 32767) or 1.0
+        given |= {"harmonics": np.round(rest / step).astype(np.int16), "harmonic_step": step}
+    flags = given.get("flags")
+    if isinstance(flags, int) and flags & INVERSE and "inverse" in known:
+        given |= {"flags": flags & 7, "inverse": True}
+
+
+def _is_usual(name: str, value: Any) -> bool:
+    """Whether an argument of others asks for what is always done here."""
+    known = next((row for words, row in USUAL.items() if name.lower() in words.split()), ())
+    return isinstance(value, int) and any(
+        type(one) is type(value) and one == value for one in known
+    )
 
 
 def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict[str, Any]:
@@ -269,14 +374,16 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     >>> understood("warp", {"fil": 0}, ["fill", "threads"])
     Traceback (most recent call last):
     ...
-    TypeError: warp has no option 'fil', did you mean 'fill'? known: fill, threads
+    TypeError: warp has no option 'fil', did you mean 'fill'?
     """
     found: dict[str, Any] = {}
     for name, given_value in given.items():
-        if given_value is True and name.lower() in USUAL.split() and name not in known:
+        if name not in known and _is_usual(name, given_value):
             continue
         value, ours = _value_of(name, given_value, known), ours_of(name, known)
-        if name == "scale" and "fit" in known:  # of `resize`, whose shape may be a share
+        if (
+            name == "scale" and "fit" in known and name not in known
+        ):  # of `resize`, whose shape may be a share
             value, ours = float(value), "shape"
         is_number = ours in ("edge", "interpolation") and ours != name and isinstance(value, int)
         if not ours or is_number:
@@ -320,8 +427,10 @@ def takes(
         def call(*args: P.args, **given: P.kwargs) -> R:
             if given.keys() <= known:
                 return called(*args, **given)
-            _pair(given, known)
-            for word in set(USUAL.split()[2:]) & given.keys() - known:  # of rotations
+            _joined(given, known)
+            if args and args[-1] is None and len(args) > 1:  # resize(image, None, fx=0.5, fy=0.5)
+                args = args[:-1]  # type: ignore[assignment]
+            for word in {*WHOLE} & given.keys() - known:
                 if given[word] is False and hasattr(args[0], "shape"):
                     del given[word]
                     given["shape"] = args[0].shape[:2]
@@ -351,10 +460,13 @@ def no_attribute(given: Any, name: str, remedies: Mapping[str, str]) -> Attribut
     return AttributeError(f"{type(given).__name__!r} object has no attribute {name!r}{hint}")
 
 
-def constructed(instead: str = "") -> Callable[[type[C]], type[C]]:
+def constructed(
+    instead: str = "", check: Callable[..., None] | None = None
+) -> Callable[[type[C]], type[C]]:
     """Decorate a dataclass or `NamedTuple` so that its constructor answers like `takes`.
 
-    What its package does with it, `METHODS`, can be called as methods.
+    What its package does with it, `METHODS`, can be called as methods. `check`: is given the
+    arguments that have no name, and raises what is wrong with them.
     """
 
     def attribute(data: Any, name: str) -> Any:
@@ -367,7 +479,15 @@ def constructed(instead: str = "") -> Callable[[type[C]], type[C]]:
     def decorated(kind: type[C]) -> type[C]:
         setattr(kind, "__getattr__", attribute)  # noqa: B010 - mypy knows no such method
         own = "__new__" if issubclass(kind, tuple) else "__init__"
-        setattr(kind, own, takes(instead=instead)(getattr(kind, own)))
+        make = takes(instead=instead)(getattr(kind, own))
+
+        @wraps(make)
+        def checked(*args: Any, **given: Any) -> Any:
+            if check is not None:
+                check(args)
+            return make(*args, **given)
+
+        setattr(kind, own, make if check is None else checked)
         return kind
 
     return decorated

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
@@ -41,10 +42,13 @@ def attributes(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
         if name == "__version__":
             return installed_version()
         if name not in homes and not name.startswith("_"):
-            from resample.calling import alias_of
+            from resample.calling import PRESETS, alias_of
 
             if alias := alias_of(name, homes):
                 return get(alias)
+            for words, (ours, choices) in PRESETS.items():
+                if name.lower() in words.split() and ours in homes:
+                    return partial(get(ours), **choices)
         if name not in homes:
             raise AttributeError(
                 f"module {package!r} has no attribute {name!r}{_hint(name, homes)}"

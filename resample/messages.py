@@ -18,6 +18,12 @@ LONGEST = 2000  # characters of a message
 DIGITS = re.compile(r"[\d.]{60,}")  # of a number
 TOO_MANY_DIGITS = re.compile(r"Exceeds the limit \(\d+ digits\) for integer string conversion.*")
 OURS = ("resample", "contextlib", "functools", "dataclasses")  # besides resample_points and so on
+READERS = {  # by suffixes that other applications have not
+    "ply las laz pcd xyz pts e57 sog spz ksplat splat": "resample-points",
+    "nrrd nhdr nii mha mhd dcm vdb vti mrc": "resample-volume",
+    "png jpg jpeg webp avif bmp": "resample-texture",
+    "obj glb gltf": "resample-texture mesh",
+}
 TOO_LARGE = "a whole number has thousands of digits, beyond 64 bits; write it as 1e30"
 
 
@@ -139,6 +145,20 @@ def warn(message: str, kind: type[Warning] = UserWarning) -> None:
             break
         frame, level = frame.f_back, level + 1
     warnings.warn(message, kind, stacklevel=level)
+
+
+def reader_of(name: object) -> str:
+    """Tell which command reads a file with the suffix of this name; empty if none is known.
+
+    Examples
+    --------
+    >>> from resample.messages import reader_of
+    >>> reader_of("scan.ply"), reader_of("scan.docx")
+    ('resample-points reads such files', '')
+    """
+    suffix = str(name).lower().removesuffix(".gz").rpartition(".")[2]
+    found = next((program for ends, program in READERS.items() if suffix in ends.split()), "")
+    return f"{found} reads such files" if found else ""
 
 
 def visible(text: str) -> str:

@@ -186,6 +186,8 @@ def _recognised(path: Path) -> str:
         return "log"
     usual, lines = Counter(counts).most_common(1)[0] if counts else (0, 0)
     of_most = {8: "tum", 7: "icl"}.get(usual)
+    if counts == [3, 3, 3]:
+        raise ValueError(f"{path} has 3 x 3 numbers; a pose has 3 x 4 or 4 x 4, world to camera")
     if of_most is None or 2 * lines <= len(counts):
         raise ValueError(
             f"{path} is not recognised as a file of poses; say which it is: {', '.join(KINDS)}"

@@ -4,7 +4,8 @@ import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 from cyclopts import App, Parameter
 
@@ -12,6 +13,10 @@ from resample import registry
 from resample.calling import understood
 from resample.command.flags import DemoOutput, OptionTopic, Target, about, marks_of
 from resample.console import say
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 RETURNING: Mapping[str, Any] = {
     "exit_on_error": False,
@@ -153,3 +158,20 @@ def run(application: str, command: str, *names: str | Path, **options: Any) -> N
         for name, value in plain.items()
     }
     function(*names, **plain, **dict(zip(groups, chosen(given, models), strict=True)))
+
+
+def film(
+    application: str, command: str, *names: str | Path, output: Any, **options: Any
+) -> "NDArray[np.uint8] | None":
+    """Run a command that films; without an output return the frames (N, H, W, 3)."""
+    if output is not None:
+        run(application, command, *names, output=Path(output), **options)
+        return None
+    import numpy as np
+    from PIL import Image
+
+    with TemporaryDirectory() as folder:
+        run(application, command, *names, output=Path(folder) / "frames", **options)
+        return np.stack(
+            [np.asarray(Image.open(one)) for one in sorted(Path(folder).rglob("*.png"))]
+        )

@@ -24,6 +24,7 @@ from typing import (
 
 from cyclopts import Group, Parameter
 
+from resample.console import note
 from resample.messages import numbers_in
 
 if TYPE_CHECKING:
@@ -164,6 +165,7 @@ def under(heading: str) -> Parameter:
 
 def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
     """Read a viewpoint; only one that is no angles loads the readers of camera files."""
+    tell_radians(fov)
     from resample.cameras.viewpoints import orbit_of
 
     orbit = orbit_of(camera, fov, up)
@@ -172,6 +174,12 @@ def viewpoint(camera: str, fov: float, up: "UpAxis") -> "Viewpoint":
     from resample.cameras.files import viewpoint as viewpoint_in
 
     return viewpoint_in(camera, fov, up)
+
+
+def tell_radians(fov: float | None) -> None:
+    """Say that a field of view may be in radians."""
+    if fov is not None and 0.3 < fov < 3.15:
+        note(f"the field of view is {fov:g} degrees; if radians are meant, give {fov * 57.296:.4g}")
 
 
 T = TypeVar("T")

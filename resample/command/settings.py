@@ -56,7 +56,7 @@ from resample.command.flags import (
     under,
 )
 from resample.command.stopping import at_most
-from resample.console import SPLAT_COLOR, Color, linear_color
+from resample.console import SPLAT_COLOR, Color, background_in, linear_color
 from resample.files.metadata.tags import SUFFIXES as PICTURES
 from resample.files.metadata.tags import settings_in, stating
 from resample.files.writing import check_targets, replacing
@@ -432,6 +432,13 @@ def number(given: object) -> object:
     return int(given) if isinstance(given, str) and given.isdecimal() else given
 
 
+def no_share(given: object) -> object:
+    """Tell how opaque voxels are made, where a share is given for a way to sum samples."""
+    if str(given)[:1] in "0123456789.":
+        raise ValueError("transfer gray:opacity=0.2 says how opaque voxels are")
+    return given
+
+
 class Choices(BaseModel):
     """Immutable choices of a user; unknown names are rejected."""
 
@@ -511,7 +518,7 @@ class Resampling(Choices):
     projection: Shown = "composite"
     iso: Iso = None
     attenuation: Attenuation = 0.05
-    opacity: Literal["exact", "linear"] = Field(
+    opacity: Annotated[Literal["exact", "linear"], BeforeValidator(no_share)] = Field(
         default="exact",
         description="Exact transmittance of the field, or the product of classic splatting.",
     )
@@ -575,7 +582,7 @@ class PictureFormat(Choices):
     def behind(self, suffix: str) -> Color | None:
         """Linear background color for a file with this suffix; None leaves it transparent."""
         own = "none" if suffix.lower() == ".exr" else "black"
-        return linear_color(own if self.background is None else self.background)
+        return background_in(suffix, self.background, own)
 
     def height_and_width(self) -> tuple[int, int]:
         """Size in px.
@@ -614,8 +621,7 @@ class FrameFormat(Choices):
 
     def behind(self, suffix: str = "") -> Color | None:
         """Linear color behind the picture, in a file with this suffix; None: transparent."""
-        own = "black" if suffix.lower() in (".jpg", ".jpeg") else "none"
-        return linear_color(own if self.background is None else self.background)
+        return background_in(suffix, self.background)
 
 
 class Sharing(Choices):

@@ -19,7 +19,9 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
+from resample import registry
 from resample.calling import ours_of
+from resample.command.applications import VIEWED
 from resample.command.flags import described
 from resample.messages import one_line, visible
 
@@ -35,13 +37,17 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     """
     is_mistaken = isinstance(error, ValueError | CycloptsError)
     is_mistaken = is_mistaken and not isinstance(error, UnknownCommandError)
-    # The first input of the command, if it names a file that is not there.
-    for name in list(takewhile(lambda word: not word.startswith("-"), words))[1:2]:
+    # Inputs of the command that name a file that is not there; the last may be the output.
+    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:]
+    for name in inputs if {"-o", "--output"} & {*words} else inputs[:1]:
         is_path = not set(name) & set(":*?=,") and Path(name).suffix[1:].isalnum()
         if is_mistaken and is_path and not Path(name).exists():
             error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), name)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
+    numbers = [word for word in inputs if re.fullmatch(r"\d[\dx.,%]*", word)]
+    if isinstance(error, ValueError) and numbers and not Path(numbers[0]).exists():
+        return f"{one_line(error)}; {numbers[0]} is taken for a file: options have names, as --size"
     if isinstance(error, IsADirectoryError):
         # Name a file of a folder that was given instead of a file.
         with suppress(OSError, TypeError):
@@ -57,6 +63,10 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
             example = f"{_command(error)} {first} {given}"
             return visible(f"{given} is a file; give a command before it, such as {example}")
         near = get_close_matches(given, known, n=1, cutoff=NEAR)
+        homes = [app for app in VIEWED if app in known and given in registry.load("apps", app)]
+        if homes:
+            programs = " and ".join(f"resample-{app}" for app in homes)
+            return visible(f'"{given}" is a command of {programs}')
         remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
         return visible(f'Unknown command "{given}". {remedy}')
     if isinstance(error, UnknownOptionError):

@@ -158,9 +158,30 @@ def progress_bar(what: str, count: int = 0) -> Iterator[Progress | None]:
         yield lambda share: bar.update(task, total=total, completed=round(share * total, 3))
 
 
+def background_in(suffix: str, name: str | None, own: str = "none") -> Color | None:
+    """Linear color behind a picture in a file with this suffix; None: transparent.
+
+    The rule of all commands: `name` if it is given; JPEG and films, which are opaque, show black;
+    other files are transparent, unless the pictures have a background of their own: `own`.
+    """
+    if suffix.lower() in (".jpg", ".jpeg"):
+        own = "black"
+        if name is not None and name.lower() == "none":
+            raise ValueError("JPEG has no transparency; give --background white, or take .png")
+    return linear_color(own if name is None else name)
+
+
+def film_background(name: str) -> Color:
+    """Linear color behind a film, which is opaque."""
+    found = linear_color(name)
+    if found is None:
+        raise ValueError("films are opaque; give --background black, white or #rrggbb")
+    return found
+
+
 def linear_color(name: str) -> Color | None:
     """Linear RGB of a color name or #rrggbb; None for "none"."""
-    if name.lower() == "none":
+    if name.lower() in ("none", "transparent"):
         return None
     if name in COLORS:
         return COLORS[name]

@@ -57,8 +57,6 @@ def check_frame(path: Path, bits: int, background: Color | None) -> None:
         raise ValueError(f"{path}: pictures are written as {', '.join((*SUFFIXES, *BY_PILLOW))}")
     if suffix == ".png" and bits not in (8, 16):
         raise ValueError(f"{path}: PNG has 8 or 16 bits per channel, not {bits}")
-    if suffix in JPEG and background is None:
-        raise ValueError(f"{path}: JPEG has no transparency; give --background white, or take .png")
     if suffix not in (".png", ".exr"):
         check_output(path, WriteOptions(bits, background))
 

@@ -243,8 +243,8 @@ class PaintChoices:
                 )
         if (self.iso is None) == (self.projection is Projection.FIRST_HIT):
             raise ValueError(
-                "first-hit needs an iso value, and no other projection has one "
-                f"(got {self.projection} and {self.iso})"
+                "the projection first-hit needs an iso value, which no other projection has "
+                f"(got {self.projection} and {self.iso}); give both or none of them"
             )
         if self.iso is not None and not math.isfinite(self.iso):
             raise ValueError(f"the iso value is {self.iso}; it must be finite")

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from resample.messages import one_line
+from resample.messages import one_line, reader_of
 from resample.reading.limits import PIECE, check_file, check_free, check_size, check_unpacked
 from resample.reading.native import plain, suppressed_output
 
@@ -361,7 +361,10 @@ def opened(path: str | Path, page: int = 0) -> Any:
     with suppressed_output():
         source = OpenImageIO.ImageInput.open(plain(path), as_stored)
     if source is None:
-        raise OSError(f"{path} is not a picture that can be read: {complaint_of(OpenImageIO)}")
+        why = complaint_of(OpenImageIO)
+        if "could not find a format reader" in why:
+            why = reader_of(path) or "its suffix is of no format of pictures, such as .png or .jpg"
+        raise OSError(f"{path} is not a picture that can be read: {why}")
     if page and not source.seek_subimage(page, 0):
         raise OSError(f"{path} has no page {page + 1}: {complaint_of(source)}")
     seen = displayed(source, path)

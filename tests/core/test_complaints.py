@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from resample import registry
@@ -247,3 +248,66 @@ def test_files_come_first(words, line, capsys, tmp_path):
 def test_an_option_that_is_a_command_is_answered_with_the_command(capsys):
     line = said(capsys, *["texture", "resize", "a.png", "b.png", "--scale", "0.5"])
     assert line.endswith("Did you mean --size? There is a command resample-texture scale, too.")
+
+
+MISTAKES = {
+    "texture resize ct.nrrd --size 20 -o a.png": "resample-volume reads such files",
+    "texture resize photo.txt --size 20 -o a.png": "no format of pictures",
+    "texture resize photo.jpg 200x100 -o a.png": "200x100 is taken for a file",
+    "texture warp photo.jpg --matrix none.txt -o a.png": "there is no such file",
+    "volume render scan.ply -o a.png": "resample-points reads such files",
+    "volume render engine.nhdr --window 400 -o a.png": "a center and a width, 40,400",
+    "volume render engine.nhdr --transfer bones -o a.png": "did you mean 'bone'?",
+    "volume render ct.nrrd --opacity 0.5 -o a.png": "gray:opacity=0.2",
+    "points render ct.nrrd -o a.png": "resample-volume reads such files",
+    "points render xyz.npy -o a.png": "numpy.savetxt",
+    "warp3d render photo.jpg depht.png --fovv 60 -o a.png": "did you mean depth.png",
+    "warp3d render photo.jpg left.png --fov 60 --move 1,0,0 -o a.png": "the picture first",
+    "warp3d render photo.jpg depth.png --depth-scale 1000 --fov 60 --pose H.txt -o a.png": "3 x 3",
+}
+
+
+@pytest.mark.parametrize(("words", "line"), MISTAKES.items())
+def test_mistakes_have_remedies(words, line, capsys, tmp_path, monkeypatch):
+    from tests import printed
+
+    monkeypatch.chdir(tmp_path)
+    for name in (
+        "photo.jpg",
+        "depth.png",
+        "scan.ply",
+        "ct.nrrd",
+        "H.txt",
+        "engine.nhdr",
+        "left.png",
+    ):
+        printed.make(name)
+    (tmp_path / "photo.txt").write_text("a text\n")
+    np.save("xyz.npy", np.zeros((9, 3)))
+    assert line in said(capsys, *words.split())
+
+
+def test_results_that_show_nothing_are_told(capsys, tmp_path, monkeypatch):
+    from tests import printed
+
+    monkeypatch.chdir(tmp_path)
+    for name in ("photo.jpg", "depth.png", "scan.ply"):
+        printed.make(name)
+    np.save("flat.npy", np.zeros((8, 8, 8), np.float32))
+    for words, line in {
+        "volume render flat.npy --size 16 -o a.png": "all values of flat are 0",
+        "volume render checker-box --transfer 5..9 --size 16 -o a.png": "its values go from",
+        "points render scan.ply --range 5000..9000 --color-by x --size 16 -o a.png": "no value;",
+        "warp3d stereo photo.jpg depth.png --fraction 0 -o a.png": "both pictures are the same",
+        "points render scan.ply --colormap hot --size 16 -o a.png": "--color-by names one",
+        "texture rectify photo.jpg --corners 0,0;1,0;1,1;0,1 -o a.png": "not shares",
+        "volume render checker-box --fov 1.04 --size 16 -o a.png": "if radians are meant",
+    }.items():
+        application, *rest = words.split()
+        assert ended(APPS[application], *rest) == 0
+        assert line in capsys.readouterr().err, words
+
+
+def test_a_command_of_an_application_is_found(capsys):
+    line = said(capsys, "resample", "resize", "a.png")
+    assert line == '"resize" is a command of resample-texture'

@@ -22,6 +22,7 @@ POSE = np.array([[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 MAPS = tuple(np.meshgrid(np.arange(32, dtype=np.float32), np.arange(24, dtype=np.float32)))
 CUBE = RANDOM.integers(0, 256, (16, 18, 20), np.uint8)
 XYZ, RGB = RANDOM.normal(size=(300, 3)), RANDOM.integers(0, 256, (300, 3), np.uint8)
+CORNERS = [(0, 0), (64, 0), (64, 48), (0, 48)]
 DEPTH = (2 + RANDOM.random((48, 64))).astype(np.float32)
 NAMES = {
     **{name: value for name, value in globals().items() if name.isupper()},
@@ -132,11 +133,48 @@ resample.render(XYZ)
 resample.warp(IMAGE, PLANE)
 resample.warp(IMAGE, DEPTH, resample.Camera(LENS), resample.Camera(LENS, POSE))
 resample.resize(IMAGE, (32, 24))
+texture.warp(IMAGE, PLANE, flags=18)
+texture.warp(IMAGE, PLANE, borderMode=2, borderValue=(255, 255, 255))
+texture.warp(IMAGE, PLANE, output_shape=(9, 9), order=3, mode="reflect", preserve_range=True)
+texture.resize(IMAGE, None, fx=0.5, fy=0.5, interpolation=3)
+texture.rescale(IMAGE, 0.5, channel_axis=-1)
+texture.rotate(IMAGE, 30, expand=True, fillcolor="white")
+texture.warp(IMAGE, texture.getPerspectiveTransform(CORNERS, CORNERS))
+texture.pyrDown(IMAGE)
+texture.zoom(IMAGE[..., 0], 2, order=3)
+texture.map_coordinates(IMAGE[..., 0], np.stack(MAPS[::-1]), order=3, mode="nearest")
+volume.render(CUBE, cmap="viridis", opacity="sigmoid", clim=[0, 200], size=32)
+volume.render(CUBE, cmap="gray", opacity=[0, 0.1, 0.5], size=32)
+volume.render(CUBE, rendering="iso", iso_threshold=128, size=32)
+volume.render(CUBE, colormap="magma", scale=(2, 1, 1), size=32)
+volume.render(CUBE, azimuth=30, elevation=20, zoom=1.5, size=32)
+volume.mip(CUBE, axis=0, size=32)
+volume.isosurface(CUBE, 128, size=32)
+volume.plot(CUBE, cmap="hot")
+volume.add_volume(CUBE, cmap="gray", opacity="linear", size=32)
+volume.turntable(CUBE, frames=2, size=(16, 16))
+points.render(XYZ, scalars=XYZ[:, 2], point_size=5, render_points_as_spheres=True)
+points.render(XYZ, values=XYZ[:, 2], colormap="plasma", vmin=-1, vmax=1)
+points.render(XYZ, eye=(0, 0, -5), lookat=(0, 0, 0), up=(0, 1, 0))
+points.render(XYZ, extrinsic=POSE, intrinsic=LENS, width=64, height=48)
+points.render(np.hstack([XYZ, RGB / 255]))
+points.render(XYZ, normals=XYZ)
+points.draw_geometries([points.Cloud(XYZ), points.Cloud(XYZ + 1)])
+points.PointCloud(points=XYZ)
+points.Gaussians(XYZ, np.exp(XYZ), np.ones((300, 4)), np.ones(300), sh=np.ones((300, 4, 3)))
+warp3d.render(IMAGE, DEPTH, fov=60, move=(0.1, 0, 0))
+warp3d.render(IMAGE, DEPTH, LENS, POSE)
+warp3d.render(IMAGE, DEPTH, fx=60, fy=60, cx=32, cy=24, translation=(0.1, 0, 0))
+warp3d.render(color=IMAGE, depth=DEPTH, K=LENS, R=np.eye(3), t=(0.1, 0, 0))
+warp3d.novel_view(IMAGE, DEPTH, POSE, fov=60)
+warp3d.reproject(IMAGE, DEPTH, LENS, POSE)
+warp3d.stereo(IMAGE, disparity=DEPTH)
+warp3d.stereo(IMAGE, DEPTH, mode="sbs", divergence=2, convergence=50)
+warp3d.anaglyph(IMAGE, DEPTH)
+warp3d.animate(IMAGE, DEPTH, fov=60, path="dolly", frames=2)
 """.strip().splitlines()
 ANSWERED = {
-    "texture.warp(IMAGE, PLANE, flags=17)": "interpolation=",
     "texture.warp(IMAGE, PLANE, resample=3)": "interpolation=",
-    "texture.warp(IMAGE, PLANE, borderMode=1)": "edge=",
     "texture.warp(IMAGE, PLANE, fil=0)": "did you mean 'fill'",
     "texture.resize(IMAGE, fx=0.5, fy=0.25)": r"scale\(image, factor\)",
     "texture.rotate(IMAGE, 30, center=(3, 4))": "matrix for warp",
@@ -145,11 +183,23 @@ ANSWERED = {
     "texture.affine(IMAGE, PLANE)": "resample_dropins.opencv",
     "texture.thumbnail(IMAGE, 16)": "resize",
     "texture.load('a.png')": "take paths",
-    "volume.render(CUBE, opacity=[0, 0.2])": "transfer=",
+    "texture.warp_polar(IMAGE, radius=20)": "warpPolar",
+    "texture.equirectangular_to_perspective(IMAGE, fov=90)": r"project\(image",
+    "volume.render(CUBE, gamma=0.8)": "transfer=",
+    "volume.render(CUBE, isomin=3, isomax=9)": "surface=",
+    "points.render(XYZ, alpha=0.5)": "opaque",
+    "points.render(XYZ, R=np.eye(3), T=(0, 0, 5))": r"camera=Camera\(matrix",
+    "points.render(XYZ, radius=0.01)": "point_size=",
+    "points.scatter(XYZ[:, 0], XYZ[:, 1], XYZ[:, 2])": "column_stack",
+    "points.Cloud(XYZ, RGB)": "colors=",
+    "warp3d.render(IMAGE, DEPTH, rotation=(0, 10, 0))": "turn=",
+    "warp3d.render(IMAGE, DEPTH, znear=0.1)": "near=",
+    "warp3d.stereo(IMAGE, DEPTH, baseline=0.065)": "eye-distance",
+    "warp3d.unproject(DEPTH, LENS)": "--export",
+    "warp3d.RGBDImage(IMAGE, DEPTH)": "1 / depth",
     "volume.render(CUBE, color='red')": "colors of values",
     "volume.slice(CUBE)": r"values\[k\]",
     "volume.open('a.npy').shape": "values.shape",
-    "warp3d.render(IMAGE, DEPTH)": r"warp\(color, depth, source, target\)",
     "warp3d.prepare(IMAGE, DEPTH)": "DepthImage",
     "warp3d.DepthImage(IMAGE, depth=DEPTH)": "1 / depth",
     "warp3d.Camera(fov=60)": "Camera.from_fov",
@@ -169,7 +219,6 @@ ANSWERED = {
     "volume.render(CUBE, resampler=resample.Resampler(), iso=3)": "leave iso, projection out",
     "volume.render(CUBE).image": "np.asarray",
     "volume.render(CUBE).to_pil()": "to_image",
-    "volume.mip(CUBE)": "projection",
     "points.render(XYZ, RGB, colors=RGB)": "after the scene",
     "points.render(XYZ, projection='orthographic')": "fov=0",
     "warp3d.warp(IMAGE, DEPTH, LENS, LENS, POSE)": "give",
@@ -242,3 +291,45 @@ def test_editors_know_all_options_of_a_picture() -> None:
     apart = "clim camera steady size bits also level no_cache eyes deep color_by color_bar range "
     apart += "threads filter colormap"
     assert set(OfPoints.__annotations__) ^ of_points == set(apart.split())
+
+
+def test_films_without_a_file_are_returned() -> None:
+    made = resample_volume.animate(CUBE, frames=2, size=(20, 16))
+    assert made is not None
+    assert made.shape == (2, 16, 20, 3)
+
+
+def test_a_projection_along_an_axis_is_that_of_the_array() -> None:
+    seen = resample_volume.render(CUBE, "gray", axis=0, projection="maximum", spacing=(1, 1, 1))
+    bottom = resample_volume.render(CUBE, "gray", "bottom", projection="maximum", fov=0)
+    np.testing.assert_array_equal(seen.rgba, bottom.rgba)
+
+
+def test_options_of_depth_images_are_those_of_the_commands() -> None:
+    from typing import get_type_hints
+
+    from resample import registry
+    from resample.command.flags import marks_of
+    from resample_points import calls as of_points
+    from resample_volume import calls as of_volumes
+    from resample_warp3d import calls
+
+    apart = {
+        ("warp3d", "stereo"): (calls.StereoOptions, "output batch recursive skip-errors from"),
+        ("warp3d", "animate"): (calls.AnimateOptions, "output"),
+        ("volume", "animate"): (of_volumes.AnimateOptions, "output size camera"),
+        ("points", "animate"): (of_points.AnimateOptions, "output"),
+    }
+    more = {"disparity", "clim", "zoom-in"}  # and those of snapshots
+    more |= {name.replace("_", "-") for name in get_type_hints(of_points.DensityOptions)}
+    for (application, command), (options, left_out) in apart.items():
+        function = registry.load("apps", application)[command].default_command
+        known = {name.replace("_", "-") for name in get_type_hints(options)}
+        assert known - more == set(marks_of(function)) - {*left_out.split()} - more, application
+
+
+def test_colors_that_are_given_for_normals_are_told() -> None:
+    even = np.tile([0, 0, 1.0], (300, 1))
+    assert len(resample_points.Cloud(XYZ, even).normal) == 300
+    with pytest.raises(TypeError, match="colors="):
+        resample_points.Cloud(XYZ, RGB / 255)

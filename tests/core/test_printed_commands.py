@@ -17,9 +17,9 @@ from tools.pages import commands
 # Pages whose commands other tests run: tests/volume/test_jobs.py, warp3d/test_stereo_photos.py.
 ELSEWHERE = ("jobs.md", "headset.md")
 # Figures of the paper, which need its volumes or minutes; a plugin that one page writes; and forms.
-APART = re.compile(r" figures |python |hann:width| \.\.\. |FILE|^resample plugins")
+APART = re.compile(r" figures\b|python |hann:width| \.\.\. |FILE|^resample plugins| fetch\b")
 PUBLIC = re.compile(r"\$\(resample-volume fetch (\w+)\)")  # is loaded from the web
-EXAMPLES = re.compile(r"^ +(resample[\w-]* .*sample:.*)$", re.MULTILINE)  # of `-h`
+EXAMPLES = re.compile(r"^ +(resample[\w-]* (?!demo).*)$", re.MULTILINE)  # of `-h`
 HELPED = [
     (Path(program), line)
     for program, command in all_commands()

@@ -97,9 +97,20 @@ def test_results_are_saved_as_tiff_and_jpeg_too(tmp_path: Path) -> None:
     seen.save(tmp_path / "frame.jpg", background=(1, 1, 1))
     levels = np.asarray(Image.open(tmp_path / "frame.jpg")).astype(int)
     assert np.abs(levels - seen.to_uint8(background=(1, 1, 1))).mean() < 12
-    with pytest.raises(ValueError, match="JPEG has no transparency"):
-        seen.save(tmp_path / "clear.jpg")
-    assert not (tmp_path / "clear.jpg").exists()
+    seen.save(tmp_path / "black.jpg")
+    levels = np.asarray(Image.open(tmp_path / "black.jpg")).astype(int)
+    assert np.abs(levels - seen.to_uint8(background="black")).mean() < 12
+
+
+@pytest.mark.parametrize("program", ["volume", "points", "texture", "warp3d"])
+def test_films_have_no_transparency(program: str, capsys: pytest.CaptureFixture[str]) -> None:
+    from resample import registry
+    from tests.commands import ended
+
+    given = {"volume": "vessel-tree", "points": "sample:knot-points", "texture": "sample:bricks"}
+    words = [given.get(program, "sample:room"), "--background", "none", "-o", "a.webp"]
+    assert ended(registry.load("apps", program), "animate", *words) == 2
+    assert "films are opaque" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32"])

@@ -205,7 +205,7 @@ GROUPED: dict[str, Callable[..., Any]] = {
 
 @pytest.mark.parametrize("name", GROUPED)
 def test_unknown_options_of_groups_are_refused(name: str) -> None:
-    with pytest.raises(TypeError, match=r"no option 'nonsense'.* known: \w+, ") as caught:
+    with pytest.raises(TypeError, match=r"no option 'nonsense'(; known: \w+, |, did)") as caught:
         GROUPED[name](nonsense=3)
     assert "\n" not in str(caught.value)
 

@@ -198,3 +198,62 @@ def test_several_volumes_have_a_legend(browser: Any, tmp_path: Path) -> None:
         tab.mouse.click(*middle(tab))
         tab.wait_for_selector("#picked:has-text('value')")
         assert tab.locator("#rivals option[value=VTK]").is_disabled()
+
+
+def test_the_range_of_colors_of_a_cloud_is_dragged(browser: Any) -> None:
+    file = resample.sample_path("sample:knot-points")
+    with served(view_of(file)) as place, tab_of(browser, place.address, SIZE) as tab:
+        assert tab.locator("#contrast").is_hidden()
+        after(tab, lambda: (tab.fill("#option-color-by", "z"), tab.keyboard.press("Tab")))
+        tab.click("#contrast")
+        after(tab, lambda: drag(tab, middle(tab), 40, 0))
+        low, high = map(float, tab.input_value("#option-range").split(","))
+        after(tab, lambda: drag(tab, middle(tab), 0, -40))
+        lower, higher = map(float, tab.input_value("#option-range").split(","))
+        assert higher - lower == pytest.approx(high - low, rel=1e-3)
+        assert lower > low
+        assert "window" in tab.inner_text("#readout")
+        assert tab.locator("#option-camera").count() == 0 or tab.input_value(
+            "#option-camera"
+        ).startswith("30,20")
+
+
+def test_the_window_of_channels_is_dragged_and_they_have_names(
+    browser: Any, tmp_path: Path
+) -> None:
+    import tifffile
+
+    path = tmp_path / "cells.ome.tif"
+    stack = np.random.default_rng(7).integers(0, 255, (12, 2, 20, 24), np.uint8)
+    channels = {"Name": ["DAPI", "GFP"], "Color": [0x3366FFFF, 0x00FF00FF]}
+    about = {"axes": "ZCYX", "Channel": channels}
+    tifffile.imwrite(path, stack, metadata=about, ome=True)
+    view = volume_view(str(path), begin=BEGIN, added=Added(channels="#3366ff,lime"))
+    with served(view) as place, tab_of(browser, place.address, SIZE) as tab:
+        names = tab.locator("#legend li").all_inner_texts()
+        assert names == ["cells.ome (DAPI)", "cells.ome (GFP)"]
+        before = levels(tab)
+        tab.click("#contrast")
+        after(tab, lambda: drag(tab, middle(tab), 60, 0))
+        low, high = map(float, tab.input_value("#option-window").split(".."))
+        assert low < high
+        assert (levels(tab) != before).any()
+
+
+def test_methods_of_pictures_and_depth_images_are_compared(browser: Any, tmp_path: Path) -> None:
+    from resample_texture.viewing import picture_view
+    from resample_warp3d.command.source import SourceCamera
+    from resample_warp3d.viewing import depth_view
+    from tests import printed
+
+    color, depth = tmp_path / "photo.jpg", tmp_path / "depth.npy"
+    printed.picture(str(color))
+    np.save(depth, np.tile(np.linspace(3, 5, 96, dtype=np.float32), (64, 1)))
+    begin = (SourceCamera(fov=60),)
+    for view, method in (
+        (picture_view(color), "nearest"),
+        (depth_view(str(color), str(depth), begin), "paper"),
+    ):
+        with served(view) as place, tab_of(browser, place.address, SIZE) as tab:
+            after(tab, lambda one=method: tab.select_option("#rivals", f"method={one}"))
+            assert f"method {method}" in tab.inner_text("#other .caption")

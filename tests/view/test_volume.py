@@ -264,6 +264,7 @@ def test_several_volumes_are_one_picture_and_have_a_legend(
         opened = "both.npy", None, (), Added(channels="lime,red")
     with served(volume_view(*opened)) as place, place.page() as page:
         settings = page.about["settings"] | {"background": "black", "opacity-unit": 2.0}
+        settings |= {"window": "20..180"} if kind == "channels" else {}
         head, data = page.drawn(settings)
         assert [one["colors"] for one in head["legend"]][-1] == ["#ff0000"]
         assert len(head["legend"]) == 2

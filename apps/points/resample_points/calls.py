@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from resample.calling import takes, understood
+from resample.calling import FilmOptions, takes, understood
 from resample.cameras.panoramic import Equirectangular
 from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
@@ -22,7 +22,7 @@ from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Floats, Frame
 from resample_points.data.cloud import Cloud, columns_of
-from resample_points.data.columns import colored, select_points
+from resample_points.data.columns import colored, join_clouds, select_points
 from resample_points.data.gaussians import DOWN, Gaussians
 from resample_points.files.gaussians.formats import is_gaussians, read_gaussians, write_gaussians
 from resample_points.files.readers import SNAPSHOTS, read_cloud
@@ -36,7 +36,7 @@ from resample_points.scenes import CloudScene, camera_of
 if TYPE_CHECKING:
     from resample.command.settings import Choices
 
-SCENES = "a path, positions (N, 3), a Cloud or Gaussians"
+SCENES = "a path, positions (N, 3) or with colors (N, 6), a Cloud or Gaussians"
 
 RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one line each
     "background": str, "fov": float, "up": UpAxis, "clim": tuple[float, float],
@@ -45,6 +45,29 @@ RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one lin
     "trained_focal": str, "subpixels": int, "nearest": float, "least_opacity": float,
     "largest": float,
 }, total=False)  # fmt: skip
+DensityOptions = TypedDict("DensityOptions", {  # noqa: UP013 - of snapshots of particles
+    "axis": str, "quantity": str, "log": bool, "slice": Any, "smoothing_kernel": str, "type": Any,
+    "bits": int,
+}, total=False)  # fmt: skip
+
+
+class AnimateOptions(RenderOptions, DensityOptions, FilmOptions, total=False):
+    """Options of `animate`."""
+
+    camera: Any
+    size: str | int | tuple[int, int]
+    color_by: str
+    colormap: str
+    color_bar: bool
+    range: str
+    steady: bool
+    also: str | Sequence[str]
+    level: int
+    no_cache: bool
+    eyes: float
+    deep: Any
+    filter: str
+    threads: int
 
 
 @takes()
@@ -54,6 +77,7 @@ def render(
     *,
     colors: ArrayLike | str | None = None,
     colormap: str = "viridis",
+    normals: ArrayLike | None = None,
     size: tuple[int, int] | int = (640, 480),
     style: CloudStyle | GaussianStyle | None = None,
     filter: str | PixelFilter | None = None,  # noqa: A002
@@ -78,6 +102,8 @@ def render(
         one color for all: a name or #rrggbb.
     colormap
         One of matplotlib's, for numbers.
+    normals
+        Of points, in place of their own: (N, 3), outward.
     size
         Width and height, px, or both of a square.
     style
@@ -110,6 +136,12 @@ def render(
     """
     options: dict[str, Any] = {**given}
     found, behind, largest, span = opened(scene), None, LARGEST, None
+    if {"vmin", "vmax"} <= options.keys():
+        options["clim"] = options.pop("vmin"), options.pop("vmax")
+    if normals is not None:
+        if not isinstance(found, Cloud):
+            raise ValueError("normals are for a Cloud, a file or positions of a cloud")
+        found = found._replace(normal=np.asarray(normals, np.float32))
     height, width = shape_of(size)
     size = width, height
     view: Any = camera
@@ -181,7 +213,13 @@ def _chosen(options: Mapping[str, Any], look: type["Choices"]) -> list[Any]:
     return chosen(understood("render", dict(options), known), models)
 
 
-def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any) -> None:
+@takes()
+def animate(
+    scene: Any,
+    output: str | PathLike[str] | None = None,
+    *more: str,
+    **options: Unpack[AnimateOptions],
+) -> NDArray[np.uint8] | None:
     """Film points or 3D Gaussians as `resample-points animate` does: a camera goes around them.
 
     Snapshots of particles are filmed as `resample-points density` does.
@@ -192,7 +230,8 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
         A file; or positions (N, 3), a `Cloud` or `Gaussians`, which are written
         to a temporary file.
     output
-        Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
+        Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures; None:
+        return the frames (N, H, W, 3).
     more
         Further files, a frame each.
     options
@@ -212,7 +251,7 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
     >>> film.stat().st_size > 0
     True
     """
-    from resample.command.applications import run
+    from resample.command.applications import film
 
     with TemporaryDirectory() as folder:
         file = scene
@@ -230,7 +269,7 @@ def animate(scene: Any, output: str | PathLike[str], *more: str, **options: Any)
                 raise TypeError(f"a film of {shortly(scene)}; give {SCENES}")
         is_snapshot = Path(file).suffix.lower() in SNAPSHOTS
         command = "density" if is_snapshot else "animate"
-        run("points", command, Path(file), *map(Path, more), output=Path(output), **options)
+        return film("points", command, Path(file), *map(Path, more), output=output, **options)
 
 
 def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
@@ -253,7 +292,14 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
     if isinstance(scene, str | PathLike):
         path = Path(scene)
         return read_gaussians(path) if is_gaussians(path) else read_cloud(path)
+    if isinstance(scene, list | tuple) and scene and all(isinstance(one, Cloud) for one in scene):
+        return join_clouds(scene)
     place: Any = np.asarray(getattr(scene, "points", scene))  # of Open3D or a trimesh.PointCloud
+    if place.ndim == 2 and place.shape[1] == 6 and place.dtype.kind in "iuf":
+        colors = place[:, 3:]  # levels from 0 to 1 or to 255; normals have negative parts
+        if colors.min(initial=0) >= 0 and colors.max(initial=0) <= 255:
+            levels = colors if colors.max(initial=0) <= 1 else colors / 255
+            return _colored(Cloud(place[:, :3]), levels, "", None)
     if place.dtype.kind not in "iuf" or place.ndim != 2 or place.shape[1] != 3:
         raise TypeError(f"a scene of {shortly(scene)}; give {SCENES}")
     return Cloud(place.astype(np.float32 if place.dtype == np.float32 else np.float64))

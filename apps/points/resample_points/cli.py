@@ -142,7 +142,7 @@ def animate(
         Number of frames. [default: 96; for a path as many as its times require]
     """
     from resample.command.workers import check_sharing
-    from resample.console import linear_color
+    from resample.console import film_background
     from resample.files.animations import check_film
     from resample_points.command.rendering import (
         check_memory,
@@ -155,7 +155,7 @@ def animate(
     check_film(output, fps)
     check_sharing(sharing)
     start.start()
-    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    behind = film_background(background)
     check_memory(shape, output, sharing.workers or 0)
     gaussians.check()
     for each in (files := (file, *more)):

@@ -60,7 +60,9 @@ __all__ = [
 
 _MOVED = {  # to packages of plugins/; until the next release
     "chunks": "warp_chunks",
-    "like.opencv": "remap warpAffine warpPerspective warp_like_opencv",
+    "like.opencv": "linearPolar logPolar remap warpAffine warpPerspective warpPolar "
+    "warp_like_opencv",
+    "like.ndimage": "affine_transform map_coordinates zoom",
     "mosaics": "coadd control_points reproject",
 }
 _OLD = {name: module for module, names in _MOVED.items() for name in names.split()}

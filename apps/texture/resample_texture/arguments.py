@@ -197,8 +197,11 @@ def fill_for(fill: Fill | None, image: Any, alpha: AnyAlpha | None, method: Meth
     if fill is None:  # floats and masked arrays are measurements
         is_measured = image.dtype.kind in "fc" or isinstance(image, np.ma.MaskedArray)
         return math.nan if is_measured and not (is_total or has_alpha) else None
+    if isinstance(fill, str) and fill in ("black", "white"):
+        whole = np.iinfo(image.dtype).max if image.dtype.kind in "ui" else 1
+        fill = whole if fill == "white" else 0
     if isinstance(fill, str) or not np.isscalar(fill):
-        raise ValueError(f"fill is a number or {PREMULTIPLIED!r}, not {fill!r}")
+        raise ValueError(f"fill is a number, 'black', 'white' or {PREMULTIPLIED!r}, not {fill!r}")
     if is_total or has_alpha:
         kind = "totals are 0" if is_total else "pictures with opacity are transparent"
         raise ValueError(f"{kind} where nothing is; leave fill out")

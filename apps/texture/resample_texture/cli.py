@@ -308,6 +308,7 @@ def rectify(
         Size in px: 400 for a square, 640x480 for width and height. [default: the page's sides in
         the photo]
     """
+    from resample.console import note
     from resample_texture.command.jobs import warp_all
     from resample_texture.geometry.matrices import (
         from_corners,
@@ -319,6 +320,8 @@ def rectify(
 
     ordered = order_corners(parse_points(corners))
     shape = rectified_shape(ordered) if size is None else height_and_width(size)
+    if min(rectified_shape(ordered)) < 4:
+        note("the corners enclose less than 4 px; they are x and y in px of the photo, not shares")
     page = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
     warp_all(files, output, lambda _: page, warping=warping, written=written, besides=BESIDES)
 
@@ -430,14 +433,14 @@ def animate(
     from resample import registry
     from resample.command.films import write_shared
     from resample.command.session import require_picture
-    from resample.console import linear_color
+    from resample.console import film_background
     from resample.files.animations import check_film
     from resample.files.pictures import form_of, read_picture
     from resample_texture.command import rendering
     from resample_texture.types import AnyLight, Edge
 
     flight = rendering.Flyover(path, frames, height_and_width(size))
-    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    behind = film_background(background)
     check_film(output, fps)
     (height, width, _), _ = form_of(image)
     texel, pixel = rendering.BYTES_OF_FILM

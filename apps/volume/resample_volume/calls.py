@@ -8,8 +8,9 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import NDArray
 
-from resample.calling import REMEDIES, choice_meant, takes, understood
+from resample.calling import REMEDIES, FilmOptions, choice_meant, takes, understood
 from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.messages import check_kind, shortly
@@ -20,6 +21,7 @@ from resample.resampler import Resampler
 from resample.types import Frame
 from resample_volume.appearance import Appearance, resampler_for
 from resample_volume.classification.scales import scaled
+from resample_volume.classification.transfer import TransferFunction
 from resample_volume.classification.value_statistics import survey, without_padding
 from resample_volume.inputs import as_volume
 from resample_volume.rendering import Fitted, pictured
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 PAIRS = "give several volumes as a list of pairs (volume, appearance), without another appearance"
 RANGES = ("clim", "contrast_limits")  # what others call the ends of a window
+# Views along an axis of an array (Z, Y, X) that numpy.max(axis) shows; the last two upside down.
+ALONG = {"0": "bottom", "1": "front", "2": "right", "z": "bottom", "y": "front", "x": "right"}
 CAMERA = ("camera", "fov", "up", "fit")  # of the look's options, those of the camera
 Numbers = float | str | Sequence[float]
 Some = str | Sequence[str]  # as the command takes it once, or several times
@@ -47,6 +51,13 @@ RenderOptions = TypedDict("RenderOptions", {  # noqa: UP013 - as a class one lin
     "reader": str, "shape": Numbers, "dtype": str, "endian": str, "memory": str, "level": int,
     "units": str, "scale": str, "time": int, "channel": int, "threads": int,
 }, total=False)  # fmt: skip
+
+
+class AnimateOptions(RenderOptions, FilmOptions, total=False):
+    """Options of `animate`."""
+
+    also: Some
+    channels: str
 
 
 @takes()
@@ -112,7 +123,14 @@ def render(
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
-    options, shape = dict[str, Any](given), shape_of(size)
+    options: dict[str, Any] = {**given}
+    shape = shape_of(size)
+    if isinstance(appearance, int | float):  # isosurface(volume, 0.5)
+        appearance, options = "auto", {"iso": appearance, **options}
+    if "axis" in options:
+        camera = ALONG[str(options.pop("axis"))]
+        options.setdefault("fov", 0)
+    opacities = options.pop("opacity") if _is_ramp(options.get("opacity")) else None
     shown = choice_meant(appearance, list(Projection)) if isinstance(appearance, str) else ""
     if shown in list(Projection):  # a projection where a look is expected
         appearance, options = "auto", {"projection": shown, **options}
@@ -163,6 +181,8 @@ def render(
         if not isinstance(each, Appearance):
             named = look if each == "auto" else look.model_copy(update={"transfer": each})
             each = named.appearance(scene, paint)  # noqa: PLW2901
+            if opacities is not None:
+                each = _faded(each, opacities)  # noqa: PLW2901
         media.append((without_padding(scene, survey(scene)), each))
     media = with_objects(media, extras.scene_objects(look, paint))
     if isinstance(view, Orbit) and look.model_fields_set & {"fov", "up"}:
@@ -174,15 +194,16 @@ def render(
     return annotated_picture(subject, eye, frame, media, paint, extras, behind).over(behind)
 
 
+@takes()
 def animate(
     volume: Any,
-    output: str | PathLike[str],
+    output: str | PathLike[str] | None = None,
     appearance: str = "auto",
     camera: Sequence[float] | str | None = None,
     *,
     size: tuple[int, int] | int = (400, 400),
-    **options: Any,
-) -> None:
+    **options: Unpack[AnimateOptions],
+) -> NDArray[np.uint8] | None:
     """Film a volume as `resample-volume animate` does: a camera goes around it, or times pass.
 
     Parameters
@@ -190,7 +211,8 @@ def animate(
     volume
         A path or name, or what else `as_volume` takes, which is written to a temporary file.
     output
-        Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures.
+        Film to write: `.mp4`, `.webm`, `.gif`, `.webp`, `.apng`, or a folder of pictures; None:
+        return the frames (N, H, W, 3).
     appearance, camera, size
         As for `render`, but texts and numbers only.
     options
@@ -210,7 +232,7 @@ def animate(
     >>> film.stat().st_size > 0
     True
     """
-    from resample.command.applications import run
+    from resample.command.applications import film
 
     height, width = shape_of(size)
     given = {"transfer": appearance, "camera": camera, "size": f"{width}x{height}", **options}
@@ -221,12 +243,35 @@ def animate(
 
             name = str(Path(folder) / "volume.nrrd")
             write_volume(Path(name), as_volume(volume, "volume"))
-        run("volume", "animate", name, output=Path(output), **_spelled(given))
+        return film("volume", "animate", name, output=output, **spelled(given))
 
 
-def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
+def _is_ramp(given: Any) -> bool:
+    """Whether an opacity is one of PyVista: a list, or the name of a ramp."""
+    ramps = ("sigmoid", "linear_r", "geom")
+    return isinstance(given, list | tuple | np.ndarray) or str(given).startswith(ramps)
+
+
+def _faded(look: Appearance, given: Any) -> Appearance:
+    """Return a look with opacities that are spread over its window."""
+    transfer = look.transfer
+    if not isinstance(transfer, TransferFunction):
+        raise TypeError(f"opacity {shortly(given)}; give it with a colormap, such as cmap='gray'")
+    if isinstance(given, str):
+        steep = float(given.partition("_")[2]) if given.startswith("sigmoid_") else 10.0
+        ramps = {"linear_r": np.linspace(1, 0, 65), "geom": np.geomspace(4e-9, 1, 65)}
+        given = ramps.get(given, 1 / (1 + np.exp(-np.linspace(-steep, steep, 65))))
+    value = np.linspace(transfer.value[0], transfer.value[-1], max(65, len(given)))
+    color = np.column_stack([np.interp(value, transfer.value, part) for part in transfer.color.T])
+    opacity = np.interp(value, np.linspace(value[0], value[-1], len(given)), given)
+    return replace(look, transfer=replace(transfer, value=value, color=color, opacity=opacity))
+
+
+def spelled(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options with a window of others' words, and the projection of an iso value."""
     given = dict(options)
+    if np.shape(given.get("scale", "")) == (3,):  # of napari: along z, y and x
+        given["spacing"] = tuple(given.pop("scale"))[::-1]
     for name in RANGES:
         if name in given:
             low, high = given.pop(name)
@@ -235,7 +280,7 @@ def _spelled(options: Mapping[str, Any]) -> dict[str, Any]:
         given["window"] = f"{given.pop('vmin')}..{given.pop('vmax')}"
     if given.get("parallel_projection") is True:
         given["fov"] = 0 * given.pop("parallel_projection")
-    if not isinstance(given.get("opacity", ""), str):
+    if given.get("opacity", "exact") not in ("exact", "linear"):
         raise TypeError(f"opacity {shortly(given['opacity'])}: {REMEDIES['opacity']}")
     if "iso" in given:
         given.setdefault("projection", "first-hit")
@@ -250,4 +295,4 @@ def _chosen(call: str, options: Mapping[str, Any]) -> "list[Any]":
     models: list[type[Choices]] = [AppearanceChoices, Resampling, PictureExtras, ReadOptions]
     models.append(PictureFormat)
     known = {field for model in models for field in model.model_fields} - {"bits", "deep"}
-    return chosen(understood(call, _spelled(options), sorted(known)), models)
+    return chosen(understood(call, spelled(options), sorted(known)), models)

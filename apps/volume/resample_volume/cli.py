@@ -13,7 +13,7 @@ from resample.command.flags import Inline, OptionTopic
 from resample.command.help_formatter import CommandLine, add_command
 from resample.command.session import Session, require_picture, run
 from resample.command.settings import PictureFormat, Resampling, Serving, Sharing, with_settings
-from resample.console import linear_color
+from resample.console import film_background
 from resample.files.writing import check_targets, write_json
 from resample.lazy import installed_version
 from resample_volume.command.choices import (
@@ -182,7 +182,7 @@ def animate(
     check_film(output, fps)
     flight = animation.flight_of(path, frames, fps, look.viewpoint())
     shape = PictureFormat(size=size, threads=threads).height_and_width()
-    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    behind = film_background(background)
     resampler = look.renderer(resampling, source.scale)
     extras.scene_objects(look, resampler)
     extras.check_bar(output, shape[0])

@@ -16,7 +16,7 @@ except ModuleNotFoundError as error:
 if TYPE_CHECKING:
     from resample.cameras.models import Camera, Orthographic
     from resample.cameras.panoramic import Equirectangular
-    from resample_warp3d.calls import animate, stereo
+    from resample_warp3d.calls import animate, render, stereo
     from resample_warp3d.depth.equation import between, of_rectified
     from resample_warp3d.depth.preparation import prepare
     from resample_warp3d.depth.refining.conditioning import refine
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from resample_warp3d.views.merging import merge
     from resample_warp3d.views.multi_source import Joining, PosedSource, agreed, render_together
     from resample_warp3d.views.panoramas import SEAMLESS, panorama
-    from resample_warp3d.warping import render, warp, warp_disparity
+    from resample_warp3d.warping import warp, warp_disparity
 
 _HOMES = {
     "Camera": "resample.cameras.models",
@@ -58,7 +58,7 @@ _HOMES = {
     "prepare": "depth.preparation",
     "refine": "depth.refining.conditioning",
     "registered": "registering",
-    "render": "warping",
+    "render": "calls",
     "render_together": "views.multi_source",
     "stereo": "calls",
     "view": "viewing",

@@ -16,6 +16,7 @@ from resample.command.settings import (
     Written,
     with_settings,
 )
+from resample.console import say
 from resample.lazy import installed_version
 from resample_warp3d.command.choices import (
     Depth,
@@ -219,6 +220,8 @@ def stereo(
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
+    if fraction == 0:
+        say("--fraction 0 moves nothing: both pictures are the same; 1 is the other eye's")
     if warping.unmixed:  # filling would mix colors
         warping = warping.model_copy(update={"fill": False})
     warping.built()
@@ -276,7 +279,7 @@ def animate(
     from resample.command.films import write_shared
     from resample.command.session import Session
     from resample.command.workers import at_work, check_sharing
-    from resample.console import linear_color
+    from resample.console import film_background
     from resample.files.animations import check_film
     from resample_warp3d.command.animation import Range, check_path, poses_of
     from resample_warp3d.command.depths import (
@@ -293,7 +296,7 @@ def animate(
     reader = DepthReader.checked(eye.of_recording(color), meaning)
     warping.built()
     check_path(travel.path, travel.frames, travel.amount)
-    behind = linear_color(background) or (0.0, 0.0, 0.0)
+    behind = film_background(background)
     fps = 24.0 if filming.fps is None else filming.fps
     target.check_target()
     target.shape((1, 2))

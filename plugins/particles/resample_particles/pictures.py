@@ -105,9 +105,12 @@ class ParticlePictures:
 
     def shown(self, camera: Any, shape: "Shape", background: Any) -> "Floats":
         """Return a picture, with the bar of its colors if requested."""
+        return self.with_bar(self.picture(camera, shape), background)
+
+    def with_bar(self, picture: "MapPicture", background: Any) -> "Floats":
+        """Return a picture's light, with the bar of its colors if requested."""
         from resample.measuring.color_bars import with_color_bar
 
-        picture = self.picture(camera, shape)
         if not self.options.color_bar:
             return picture.rgba
         return with_color_bar(picture.rgba, picture.bar(background), background)

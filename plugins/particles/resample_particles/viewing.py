@@ -49,16 +49,19 @@ class ParticlePainter(FilmPainter):
         with cancellable(cancel):
             form, scene, camera = self._placed(settings, size)
             behind = form.behind() or (0.0, 0.0, 0.0)
+            told: dict[str, Any] = {}
             if quick:
                 few = preview_size(size)[::-1]
                 small = scene.fewer.picture(shrunken(camera, PER), few).rgba
                 levels = screen_levels(small, background=form.behind())
                 levels = enlarged(levels, PER, shape, smooth=True)
             else:
-                rgba = scene.shown(camera, shape, behind)
+                made = scene.picture(camera, shape)
+                told = {"range": {"ends": list(made.span), "log": made.is_log}}
+                rgba = scene.with_bar(made, behind)
                 levels = screen_levels(rgba, background=form.behind())
         view = {} if scene.options.color_bar else placed_by(camera, size)  # a bar moves the picture
-        return PagePicture(levels, quick, view)
+        return PagePicture(levels, quick, {**view, **told})
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the value at a pixel, see `resample.view.views.Painter`.

@@ -22,7 +22,8 @@ export function help(page) {
     const { histogram, film, slices } = page.about;
     return [
       ...page.steering.help,
-      ...(histogram ? [["Window/level (w), or Ctrl and drag", "right: wider window, up: higher level"], ...HISTOGRAM] : []),
+      ...(page.contrast.button.hidden ? [] : [["Window/level (w), or Ctrl and drag", "right: wider window, up: higher level"]]),
+      ...(histogram ? HISTOGRAM : []),
       ...(slices ? [["Slices: click; wheel, arrows, Page Up/Down", "move the other slices; scroll through them"]] : []),
       ["s", "axes and scale bar"],
       ...(film ? [["Keyframe", "keep this camera; Export has the film through all"]] : []),

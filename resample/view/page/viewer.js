@@ -299,6 +299,7 @@ export function show(el, connect) {
     image.dataset.number = head.number;
     image.dataset.preview = head.preview;
     names.shown(head.legend);
+    page.contrast.framed(head);
     scales.shown(head.view);
     state.framed(head);
     answered(head);

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from resample.command.settings import FrameFormat
-from resample.console import say
+from resample.console import note, say
 from resample_points.command import gaussians as of_gaussians
 from resample_points.command.choices import Aimed, CloudOptions, CloudStart
 from resample_points.command.gaussians import GaussianOptions
@@ -143,6 +143,8 @@ def scene_of(session: "Session", file: Path, look: CloudOptions) -> ColoredScene
             cloud = select_points(cloud, look.only, look.crop)
         if look.color_by is not None:
             cloud, scale = colored(cloud, look.color_by, colormap=look.colormap, span=look.span)
+        elif "colormap" in look.model_fields_set:
+            note("--colormap colors numbers, of which --color-by names one")
     with session.stage("prepare", bar="measuring") as progress, told(progress):
         surfels = prepare_cloud(
             cloud,

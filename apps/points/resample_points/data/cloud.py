@@ -17,7 +17,20 @@ NO_ROWS = np.zeros((0, 3), np.float32)
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
-@constructed()
+def _tell_colors(args: Sequence[Any]) -> None:
+    """Say that colors are given in the place of normals, by some of their rows."""
+    given = np.asarray(args[2] if len(args) > 2 else NO_ROWS)[:64]
+    if given.ndim == 2 and len(given) >= 8 and given.shape[1] == 3:
+        lengths = np.linalg.norm(given.astype(np.float64), axis=1)
+        is_level = given.min() >= 0 and given.max() <= 1 and np.ptp(lengths) > 0.05
+        if given.dtype.kind in "ui" or is_level:
+            raise TypeError(
+                "the second array of a Cloud holds normals, but these look like colors: give "
+                "Cloud(position, color=...), linear light, or render(position, colors=...)"
+            )
+
+
+@constructed(check=_tell_colors)
 class Cloud(NamedTuple):
     """N surface points; parts that are unknown have length 0.
 

@@ -1,5 +1,6 @@
 """Color and choose the points of a cloud by its columns, and join clouds."""
 
+import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -29,6 +30,7 @@ from resample_points.data.parts import (
     zeros_beside,
 )
 
+LOG = logging.getLogger("resample")
 UNKNOWN = 0.2  # linear gray of points without a value
 LEVELS = 1024  # colors of a scale
 SCANNED = ("intensity", "classification")  # columns to color points by if they have no colors
@@ -174,7 +176,10 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
     """Return a span in numbers, from text, numbers, or None for the whole range."""
     if given is None:
         return whole
-    words = given.split(",") if isinstance(given, str) else [str(float(end)) for end in given]
+    if isinstance(given, str):
+        words = given.replace("..", ",").split(",")
+    else:
+        words = [str(float(end)) for end in given]
     ends = list[float]()
     with suppress(ValueError):
         ends = [
@@ -192,6 +197,10 @@ def span_of(given: str | Range | None, values: NDArray[Any], whole: Range) -> Ra
         raise ValueError(
             f"a range from {first:g} to {last:g}; give the smaller first, and a colormap with _r "
             "for reversed colors"
+        )
+    if last < whole[0] or first > whole[1]:
+        LOG.warning(
+            "the range from %g to %g holds no value; they go from %g to %g", first, last, *whole
         )
     return first, last
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from resample import registry
 from resample.memory.mapped import is_in_file
+from resample.messages import reader_of
 from resample.reading.arrays import npz_names, read_npz
 from resample.reading.limits import check_file
 from resample_points.data.cloud import Cloud, kept_columns, linear, some_of
@@ -74,7 +75,10 @@ def read_cloud(path: str | Path, *, level: int = 0, columns: Sequence[str] | Non
         mapped = f"{source.name} holds particles, which `resample-points density` maps and films"
         raise ValueError(registry.missing("commands", "points.density") or mapped)
     if source.suffix.lower() not in known:
-        raise ValueError(f"{path}: clouds are read from {', '.join(known)}")
+        other = f"{reader_of(path)}; " if reader_of(path) else ""
+        if source.suffix.lower() == ".npy":
+            other = "numpy.savetxt('points.xyz', array) writes an array of points; "
+        raise ValueError(f"{path}: {other}clouds are read from {', '.join(known)}")
     if level and source.suffix.lower() not in LASER:
         raise ValueError(f"{source.name} has no levels, which COPC files have")
     reader = registry.load("clouds", source.suffix.lower()[1:])

@@ -139,7 +139,10 @@ class CloudPainter(FilmPainter):
             form, cloud, camera = self._placed(settings, size, quick=quick)
             frame = cloud.shown(cloud.picture(camera, size[::-1]), form)
         levels = screen_levels(frame.rgba, background=form.behind())
-        return PagePicture(levels, quick, placed_by(camera, size))
+        facts = placed_by(camera, size)
+        if cloud.scale is not None and not cloud.scale.classes:
+            facts["range"] = {"ends": list(cloud.scale.span), "log": False}
+        return PagePicture(levels, quick, facts)
 
     def pick(self, settings: Settings, size: Size, x: float, y: float) -> dict[str, Any]:
         """Return the position seen at a pixel, see `resample.view.views.Painter`."""

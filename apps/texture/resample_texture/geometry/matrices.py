@@ -50,7 +50,7 @@ def parse_matrix(text: str) -> Doubles:
         return _of_lines([_numbers(text)], repr(text))
     path = Path(text)
     if not path.exists():
-        raise ValueError(f"{text!r} is neither nine or six numbers nor a file")
+        raise ValueError(f"{text}: there is no such file; a matrix may also be nine or six numbers")
     if path.is_file() and path.stat().st_size > LARGEST_FILE:
         raise ValueError(
             f"{path} has {path.stat().st_size} bytes; a file of nine numbers is smaller"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resample import registry
 from resample.command.session import Session
 from resample.command.settings import Written, chosen
 from resample.files.conversion import levels_of
@@ -120,6 +121,7 @@ def picture_view(path: Path, begin: Sequence[Any] = ()) -> FileView:
         return {
             "title": path.name,
             "subtitle": f"{width} × {height}, {first.scene.image.dtype}",
+            "names": {"method": registry.names("methods")},
             "command": COMMAND,
             "package": "resample_texture",
             "inputs": [str(path)],

@@ -425,8 +425,13 @@ class Names:
         import matplotlib
 
         if name not in matplotlib.colormaps:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, [*PRESETS, *TISSUES, *matplotlib.colormaps], 1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
             raise ValueError(
-                f"unknown transfer function {name!r}; known: {', '.join(PRESETS)}; in Hounsfield "
+                f"unknown transfer function {name!r}; {hint}known: {', '.join(PRESETS)}; in "
+                "Hounsfield "
                 f"units {', '.join(TISSUES)}; the name of a matplotlib colormap, a range of values "
                 "such as 300..900, points such as '40,red,0 90,white,0.5', or a .json or .toml "
                 "file will do"

@@ -293,6 +293,10 @@ class AppearanceChoices(Choices):
         if self.window is None:
             return None
         by_ends = ".." in self.window
+        if not by_ends and len(parts_of(self.window)) != 2:
+            raise ValueError(
+                f"window {self.window!r}; give a center and a width, 40,400, or a range, -160..240"
+            )
         low, high = _numbers("window", self.window, 2, ".." if by_ends else ",")
         if not by_ends:  # a center and a width
             low, high = low - high / 2, low + high / 2

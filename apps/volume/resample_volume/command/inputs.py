@@ -386,7 +386,6 @@ def _channels(
             f"{recording.name} has {count} channels, channels gives {len(words)} looks; give one "
             f"for each, {HIDDEN} for one that is hidden"
         )
-    from matplotlib.colors import is_color_like
 
     found: list[VolumeLayer] = []
     for channel, (word, window) in enumerate(words):
@@ -394,8 +393,9 @@ def _channels(
             volume = recordings.volume_at(recording, source.time, channel)
             volume = scaled(with_memory(volume, allowed_memory(source)), source.scale)
             volume = padding_removed(volume)
-            is_color = word not in PRESETS and is_color_like(word)
-            transfer = f"auto:color={word}" if is_color else word
+            if len(recording.looks) == count and (label := recording.looks[channel].label):
+                volume = volume._replace(name=f"{recording.name} ({label})")
+            transfer = look_of(word)
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
             found.append((volume, own.appearance(volume, resampler)))
@@ -408,6 +408,19 @@ def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> Appear
     """Return the look of a further volume: without labels, with its own colors."""
     own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
     return look.model_copy(update=own)
+
+
+def looks_of(channels: str) -> list[str]:
+    """Return the transfer functions of the channels that a text shows."""
+    words = [word.strip() for word in BETWEEN.split(channels)]
+    return [look_of(word) for word in words if word != HIDDEN]
+
+
+def look_of(word: str) -> str:
+    """Return the transfer function of a channel's look, which may be a color."""
+    from matplotlib.colors import is_color_like
+
+    return f"auto:color={word}" if word not in PRESETS and is_color_like(word) else word
 
 
 def _other(text: str) -> Other:

@@ -109,6 +109,15 @@ def scene_of(
     check_memory(media, size, subject, fit)
     if missed := slab_missed(media, subject):
         say(missed)
+    elif not in_bricks and len(media) == 1:
+        volume, composited = media[0][0], resampler.projection is Projection.COMPOSITE
+        least, greatest = survey(volume).whole
+        if subject.is_empty:
+            known = f"its values go from {least:g} to {greatest:g} (--transfer LOW..HIGH)"
+            known = known if np.isfinite(volume.values).any() else "none of its values is finite"
+            say(f"nothing to see: all voxels are transparent, missing or cut away; {known}")
+        elif composited and least == greatest and volume.values.size > 1:
+            say(f"all values of {volume.name} are {least:g}: nothing can be told apart")
     elif subject.is_empty:
         say("nothing to see: all voxels are transparent, missing or cut away")
     return subject

@@ -10,6 +10,7 @@ import numpy as np
 from resample import registry
 from resample.files.stores import STORE, Address, is_address, is_store
 from resample.files.writing import replacing, save_array
+from resample.messages import reader_of
 from resample_volume.classification.labels import Labels, check_known, parse_rules
 from resample_volume.classification.scales import LINEAR, value_at
 from resample_volume.classification.value_statistics import findings, label_count, survey
@@ -181,6 +182,8 @@ def find_reader(path: str | Path) -> Reader:
         if path.is_dir() and not hint:
             why = f"{path} holds no slices; give a folder of .dcm, .tif, .png or .jpg files, or a "
             why += "file"
+        elif found := reader_of(path):
+            why = f"{path} holds no volume: {found}"
         elif not hint:
             known = " ".join(sorted(readers))
             why = f"{path} has no known suffix; known are {known}; rename it or choose a reader "

@@ -43,13 +43,17 @@ def view(volume: Any, /, **settings: Any) -> "Viewer":
     >>> shown.settings["camera"]
     'top'
     """
-    from resample.command.settings import chosen
+    from resample.calling import understood
+    from resample.command.settings import PictureFormat, Resampling, chosen
     from resample.view import widgets
-    from resample_volume.command.choices import ReadOptions
+    from resample_volume.calls import spelled
+    from resample_volume.command.choices import AppearanceChoices, Extras, ReadOptions
     from resample_volume.viewing.volumes import volume_view
 
     file, folder = widgets.kept("volume.nrrd", volume, _write)
-    named = widgets.named(settings)
+    models = (AppearanceChoices, Resampling, Extras, ReadOptions, PictureFormat)
+    known = [field for model in models for field in model.model_fields]
+    named = widgets.named(understood("view", spelled(settings), known))
     of_source = {key: named.pop(key) for key in list(named) if key in ReadOptions.model_fields}
     (source,) = chosen(of_source, (ReadOptions,))
     return widgets.Viewer(volume_view(file, source), named, folder)

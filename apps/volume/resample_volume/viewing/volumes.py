@@ -41,7 +41,7 @@ from resample_volume.command.animation import (
     shots,
 )
 from resample_volume.command.choices import Added, AppearanceChoices, FilmExtras, ReadOptions
-from resample_volume.command.inputs import media, of_first_channel, prepared
+from resample_volume.command.inputs import looks_of, media, of_first_channel, prepared
 from resample_volume.data.recordings import SeveralChannelsError, unit_of_space
 from resample_volume.data.values import as_array
 from resample_volume.rendering import Subject
@@ -76,11 +76,16 @@ class VolumeRequest(NamedTuple):
 
 
 def own_look(
-    look: AppearanceChoices, volume: Volume, transfer: Transfer | None, resampler: Resampler
+    look: AppearanceChoices, volume: Volume, transfer: Transfer | str | None, resampler: Resampler
 ) -> Appearance:
-    """Return the look of one of several volumes, with its own transfer function."""
-    if transfer is None:
-        return look.appearance(volume, resampler)
+    """Return the look of one of several volumes, with its own transfer function.
+
+    One that is a text is spread over the window of the look; the window of others is their own.
+    """
+    if transfer is None or isinstance(transfer, str):
+        named = {} if transfer is None else {"transfer": transfer}
+        return look.model_copy(update=named).appearance(volume, resampler)
+    look = look.model_copy(update={"window": None})
     if look.opacity_unit is not None:
         transfer = replace(transfer, opacity_unit=look.opacity_unit)
     found = look.model_copy(update={"transfer": "auto"}).appearance(volume, resampler)
@@ -92,8 +97,8 @@ class VolumePainter:
     """Pictures of a volume without padding, or of several, for one page."""
 
     volume: Volume
-    first: Transfer | None = None
-    others: Sequence[tuple[Volume, Transfer]] = ()
+    first: Transfer | str | None = None
+    others: Sequence[tuple[Volume, Transfer | str]] = ()
     _scene: Scene = field(init=False)
     _resamplers: dict[Resampler, Resampler] = field(default_factory=dict)  # which keep tables
     _found: Memo = field(default_factory=dict)
@@ -118,7 +123,7 @@ class VolumePainter:
         key = look.model_copy(update=still), resampler, extras.mesh, extras.plane, extras.surface
         layers = self._layers.get(key)
         if layers is None:
-            bare = look.model_copy(update={"labels": None, "label": (), "window": None})
+            bare = look.model_copy(update={"labels": None, "label": ()})
             with memoizing(self._found):
                 first = own_look(look, self.volume, self.first, resampler)
                 others = [(one, own_look(bare, one, own, resampler)) for one, own in self.others]
@@ -154,6 +159,9 @@ class VolumePainter:
                 points = points_of(transfer_of(one, look), survey(one).span)
                 shown = dict.fromkeys(color for _, color, opacity in points if opacity > 0)
                 entries.append({"name": one.name, "colors": list(shown) or ["#808080"]})
+        if isinstance(self.first, str):  # the window that channels share, for pages that drag it
+            points = points_of(transfer_of(*request.layers[0]), survey(self.volume).span)
+            told["range"] = {"ends": [points[0][0], points[-1][0]], "option": "window"}
         return views.PagePicture(levels, quick, told)
 
     def check(self, settings: views.Settings) -> None:
@@ -353,7 +361,8 @@ def volume_view(
         values = np.resize(np.arange(LITTLE), (LITTLE,) * 3).astype(volume.values.dtype)
         return VolumePainter(volume._replace(values=values))
 
-    left_out = LEFT_OUT if is_own else (*LEFT_OUT, "transfer", "window")
+    left_out = LEFT_OUT if is_own else (*LEFT_OUT, "transfer")
+    left_out = left_out if is_own or isinstance(first.first, str) else (*left_out, "window")
     return FileView(first, described, first.check, KINDS, left_out, little)
 
 
@@ -376,6 +385,10 @@ def painter_of(
         return VolumePainter(volume), source
     (volume, transfer), *others = [(as_array(one), transfer_of(one, own)) for one, own in shown]
     in_channels = added.channels or len(others) > len(added.also)
+    if added.channels and not added.also:
+        own, *rest = looks_of(added.channels)
+        beside = [(one, text) for (one, _), text in zip(others, rest, strict=True)]
+        return VolumePainter(volume, own, beside), source
     return VolumePainter(volume, transfer if in_channels else None, others), source
 
 

@@ -1,6 +1,7 @@
 """Options of pictures for two eyes."""
 
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from cyclopts import Parameter
@@ -188,7 +189,12 @@ class Parallax(Choices):
             return meaning.model_copy(update={"depth_kind": "pair" if of_pair else "z"})
         chosen: dict[str, object] = {"depth_kind": "relative"}
         numbers = "levels are relative, larger is nearer"
-        if raw.dtype.kind == "f" and (is_around or self.eye_distance or self.zero_plane):
+        of_depth = ("eye_distance", "zero_plane", "divergence", "convergence")
+        if meaning.baseline is not None:
+            raise ValueError(
+                "--baseline is that of --depth-kind disparity; --eye-distance is between the eyes"
+            )
+        if raw.dtype.kind == "f" and (is_around or self.model_fields_set & {*of_depth}):
             chosen, numbers = {"depth_kind": "z"}, "numbers are distances"
         elif raw.dtype.kind == "f":
             chosen, numbers = {"depth_kind": "pair"}, "numbers are the disparity of a pair in px"
@@ -196,7 +202,7 @@ class Parallax(Choices):
             chosen = {"depth_kind": "z", "depth_scale": 1000.0}
             numbers = "numbers are distances in mm"
         options = " ".join(f"--{key.replace('_', '-')} {one}" for key, one in chosen.items())
-        say(f"{name}: assumed that its {numbers} ({options})")
+        say(f"{Path(name).name}: assumed that its {numbers} ({options})")
         return meaning.model_copy(update=chosen)
 
     def shape(self) -> Shape | None:

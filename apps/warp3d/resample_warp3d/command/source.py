@@ -13,6 +13,7 @@ from resample.command.flags import (
     OptionTopic,
     Shape,
     check_intrinsics,
+    tell_radians,
     with_intrinsics,
 )
 from resample.command.settings import Choices, Convention
@@ -106,6 +107,7 @@ class SourceCamera(Choices):
         from resample.cameras.calibrations import read_lens
         from resample.cameras.models import Camera
 
+        tell_radians(self.fov)
         whole_lens = None if self._coefficients else self.lens
         ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": whole_lens}
         given = [name for name, way in ways.items() if way is not None]

@@ -292,6 +292,11 @@ def _pick(path: Path, names: list[str], name: str, what: str) -> str:
         if not name and len(candidates) == 1:
             return candidates[0]
     known = ", ".join(names)
+    if names[:3] == ["R", "G", "B"] and not name:
+        raise ValueError(
+            f"{path} is a picture in color; give the picture first, then its depth, or a channel "
+            f"that holds it, {path}:R"
+        )
     if name:
         raise ValueError(f"{path} has no {name!r}; it has the {what} {known}")
     raise ValueError(

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from resample import registry
 from resample.cameras.files import read_pose
 from resample.cameras.models import Camera
 from resample.cameras.panoramic import Equirectangular
 from resample.command.session import Session
 from resample.command.settings import Choices, Written, chosen, option_of
-from resample.console import linear_color
+from resample.console import film_background
 from resample.files.animations import write_film
 from resample.files.formats import WriteOptions, page_of
 from resample.files.pictures import Kind, Picture
@@ -175,7 +176,7 @@ class DepthPainter:
         given = {key: value for key, value in settings.items() if key not in STEERED}
         if unknown := [key for key in given if key not in OPTIONS]:
             raise ValueError(f"films have no {', '.join(unknown)}; leave that out")
-        background = linear_color(str(given.pop("background", "black"))) or (0.0, 0.0, 0.0)
+        background = film_background(str(given.pop("background", "black")))
         spelled = {**given, "size": f"{size[0]}x{size[1]}"}
         eye, meaning, target, warping = chosen(spelled, MODELS)
         target.check_target()
@@ -237,6 +238,7 @@ def depth_view(
             "inputs": [color, depth],
             "fixed": {"view": list(further)} if further else {},
             **({} if further else {"film": FILM}),
+            "names": {"method": registry.names("warps")},
             "gestures": "walk",
             "extent": [width, height],
             "distance": [far.near, far.middle],
