@@ -14,12 +14,12 @@ from resample.command.session import run
 from resample.command.settings import Serving, Written, height_and_width, with_settings
 from resample.lazy import installed_version
 from resample_texture.command.choices import (
-    Besides,
     BetweenProjections,
     Edges,
     Factor,
     Filling,
     NewSize,
+    Outputs,
     Picture,
     PictureFiltering,
     PictureTarget,
@@ -65,7 +65,7 @@ Output = Annotated[
 ]
 
 PLACE, WARPING, WRITTEN = WarpGeometry.usual(), PictureWarping.usual(), Written.usual()
-BESIDES, SERVING, NEW_SIZE = Besides.usual(), Serving.usual(), NewSize.usual()
+OUTPUTS, SERVING, NEW_SIZE = Outputs.usual(), Serving.usual(), NewSize.usual()
 PROJECTING, FILTERING, REPORTS = (
     BetweenProjections.usual(),
     PictureFiltering.usual(),
@@ -89,7 +89,7 @@ def warp(
     place: Annotated[WarpGeometry, flags.Flat] = PLACE,
     warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    besides: Annotated[Besides, flags.Flat] = BESIDES,
+    outputs: Annotated[Outputs, flags.Flat] = OUTPUTS,
 ) -> None:
     """Warp pictures by a matrix, by corners, by a map or by a lens.
 
@@ -106,7 +106,7 @@ def warp(
     from resample_texture.command.jobs import warp_all
 
     place.check()
-    warp_all(files, output, place.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, place.target, warping=warping, written=written, outputs=outputs)
 
 
 @app.command
@@ -157,7 +157,7 @@ def resize(
     new: Annotated[NewSize, flags.Flat] = NEW_SIZE,
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    besides: Annotated[Besides, flags.Flat] = BESIDES,
+    outputs: Annotated[Outputs, flags.Flat] = OUTPUTS,
 ) -> None:
     """Resize pictures; each fills its target exactly, or keeps its aspect by --fit.
 
@@ -171,7 +171,7 @@ def resize(
 
     new.check()
     warping = new.opened(warping)
-    warp_all(files, output, new.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, new.target, warping=warping, written=written, outputs=outputs)
 
 
 @app.command
@@ -183,7 +183,7 @@ def scale(
     by: Annotated[Factor, flags.Flat],
     warping: Annotated[Filling, flags.Flat] = PAGE,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    besides: Annotated[Besides, flags.Flat] = BESIDES,
+    outputs: Annotated[Outputs, flags.Flat] = OUTPUTS,
 ) -> None:
     """Scale pictures by an exact factor; their sizes are rounded to whole px.
 
@@ -196,7 +196,7 @@ def scale(
     from resample_texture.command.jobs import warp_all
 
     by.check()
-    warp_all(files, output, by.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, by.target, warping=warping, written=written, outputs=outputs)
 
 
 @app.command
@@ -208,7 +208,7 @@ def rotate(
     turn: Annotated[Rotation, flags.Flat],
     warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    besides: Annotated[Besides, flags.Flat] = BESIDES,
+    outputs: Annotated[Outputs, flags.Flat] = OUTPUTS,
 ) -> None:
     """Rotate pictures about their center; multiples of 90 degrees copy pixels.
 
@@ -220,7 +220,7 @@ def rotate(
     """
     from resample_texture.command.jobs import warp_all
 
-    warp_all(files, output, turn.target, warping=warping, written=written, besides=besides)
+    warp_all(files, output, turn.target, warping=warping, written=written, outputs=outputs)
 
 
 @app.command
@@ -232,7 +232,7 @@ def undistort(
     out_of: Annotated[Undistortion, flags.Flat],
     warping: Annotated[PictureWarping, flags.Flat] = WARPING,
     written: Annotated[Written, flags.Flat] = WRITTEN,
-    besides: Annotated[Besides, flags.Flat] = BESIDES,
+    outputs: Annotated[Outputs, flags.Flat] = OUTPUTS,
 ) -> None:
     r"""Remove a lens's distortion from pictures and rectify them, or add it.
 
@@ -248,7 +248,7 @@ def undistort(
     from resample_texture.command.jobs import warp_all
 
     aim = out_of.aim()
-    warp_all(files, output, aim, warping=warping, written=written, besides=besides)
+    warp_all(files, output, aim, warping=warping, written=written, outputs=outputs)
 
 
 @app.command
@@ -277,8 +277,8 @@ def project(
 
     projecting.check()
     warping = PictureWarping(**dict(filtering))
-    besides = Besides(**dict(reports))
-    warp_all(files, output, projecting.target, warping=warping, written=written, besides=besides)
+    outputs = Outputs(**dict(reports))
+    warp_all(files, output, projecting.target, warping=warping, written=written, outputs=outputs)
 
 
 @app.command
@@ -323,7 +323,7 @@ def rectify(
     if min(rectified_shape(ordered)) < 4:
         note("the corners enclose less than 4 px; they are x and y in px of the photo, not shares")
     page = PictureTarget(from_corners(ordered, page_corners(shape)), shape)
-    warp_all(files, output, lambda _: page, warping=warping, written=written, besides=BESIDES)
+    warp_all(files, output, lambda _: page, warping=warping, written=written, outputs=OUTPUTS)
 
 
 @app.command

@@ -58,7 +58,6 @@ Integers = NDArray[np.int64]
 MOST_AT_ONCE = 1 << 24  # values of source and target drawn without windows
 MOST_IN_WINDOW = 1 << 22  # values of a window, in the source and in the target
 FEW = 8192  # texels and px that one thread works on alone
-LIGHT = np.dtype(np.float32)
 
 
 class Drawing(NamedTuple):
@@ -284,7 +283,7 @@ def parts_of(image: Any, drawing: Drawing) -> DrawnParts | None:
 
 def drawn_in_parts(image: Any, drawing: Drawing, parts: DrawnParts) -> Warped:
     """Warp a picture window by window; it need only support slices."""
-    form = LIGHT if drawing.as_light else image.dtype
+    form = np.dtype(np.float32) if drawing.as_light else image.dtype
     result = Warped(
         np.empty((*drawing.shape, *image.shape[2:]), form), np.empty(drawing.shape, np.float32)
     )

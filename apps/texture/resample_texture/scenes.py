@@ -53,8 +53,7 @@ from resample_texture.types import (
 from resample_texture.warping import warp
 
 # Options of methods that previews check but ignore, and their names in `warp`.
-UNUSED = {"filter": "filter", "interpolation": "interpolation", "total": "total"}
-UNUSED |= {"detail": "quality"}
+UNUSED = {name: name for name in ("filter", "interpolation", "total")} | {"detail": "quality"}
 MOST_CHANNELS = 4  # that OpenCV shrinks in one call
 GRID = 16  # samples per axis at which the scale of a warp is estimated
 

@@ -291,7 +291,7 @@ class Reports(Choices):
     stats: Stats = None
 
 
-class Besides(Reports):
+class Outputs(Reports):
     """The part of a warp to write, and further files."""
 
     roi: Annotated[

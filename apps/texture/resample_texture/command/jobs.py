@@ -34,7 +34,7 @@ from resample.reading.limits import check_unpacked
 from resample.reading.pictures import decoding
 from resample.types import Floats
 from resample_texture.arguments import method_named
-from resample_texture.command.choices import Aim, Besides, PictureTarget, PictureWarping, region
+from resample_texture.command.choices import Aim, Outputs, PictureTarget, PictureWarping, region
 from resample_texture.command.rendering import Large, check_memory, large_picture, warped
 from resample_texture.geometry.mappings import Homography
 
@@ -163,7 +163,7 @@ def warp_all(
     *,
     warping: PictureWarping,
     written: Written,
-    besides: Besides,
+    outputs: Outputs,
 ) -> None:
     """Warp a picture, a film or a batch; the last of the files is the output unless given."""
     images = files
@@ -176,8 +176,8 @@ def warp_all(
         output = target
     warping.check()
     # Pictures of the same size share a target, whose files are read once.
-    job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(besides.roi))
-    coverage, stats = besides.coverage, besides.stats
+    job = Job(lru_cache(maxsize=1)(aim), warping, written.options(), region(outputs.roi))
+    coverage, stats = outputs.coverage, outputs.stats
     if coverage is not None:
         check_output(coverage, WriteOptions(is_light=False))
     if is_batch(images, output):

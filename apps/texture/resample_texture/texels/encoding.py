@@ -15,7 +15,7 @@ pixel averages is light. So a pixel hardly longer than a texel is interpolated i
 
 import dataclasses
 import math
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from resample.colors import from_srgb, to_srgb
 from resample.memory.mapped import contiguous
-from resample.profiles.named import once
 from resample.types import Doubles, Floats
 from resample_texture.geometry.mappings import ForwardMap, Geometry, Homography, Size
 from resample_texture.types import Alpha, AnyAlpha, AnyLight, Edge, Method, Warped
@@ -426,11 +425,14 @@ def in_levels(method: Method) -> Method:
     """The method as it interpolates levels: a `limit=usual` of its interpolation is `levels`."""
     given: Any = method
     has_own = hasattr(given, "in_levels")
-    levels: Method = given.in_levels if has_own else _with_limits_of_levels(given)
+    try:
+        levels: Method = given.in_levels if has_own else _with_limits_of_levels(given)
+    except TypeError:  # a plugin's options that cannot be hashed
+        levels = _with_limits_of_levels.__wrapped__(given)
     return levels
 
 
-@once
+@lru_cache(maxsize=16)
 def _with_limits_of_levels(method: Any) -> Any:
     interpolation: Any = getattr(method, "interpolation", None)
     if getattr(interpolation, "limit", None) != "usual" or not dataclasses.is_dataclass(method):

@@ -16,7 +16,7 @@ from resample.progress import Cancel, cancellable
 from resample.view.files import FileView, file_of, levels_in
 from resample.view.views import PagePicture, Settings, Size, settings_of
 from resample_texture.command.choices import (
-    Besides,
+    Outputs,
     PictureTarget,
     PictureWarping,
     WarpGeometry,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 COMMAND = "resample-texture warp"
-SHOWN = (WarpGeometry, PictureWarping, Written, Besides)  # option models that a page can change
+SHOWN = (WarpGeometry, PictureWarping, Written, Outputs)  # option models that a page can change
 PLACES = {"matrix", "corners", "map", "flow", "lens"}
 KINDS = [
     {"matrix": matrix}
@@ -180,6 +180,6 @@ def _checked(settings: Settings) -> list[Any]:
 
 def _write(source: Path, settings: Settings, path: Path) -> None:
     """Write the file that the command writes of a picture."""
-    place, warping, written, besides = _checked(settings)
-    job = Job(place.target, warping, written.options(), region(besides.roi))
+    place, warping, written, outputs = _checked(settings)
+    job = Job(place.target, warping, written.options(), region(outputs.roi))
     warp_file(Session(), source, path, job)
