@@ -286,7 +286,7 @@ def test_a_camera_that_looks_away_sees_nothing(primitive):
 
 
 def test_an_invisible_volume_is_an_empty_picture():
-    with pytest.warns(UserWarning, match="is visible; its values are 0 to "):
+    with pytest.warns(UserWarning, match="is visible: .* hides all of its values, 0 to "):
         frame = render(TREE, Appearance(from_points([(0, (1, 1, 1), 0)])), size=SQUARE)
     assert not frame.rgba.any()
     assert frame.statistics.rays == 0

@@ -296,11 +296,10 @@ def annotate(
     height, width = frame.depth.shape
     scene, middle = centered(without_padding(volume, survey(volume)))
     camera = viewpoint_of(camera)
+    eye: AnyCamera = Shifted(camera_from(camera, Sphere(middle, 1.0), height, width), middle)
     if isinstance(camera, Orbit):
         look = appearance if isinstance(appearance, Appearance) else Appearance(appearance)
         eye = Subject.of(scene, look).camera(camera, height, width)
-        return annotated(frame, eye, scene, shown)
-    eye = Shifted(camera_from(camera, Sphere(middle, 1.0), height, width), middle)
     return annotated(frame, eye, scene, shown)
 
 

@@ -372,11 +372,8 @@ def resampler_for(appearance: Appearance) -> Resampler:
     """Return the default renderer: rays, or voxels for classification pre."""
     if appearance.xray is not None:
         return X_RAYS
-    return {
-        Classification.AUTO: BY_DEFAULT,
-        Classification.PRE: OF_VOXELS,
-        Classification.POST: ALONG_RAYS,
-    }[appearance.classification]
+    defaults = {Classification.PRE: OF_VOXELS, Classification.POST: ALONG_RAYS}
+    return defaults.get(appearance.classification, BY_DEFAULT)
 
 
 def of_voxels(resampler: Resampler) -> Resampler:

@@ -58,10 +58,8 @@ class Labels:
     def check(self, volume: Volume) -> None:
         """Raise a ValueError if the volume is of another shape."""
         if self.values.shape != volume.values.shape:
-            raise ValueError(
-                f"labels of {_size(self.values)} voxels do not fit a volume of "
-                f"{_size(volume.values)}"
-            )
+            own, other = (" x ".join(map(str, one.values.shape[::-1])) for one in (self, volume))
+            raise ValueError(f"labels of {own} voxels do not fit a volume of {other}")
 
     def numbers(self, part: slice) -> Flags:
         """Number voxels of some slices (Z, Y, X): 1 without rule, otherwise from 2, cyclically."""
@@ -137,7 +135,3 @@ def check_known(labels: Labels) -> None:
             some = ", ".join(map(str, sorted(present)[:LISTED]))
             more = f" and {len(present) - LISTED} more" if len(present) > LISTED else ""
             raise ValueError(f"no voxel has the label {label}; there are {some}{more}")
-
-
-def _size(values: NDArray[Any]) -> str:
-    return " x ".join(map(str, values.shape[::-1]))

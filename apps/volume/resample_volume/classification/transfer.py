@@ -149,7 +149,7 @@ class TransferFunction:
 
     def colors(self, values: ArrayLike, data_range: DataRange) -> Floats:
         """Return colors of data values in linear light, (N, 3)."""
-        place = self._places(data_range)
+        place = self.placed(data_range)
         given = np.asarray(values)
         channel = [np.interp(given, place, self.color[:, c]) for c in range(3)]
         if self.value.size == 1:
@@ -159,7 +159,7 @@ class TransferFunction:
 
     def opacities(self, values: ArrayLike, data_range: DataRange) -> Floats:
         """Return opacities of data values, (N,)."""
-        opacity = np.interp(np.asarray(values), self._places(data_range), self.opacity)
+        opacity = np.interp(np.asarray(values), self.placed(data_range), self.opacity)
         if self.value.size == 1:  # NumPy would also give its value to NaN
             opacity = np.where(np.isnan(values), np.nan, opacity)
         return np.asarray(np.nan_to_num(opacity, nan=0.0), np.float32)
@@ -189,8 +189,8 @@ class TransferFunction:
             opacity=np.concatenate([[0.0, opacity], self.opacity[above]]),
         )
 
-    def _places(self, data_range: DataRange) -> Doubles:
-        """Return control points in data units, ascending despite rounding."""
+    def placed(self, data_range: DataRange) -> Doubles:
+        """Return the values of control points in data units, ascending despite rounding."""
         if not self.normalized:
             return self.value
         low, high = data_range
@@ -404,9 +404,7 @@ def spread(transfer: Transfer, span: DataRange) -> Transfer:
     if isinstance(transfer, Materials):
         return replace(transfer, parts=tuple(spread(part, span) for part in transfer.parts))
     if isinstance(transfer, TransferFunction):
-        low, high = span
-        place = np.clip(low * (1 - transfer.value) + high * transfer.value, low, high)
-        return replace(transfer, value=np.maximum.accumulate(place), normalized=False)
+        return replace(transfer, value=transfer.placed(span), normalized=False)
     return Windowed(transfer, span)
 
 

@@ -145,14 +145,6 @@ class Survey(NamedTuple):
         return self.low, self.high
 
     @property
-    def metal(self) -> int:
-        """Number of voxels denser than any tissue, if known."""
-        if self.units.added is None:
-            return 0
-        inside = self.levels.value > METAL + self.units.added
-        return int(self.levels.number[inside].sum())
-
-    @property
     def is_plain(self) -> bool:
         """Whether the robust range is that of all finite values."""
         return self.span == self.whole
@@ -206,8 +198,10 @@ def findings(known: Survey) -> list[str]:
     if known.units.is_assumed:
         name = known.units.name
         lines.append(f"values look like {name} and are taken for them (--units none: they are not)")
-    if metal := known.metal:
-        lines.append(f"{metal} voxels above {METAL:g} HU are metal")
+    if known.units.added is not None:
+        inside = known.levels.value > METAL + known.units.added
+        if metal := int(known.levels.number[inside].sum()):
+            lines.append(f"{metal} voxels above {METAL:g} HU are metal")
     return lines
 
 

@@ -268,6 +268,7 @@ KEYS = ("time", "channel", "level", "units", "spacing", "scale", "window", "tran
 START = re.compile(rf":(?=(?:{'|'.join(KEYS)})=)")  # before the settings of a file
 HIDDEN = "none"
 LABELS = "--labels FILE --label 1:color=red colors them"
+UNLABELLED: dict[str, Any] = {"labels": None, "label": ()}  # options of further volumes' looks
 Other = tuple[str, ReadOptions, dict[str, str]]  # name, how it is read, what of its look is its own
 
 
@@ -309,7 +310,8 @@ def further_layers(
     found = []
     for name, source, own in further:
         volume = prepared(source, name, streamed=resampler.projection is Projection.COMPOSITE)
-        alone = _alone(look, own.get("transfer", "auto"), own.get("window"))
+        changes = {"transfer": own.get("transfer", "auto"), "window": own.get("window")}
+        alone = look.model_copy(update={**changes, **UNLABELLED})
         found.append((volume, alone.appearance(volume, resampler)))
     return found
 
@@ -351,7 +353,7 @@ def appearance_over_time(
     for line in findings(series.known):
         say(line)
     note_assumed(every)
-    bare = look.model_copy(update={"labels": None, "label": ()})
+    bare = look.model_copy(update=UNLABELLED)
     chosen = bare.appearance(every, resampler)
     return series.appearance(chosen, resampler.projection)
 
@@ -395,19 +397,12 @@ def _channels(
             volume = padding_removed(volume)
             if len(recording.looks) == count and (label := recording.looks[channel].label):
                 volume = volume._replace(name=f"{recording.name} ({label})")
-            transfer = look_of(word)
-            own = look if not found else _alone(look, transfer, look.window)
-            own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
+            changes = {"transfer": look_of(word), "window": window or look.window}
+            own = look.model_copy(update={**changes, **(UNLABELLED if found else {})})
             found.append((volume, own.appearance(volume, resampler)))
     if not found:
         raise ValueError("all channels are hidden; give one a look, such as red")
     return found
-
-
-def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> AppearanceChoices:
-    """Return the look of a further volume: without labels, with its own colors."""
-    own = {"transfer": transfer, "window": window, "labels": None, "label": ()}
-    return look.model_copy(update=own)
 
 
 def looks_of(channels: str) -> list[str]:

@@ -27,7 +27,6 @@ from resample_volume.voxels.visible import Voxels, finite_range, lattice_of, pos
 CUT = 3.0  # voxels that a cut is thick
 STEEPER = 1e-3  # of the steepest gradient: above the threshold for homogeneous regions
 
-PER_VOXEL = {"position", "color", "extinction", "value", "gradient", "reached"}
 CROP_FORM = "give ranges of voxels along x, y and z, such as 64:192,:,10:"
 CLIP_FORM = "give a normal, perhaps with an offset from the center, such as 1,0,-1 or 1,0,-1,20"
 
@@ -82,9 +81,8 @@ def keep(voxels: Voxels, planes: Doubles, radius: float = 2.0) -> Voxels:
     if not len(planes):
         return voxels
     index = np.flatnonzero(inside(voxels.position, voxels.lattice, planes, radius))
-    of_each = voxels._asdict().keys() & PER_VOXEL
-    parts = {name: array[index] for name in of_each if len(array := getattr(voxels, name))}
-    return voxels._replace(**parts)
+    of_each = ((name, array) for name, array in voxels._asdict().items() if name != "lattice")
+    return voxels._replace(**{name: array[index] for name, array in of_each if len(array)})
 
 
 def faced(voxels: Voxels, planes: Doubles) -> Voxels:
