@@ -70,52 +70,36 @@ Settings = dict[str, Any]
 COMMAND = "command"  # the key that names the command
 LOG = logging.getLogger("resample")
 OWN = ("settings", "settings-trusted", "save-settings")
-Given = Annotated[
-    Path | None,
-    OptionTopic.TRUST,
-    under(SETTINGS),
-    Parameter(
-        help="Read the look from a .toml, or from a PNG or EXR that this command made; options on "
-        "the command line take precedence."
+# Options that all commands have: type, default, what they are about, heading and help.
+COMMON: dict[str, tuple[Any, object, OptionTopic, str, str]] = {
+    "settings": (
+        *(Path | None, None, OptionTopic.TRUST, SETTINGS),
+        "Read the look from a .toml, or from a PNG or EXR that this command made; options on "
+        "the command line take precedence.",
     ),
-]
-Trusted = Annotated[
-    Path | None,
-    OptionTopic.TRUST,
-    under(SETTINGS),
-    Parameter(
-        help="Like --settings, for a .toml that you wrote yourself: it may also set inputs, "
-        "outputs and resources."
+    "settings_trusted": (
+        *(Path | None, None, OptionTopic.TRUST, SETTINGS),
+        "Like --settings, for a .toml that you wrote yourself: it may also set inputs, "
+        "outputs and resources.",
     ),
-]
-Saved = Annotated[
-    Path | None,
-    OptionTopic.TRUST,
-    under(SETTINGS),
-    Parameter(help="Also write the look, without inputs and outputs (.toml)."),
-]
-Memory = Annotated[
-    str | None,
-    OptionTopic.RESOURCE,
-    under(LIMITS),
-    Parameter(help=f"{MEMORY}. [default: all free memory]"),
-]
-Limit = Annotated[
-    str | None,
-    OptionTopic.TRUST,
-    under(LIMITS),
-    Parameter(
-        help="Limits on untrusted files: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
-        "unpacked, ratio. [default: far above what ordinary files need]"
+    "save_settings": (
+        *(Path | None, None, OptionTopic.TRUST, SETTINGS),
+        "Also write the look, without inputs and outputs (.toml).",
     ),
-]
-Outside = Annotated[
-    bool,
-    OptionTopic.TRUST,
-    Switch,
-    under(LIMITS),
-    Parameter(help="Allow files to refer to files outside their folder."),
-]
+    "memory": (
+        *(str | None, None, OptionTopic.RESOURCE, LIMITS),
+        f"{MEMORY}. [default: all free memory]",
+    ),
+    "limit": (
+        *(str | None, None, OptionTopic.TRUST, LIMITS),
+        "Limits on untrusted files: unpacked=8GiB,ratio=5000; of text, tree, depth, items, "
+        "unpacked, ratio. [default: far above what ordinary files need]",
+    ),
+    "allow_outside": (
+        *(bool, False, OptionTopic.TRUST, LIMITS),
+        "Allow files to refer to files outside their folder.",
+    ),
+}
 
 
 def with_settings(app: App) -> None:
@@ -314,20 +298,19 @@ def _sign(run: Command, command: Command, signature: inspect.Signature) -> None:
     for name, model in models.items():
         if model is not None and issubclass(model, Choices):
             kinds[name] = Annotated[hints[name], under(model.heading)]
-    own: dict[str, tuple[Any, object]] = {
-        "settings": (Given, None),
-        "settings_trusted": (Trusted, None),
-        "save_settings": (Saved, None),
-    }
-    if not any(model is not None and "memory" in model.model_fields for model in models.values()):
-        own["memory"] = Memory, None
-    own |= {"limit": (Limit, None), "allow_outside": (Outside, False)}
-    run.__annotations__ = {**kinds, **{key: kind for key, (kind, _) in own.items()}}
     given = [part.replace(annotation=kinds[name]) for name, part in signature.parameters.items()]
-    more = [
-        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=usual, annotation=kind)
-        for key, (kind, usual) in own.items()
-    ]
+    known = {
+        field for model in models.values() if model is not None for field in model.model_fields
+    }
+    more = []
+    for key, (plain, usual, topic, heading, text) in COMMON.items():
+        if key in known:  # the command's own `--memory`
+            continue
+        switch = (Switch,) if plain is bool else ()
+        kinds[key] = Annotated[plain, topic, *switch, under(heading), Parameter(help=text)]
+        kind = inspect.Parameter.KEYWORD_ONLY
+        more.append(inspect.Parameter(key, kind, default=usual, annotation=kinds[key]))
+    run.__annotations__ = kinds
     vars(run)["__signature__"] = signature.replace(parameters=[*given, *more])
 
 
