@@ -52,8 +52,8 @@ EXTRAS, PICTURE_EXTRAS = Extras.usual(), PictureExtras.usual()
 FILM_EXTRAS = FilmExtras.usual()
 SERVING, SHARING = Serving.usual(), Sharing.usual()
 BAR = 40  # characters of the longest histogram bar
-OF_LISTS = ("histogram", "thresholds", "findings", "levels", "looks")
-UNLISTED = (*OF_LISTS, "length_unit")  # which are shown in another way
+# Facts that are shown in another way.
+UNLISTED = ("histogram", "thresholds", "findings", "levels", "looks", "length_unit")
 DEMO = {  # volumes of one dtype
     "checker-box.png": "render checker-box --camera 30,25,0.9 --background black",
     "vessel-tree.png": "render vessel-tree --camera 30,15,1 --background black",

@@ -33,7 +33,6 @@ SUFFIXES = (".ply", ".obj", ".stl", ".glb")
 GRAY = 0.6  # linear, of a mesh without colors
 SMOOTH = 40.0  # greatest angle between triangles of one smooth surface, degrees
 ALLOWED = "color and opacity, as in stent.ply:color=tomato,opacity=0.5"
-
 ISO_FORM = "give a value, and after a colon color and opacity, as in 300:color=ivory,opacity=0.5"
 
 
@@ -286,7 +285,6 @@ FORM = (
 WINDOW = "give a center and a width, 40,400, or both end values, -160..240"
 GRAYS = from_points([(0.0, (0.0,) * 3, 1.0), (1.0, (1.0,) * 3, 1.0)], normalized=True)
 UNIT = Volume(np.zeros((1, 1, 1)), np.ones(3), np.zeros(3), np.eye(3), "")
-Where = str | tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -302,7 +300,7 @@ class ImagePlane:
 
     # x=50%, z=40 or as `clip`; or a scene's plane n·p = d as four numbers, the last d, whose window
     # is on the volume's scale
-    where: Where
+    where: str | tuple[float, float, float, float]
     window: tuple[float, float] | None = None  # values of the first and last color; None: robust
     colors: str = "gray"  # gray: linear in displayed levels; or a matplotlib colormap
     opacity: float = 1.0

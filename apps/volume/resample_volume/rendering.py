@@ -389,7 +389,6 @@ def painted_with_bar(
 
 
 Painter = Callable[[AnyCamera], Frame]
-
 MOST = 1024
 BESIDE = 1e-6  # fraction of the depth range added at both ends
 

@@ -16,7 +16,7 @@ from resample.profiles.reconstruction import footprint_table
 from resample.progress import Cancel, Progress
 from resample.resampler import Resampler
 from resample.scene import PER, AnyScene, Quality, Shrunk, enlarged_frame, is_quick, lines_of
-from resample.types import Doubles, Frame, View
+from resample.types import Doubles, Frame, Indices, View
 from resample_volume import appearance as looks
 from resample_volume.appearance import Appearance, Tone, VolumeLayer, XRay
 from resample_volume.classification.scales import value_at
@@ -304,7 +304,6 @@ def _means(values: NDArray[Any], per: int) -> NDArray[Any]:
 
 HALF = 0.5  # accumulated opacity at which a voxel counts as the visible one
 
-Indices = NDArray[np.int64]
 PICKED = (Projection.COMPOSITE, Projection.MAXIMUM, Projection.MINIMUM, Projection.FIRST_HIT)
 
 

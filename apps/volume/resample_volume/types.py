@@ -13,8 +13,6 @@ ASSUMED = {
     VOXEL: "no spacing is stated; voxels of 1 x 1 x 1 are assumed (--spacing sets it)",
     UNKNOWN: "no unit of length is stated (--spacing states it, such as 1x1x1.4mm)",
 }
-
-
 Part = str | tuple[str, ...]  # name of an array or a field; yt's have two words
 
 

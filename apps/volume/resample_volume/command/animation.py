@@ -196,9 +196,6 @@ def around(seen: Sequence[tuple[bool, Sphere]]) -> Sphere:
     return Sphere(middle, float((away + radius[:, 0]).max()))
 
 
-Size = tuple[int, int]  # height and width, px
-
-
 class Script(NamedTuple):
     """The content of a film, as options of the command line."""
 
@@ -336,7 +333,7 @@ def _frame_over(
 
 
 def _scene_for(
-    script: Script, size: Size, recording: Recording | None = None,
+    script: Script, size: tuple[int, int], recording: Recording | None = None,
     start_workers: StartWorkers | None = None,
 ) -> tuple[list[VolumeLayer], Subject]:  # fmt: skip
     """Read the volumes of a script, and prepare their scene for frames (height, width)."""

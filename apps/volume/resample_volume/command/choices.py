@@ -74,7 +74,6 @@ class ReadOptions(Choices):
         "Units of the values: Hounsfield units, these plus 1024, or others. "
         "[default: those in the file, or guessed from the values]"
     )
-
     scale: str = described(
         "linear",
         "Scale on which values are shown: linear, log, or symlog:linear=0.01, which is linear from "
@@ -164,7 +163,6 @@ class AppearanceChoices(Choices):
         "Fade homogeneous regions: opacity rises between these fractions of the "
         "steepest gradient, such as 0.1,0.5."
     )
-
     classify: Literal["auto", "pre", "post"] = described(
         "auto",
         "Pre: classify voxels, then interpolate colors. Post: interpolate values, then classify, "

@@ -14,7 +14,7 @@ from resample.types import Doubles, Flags, Floats, Indices, Lamp, SplineField
 CHUNK = 64  # rays that a thread takes at a time
 STEPS = 4  # of a ray through a field, per voxel
 MOST = 1 << 14  # voxels in a queue
-NONE = -1  # no voxel
+NONE = -1  # no voxel, in place of an index
 COMPOSITE, MAXIMUM, MINIMUM, FIRST_HIT = 0, 1, 2, 3  # projections of a field
 
 Size = tuple[int, int, int]
@@ -276,7 +276,6 @@ UP_TO_ONE = 0x00095F619980C433  # from the bits of √½ to those of 1
 LEAST = -1000.0  # exponent of 2
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned indices
 SERIES = tuple(math.log(2) ** n / math.factorial(n) for n in range(8))  # of 2 ** x
-NOTHING = -1  # in place of an index, where nothing is known
 
 Places = NDArray[np.int32]
 
@@ -395,7 +394,7 @@ def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
     count, at = _envelope(away, stack), 0
     for n in range(away.size):
         if count == 0:
-            found[n] = NOTHING
+            found[n] = NONE
             continue
         # Advance along the envelope while the next place is nearer.
         own = (stack[at] - n) * (stack[at] - n) + away[stack[at]]
@@ -413,7 +412,7 @@ def _nearest_on_line(away: Indices, stack: Indices, found: Indices) -> None:
 def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> None:
     """Find the row (Y, X) in each column that leads to the nearest known voxel.
 
-    `deep` (Y, X) is the z of the known voxel that is nearest along z, or NOTHING.
+    `deep` (Y, X) is the z of the known voxel that is nearest along z, or NONE.
     """
     height, width = deep.shape
     away, stack = np.empty(height, np.int64), np.empty(height, np.int64)
@@ -422,7 +421,7 @@ def nearest_in_columns(counter: Counter, deep: Places, z: int, down: Places) -> 
         # Measure along z, then search along y.
         for y in range(height):
             far = np.int64(deep[y, x]) - z
-            away[y] = NOTHING if deep[y, x] < 0 else far * far
+            away[y] = NONE if deep[y, x] < 0 else far * far
         _nearest_on_line(away, stack, found)
         for y in range(height):
             down[y, x] = found[y]
@@ -444,7 +443,7 @@ def nearest_in_rows(
         for x in range(width):
             row = np.int64(down[y, x])
             if row < 0:
-                away[x] = NOTHING
+                away[x] = NONE
                 continue
             far = np.int64(deep[row, x]) - z
             away[x] = far * far + (row - y) * (row - y)

@@ -243,8 +243,6 @@ BYTES_PER_CELL = 24
 ALL = 255  # of the light
 EXACT = 52  # bits for sums of optical depths
 
-Extinctions = Iterable[Floats]
-
 
 def light_transmittance(extinction: Floats, lattice: Doubles, light: Light) -> Flags:
     """Return fractions (Z, Y, X, 2) of the lamp's and of ambient light at cells.
@@ -367,7 +365,7 @@ def voxel_transmittance(voxels: Voxels, light: Light) -> Floats:
 
 
 def field_transmittance(
-    scene: Volume, parts: Sequence[tuple[Volume, Extinctions]], clip: Doubles, light: Light
+    scene: Volume, parts: Sequence[tuple[Volume, Iterable[Floats]]], clip: Doubles, light: Light
 ) -> list[Reached]:
     """Return the light at the points of fields, dimmed by all of them.
 

@@ -212,13 +212,15 @@ def _put_group(slices: _Slices, found: Floats, parts: int, first: int) -> None:
             np.maximum(second, np.abs(b + d - 2 * c), out=second)
         fourth, second = _smooth(fourth), _smooth(second)
         growth = fourth / (np.float32(WHITE) * second + np.float32(SLACK * slices.span))
-        trust = _fit(slices, np.asarray(fourth * growth**GROWTH), UNSURE)
+        error = np.float32(UNSURE / slices.span) * np.asarray(fourth * growth**GROWTH)
+        trust = np.asarray((error + np.float32(SLACK)) ** -SHARP)  # its weight
         for n, place in enumerate(at, start):
             share = trust
             total = trust * _spline_at(slices, place)
             for path in paths:
                 between, apart = _along(slices, before, place - before, *path)
-                fit = _fit(slices, _smooth(apart), 1.0)
+                error = np.float32(1.0 / slices.span) * _smooth(apart)
+                fit = np.asarray((error + np.float32(SLACK)) ** -SHARP)
                 share = share + fit
                 total += fit * between
             found[n] = total / share
@@ -250,12 +252,6 @@ def _smooth(plane: Plane) -> Plane:
     import cv2
 
     return np.asarray(cv2.GaussianBlur(plane, (0, 0), SMOOTH))
-
-
-def _fit(slices: _Slices, error: Plane, factor: float) -> Plane:
-    """Return the weight for an error."""
-    share = np.float32(factor / slices.span) * error
-    return np.asarray((share + np.float32(SLACK)) ** -SHARP)
 
 
 def _flows(slices: _Slices, before: int) -> tuple[Plane, Plane]:

@@ -30,7 +30,6 @@ BYTES_PER_CANDIDATE = 60  # bytes of a voxel that may turn out to be transparent
 BYTES_PER_VOXEL = 200  # bytes of a kept voxel, from here to the picture
 
 ALL_REACHED = np.empty((0, 2), np.float32)  # no shadows
-
 NO_SLOPE = np.empty((0, 3), np.float32)
 
 
