@@ -1,5 +1,6 @@
 """`import resample_dropins.opencv as cv2`: names and forms of calls of public scripts."""
 
+import runpy
 import subprocess
 import sys
 import types
@@ -180,9 +181,15 @@ def test_a_script_s_calls_are_opencv_s(name, count, named):
     np.testing.assert_array_equal(ours, theirs)
 
 
-def test_a_module_in_place_of_cv2_is_found_by_all_forms_of_import():
-    found: dict[str, object] = {}
-    exec("from resample_dropins.opencv import *", found)
+def all_names_of(module, folder):
+    """What a script has after `from module import *`."""
+    script = folder / "script.py"
+    script.write_text(f"from {module.__name__} import *\n")
+    return runpy.run_path(str(script))
+
+
+def test_a_module_in_place_of_cv2_is_found_by_all_forms_of_import(tmp_path):
+    found = all_names_of(opencv, tmp_path)
     assert found["imread"] is cv2.imread
     assert found["warpAffine"] is opencv.warpAffine
     assert {name for name in dir(cv2) if name[0] != "_"} <= {*dir(opencv)} & {*opencv.__all__}
@@ -192,9 +199,8 @@ def test_a_module_in_place_of_cv2_is_found_by_all_forms_of_import():
     assert not hasattr(opencv, "__path__")
 
 
-def test_scipy_s_names_are_scipy_s():
-    found: dict[str, object] = {}
-    exec("from resample_dropins.ndimage import *", found)
+def test_scipy_s_names_are_scipy_s(tmp_path):
+    found = all_names_of(ndimage, tmp_path)
     assert found["gaussian_filter"] is scipy.ndimage.gaussian_filter
     assert found["zoom"] is ndimage.zoom
     assert {*scipy.ndimage.__all__} <= {*dir(ndimage)}
