@@ -83,16 +83,6 @@ class Ground(NamedTuple):
 
 
 @kernel
-def _bell(z: Single) -> Single:
-    """exp(−16 z), for z up to RIM / 32; errs by 3e-6 of the value at most."""
-    power = C0 + z * (C1 + z * (C2 + z * (C3 + z * C4)))
-    power *= power
-    power *= power
-    power *= power
-    return power * power
-
-
-@kernel
 def _first_pixel(bound: Single) -> int:
     """First pixel whose center is not before a bound."""
     return math.ceil(float(max(bound - np.float32(0.5), np.float32(0))))
@@ -117,8 +107,13 @@ def _weigh(
         below = y + DOWN[width, m]
         across = x + ACROSS[width, m] - slope * below
         z = curve * across * across + rest * below * below
-        full = peak * _bell(min(z, LAST_Z))
-        weight[m] = full if z <= LAST_Z else np.float32(0)
+        # exp(−16 z), for z up to RIM / 32; errs by 3e-6 of the value at most.
+        q = min(z, LAST_Z)
+        power = C0 + q * (C1 + q * (C2 + q * (C3 + q * C4)))
+        power *= power
+        power *= power
+        power *= power
+        weight[m] = peak * (power * power) if z <= LAST_Z else np.float32(0)
 
 
 @kernel
@@ -361,29 +356,6 @@ def resolve_rows(counter: Counter, fine: Floats, weight: Floats, n: int, picture
         _resolve_row(fine, weight, n, row, picture)
 
 
-@kernel
-def _middle_of_row(
-    nearness: Floats, beside: Floats, n: int, row: int, middle: Floats, middle_beside: Floats
-) -> None:
-    """Middle sub-pixels of one row of pixels."""
-    near, other = np.empty(n * n, np.float32), np.empty(n * n, np.float32)
-    for column in range(middle.shape[1]):
-        count = 0
-        for part in range(n * n):
-            r, c = row * n + part // n, column * n + part % n
-            if nearness[r, c] <= np.float32(0):
-                continue
-            k = count
-            while k > 0 and near[k - 1] > nearness[r, c]:
-                near[k], other[k] = near[k - 1], other[k - 1]
-                k -= 1
-            near[k], other[k] = nearness[r, c], beside[r, c]
-            count += 1
-        is_any = count > 0
-        middle[row, column] = near[count // 2] if is_any else np.float32(0)
-        middle_beside[row, column] = other[count // 2] if is_any else np.float32(0)
-
-
 def nearest_of_rows(depth: Floats, n: int, margin: int, nearest: Floats) -> None:
     """Find the least depth (H, W) in each pixel's own square, of those of n² sub-pixels each.
 
@@ -406,7 +378,22 @@ def middle_of_rows(
     something is.
     """
     for row in tasks(counter, middle.shape[0]):
-        _middle_of_row(nearness, beside, n, row, middle, middle_beside)
+        near, other = np.empty(n * n, np.float32), np.empty(n * n, np.float32)
+        for column in range(middle.shape[1]):
+            count = 0
+            for part in range(n * n):
+                r, c = row * n + part // n, column * n + part % n
+                if nearness[r, c] <= np.float32(0):
+                    continue
+                k = count
+                while k > 0 and near[k - 1] > nearness[r, c]:
+                    near[k], other[k] = near[k - 1], other[k - 1]
+                    k -= 1
+                near[k], other[k] = nearness[r, c], beside[r, c]
+                count += 1
+            is_any = count > 0
+            middle[row, column] = near[count // 2] if is_any else np.float32(0)
+            middle_beside[row, column] = other[count // 2] if is_any else np.float32(0)
 
 
 Members = Any  # a bundle of all that may be painted

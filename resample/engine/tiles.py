@@ -19,12 +19,6 @@ LOWER = np.uint64(0xFFFFFFFF)
 
 
 @kernel
-def _ascending(bits: np.uint32) -> np.uint32:
-    """Map a float32's bits to an integer of the same order."""
-    return np.uint32(~bits) if bits >> np.uint32(31) else np.uint32(bits | np.uint32(0x80000000))
-
-
-@kernel
 def _is_before(looks: Floats, first: int, second: int) -> bool:
     """Whether one row of `looks` (N, K) comes before another, in lexicographic order."""
     for column in range(looks.shape[1]):
@@ -67,17 +61,6 @@ def settle(run: Indices, looks: Floats) -> None:
 
 
 @kernel
-def _insert(pair: Pairs) -> None:
-    # Insertion sort by the upper 32 bits; stable.
-    for n in range(1, pair.size):
-        moved, place = pair[n], n
-        while place > 0 and pair[place - 1] >> HALF > moved >> HALF:
-            pair[place] = pair[place - 1]
-            place -= 1
-        pair[place] = moved
-
-
-@kernel
 def _move(pair: Pairs, to: Pairs, low: np.uint64, shift: np.uint64, position: Indices) -> None:
     """Counting sort by one digit; `position` is scratch of one more than the digit has values."""
     mask = np.uint64(position.size - 2)
@@ -102,7 +85,13 @@ def sort_pairs(pair: Pairs, other: Pairs) -> None:
     Radix sort with digits of a width that fits the range of these bits, least significant first.
     """
     if pair.size <= FEW:
-        _insert(pair)
+        # Insertion sort; stable.
+        for n in range(1, pair.size):
+            moved, place = pair[n], n
+            while place > 0 and pair[place - 1] >> HALF > moved >> HALF:
+                pair[place] = pair[place - 1]
+                place -= 1
+            pair[place] = moved
         return
     # Find the range of the keys.
     low = high = pair[0]
@@ -138,7 +127,8 @@ def paired(bits: np.uint32, member: int) -> np.uint64:
 @kernel
 def bits_of(key: Single) -> np.uint32:
     """Integer of the same order as a float32."""
-    return _ascending(np.float32(key).view(np.uint32))
+    bits = np.float32(key).view(np.uint32)
+    return np.uint32(~bits) if bits >> np.uint32(31) else np.uint32(bits | np.uint32(0x80000000))
 
 
 @kernel
@@ -191,59 +181,6 @@ def overlapping_tiles(
     return max(0, int(first)), min(count - 1, int(last))
 
 
-@kernel
-def _count_chunk(
-    footprints: Records, screen: Screen, size: int, tile_columns: int, count: Counts, chunk: int
-) -> None:
-    # Skip hidden samples, and count the others in every tile that they touch.
-    tile_rows = count.shape[1] // tile_columns
-    for n in range(*_span(footprints.size, chunk)):
-        record = footprints[n]
-        if record["left"] > record["right"]:
-            continue
-        left, right = overlapping_tiles(
-            record["left"], record["right"], screen.margin, size, tile_columns
-        )
-        top, bottom = overlapping_tiles(
-            record["top"], record["bottom"], screen.margin, size, tile_rows
-        )
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                count[chunk, row * tile_columns + column] += 1
-
-
-@kernel
-def _span(samples: int, chunk: int) -> tuple[int, int]:
-    return samples * chunk // CHUNKS, samples * (chunk + 1) // CHUNKS
-
-
-@kernel
-def _deal_chunk(
-    footprints: Records,
-    screen: Screen,
-    tiles: Tiles,
-    position: Counts,
-    smallest: Floats,
-    chunk: int,
-) -> None:
-    # As in `_count_chunk`, write each sample to its tiles.
-    size, columns, member, margin = tiles.size, tiles.columns, tiles.member, screen.margin
-    tile_rows = position.shape[1] // columns
-    for n in range(*_span(footprints.size, chunk)):
-        record = footprints[n]
-        if record["left"] > record["right"]:
-            continue
-        left, right = overlapping_tiles(record["left"], record["right"], margin, size, columns)
-        top, bottom = overlapping_tiles(record["top"], record["bottom"], margin, size, tile_rows)
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                tile = row * columns + column
-                member[position[chunk, tile]] = n
-                position[chunk, tile] += 1
-                # Keep the smallest spacing, which decides the tile's grid.
-                smallest[chunk, tile] = min(smallest[chunk, tile], record["spacing"])
-
-
 @parallel_kernel
 def count_members(
     counter: Counter,
@@ -254,8 +191,21 @@ def count_members(
     count: Counts,
 ) -> None:
     """Count the samples of each chunk in each tile, added to `count` (CHUNKS, T)."""
+    tile_rows, margin = count.shape[1] // tile_columns, screen.margin
     for chunk in tasks(counter, CHUNKS):
-        _count_chunk(footprints, screen, size, tile_columns, count, chunk)
+        first, last = footprints.size * chunk // CHUNKS, footprints.size * (chunk + 1) // CHUNKS
+        for n in range(first, last):
+            # Skip hidden samples, and count the others in every tile that they touch.
+            record = footprints[n]
+            low, high = record["left"], record["right"]
+            if low > high:
+                continue
+            left, right = overlapping_tiles(low, high, margin, size, tile_columns)
+            low, high = record["top"], record["bottom"]
+            top, bottom = overlapping_tiles(low, high, margin, size, tile_rows)
+            for row in range(top, bottom + 1):
+                for column in range(left, right + 1):
+                    count[chunk, row * tile_columns + column] += 1
 
 
 @parallel_kernel
@@ -271,5 +221,23 @@ def deal_members(
 
     `position` (CHUNKS, T) is where each chunk's samples of a tile begin.
     """
+    size, columns, member, margin = tiles.size, tiles.columns, tiles.member, screen.margin
+    tile_rows = position.shape[1] // columns
     for chunk in tasks(counter, CHUNKS):
-        _deal_chunk(footprints, screen, tiles, position, smallest, chunk)
+        first, last = footprints.size * chunk // CHUNKS, footprints.size * (chunk + 1) // CHUNKS
+        for n in range(first, last):
+            # As in `count_members`, write each sample to its tiles.
+            record = footprints[n]
+            low, high = record["left"], record["right"]
+            if low > high:
+                continue
+            left, right = overlapping_tiles(low, high, margin, size, columns)
+            low, high = record["top"], record["bottom"]
+            top, bottom = overlapping_tiles(low, high, margin, size, tile_rows)
+            for row in range(top, bottom + 1):
+                for column in range(left, right + 1):
+                    tile = row * columns + column
+                    member[position[chunk, tile]] = n
+                    position[chunk, tile] += 1
+                    # Keep the smallest spacing, which decides the tile's grid.
+                    smallest[chunk, tile] = min(smallest[chunk, tile], record["spacing"])

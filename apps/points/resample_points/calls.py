@@ -278,7 +278,7 @@ def opened(scene: Any) -> Cloud | Surfels | CloudScene | Gaussians:
     Raises
     ------
     ValueError, TypeError, OSError
-        The file holds neither, is missing or damaged; or positions are no numbers (N, 3).
+        The file holds neither, is missing or damaged; or positions are not numbers (N, 3).
 
     Examples
     --------

@@ -49,7 +49,7 @@ class CloudScene(AnyScene):
     Raises
     ------
     ValueError, OSError
-        As of `read_cloud` and `prepare_cloud`.
+        As `read_cloud` and `prepare_cloud` do.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class CloudScene(AnyScene):
             picture: an `Orbit`, (azimuth, elevation) with or without a zoom and a pan, a
             name such as `front`, `top` or `corner`; None: `Orbit()`.
         size, style, filter, threads
-            As of `render_cloud`.
+            See `render_cloud`.
         quality
             `preview` shows at most 200,000 points at every other pixel. Its statistics have
             `is_preview` set.
@@ -127,7 +127,7 @@ class CloudScene(AnyScene):
         Raises
         ------
         ValueError
-            As of `render_cloud`.
+            As `render_cloud` does.
         resample.CancelledError
             It was cancelled.
         """
@@ -157,7 +157,7 @@ class CloudScene(AnyScene):
         x, y
             Right and down, px; the pixel there is taken.
         camera, size, choices
-            As of `render`.
+            See `render`.
         """
         row, column = pixel_at(size, x, y)
         depth = self.render(camera, size=size, **choices).depth[row, column].astype(np.float64)

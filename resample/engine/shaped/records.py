@@ -98,17 +98,6 @@ class Covariance(NamedTuple):
 
 
 @inner_step
-def _rotation(w: float, x: float, y: float, z: float) -> Matrix:
-    """Rotation matrix of a quaternion of any length but zero."""
-    s = 2.0 / (w * w + x * x + y * y + z * z)
-    return (
-        (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
-        (s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)),
-        (s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)),
-    )
-
-
-@inner_step
 def _spread(axes: Matrix, scale: Vector) -> Covariance:
     """Covariance of an ellipsoid; `axes` are columns in camera axes."""
     a, b, c = scale[0] * scale[0], scale[1] * scale[1], scale[2] * scale[2]
@@ -130,19 +119,6 @@ def _on_screen(spread: Covariance, x: float, y: float) -> tuple[float, float, fl
     yy = spread.yy - 2.0 * y * spread.yz + y * y * spread.zz
     xy = spread.xy - x * spread.yz - y * spread.xz + x * y * spread.zz
     return xx, xy, yy
-
-
-@inner_step
-def _compensation(spread: Covariance, x: float, y: float, per: float, dilation: float) -> float:
-    """Share of a Gaussian's opacity that is left where a dilation (px²) widens it.
-
-    `per`: px² per squared scene unit.
-    """
-    xx, xy, yy = _on_screen(spread, x, y)
-    xx, xy, yy = per * xx, per * xy, per * yy
-    before = max(xx * yy - xy * xy, 0.0)
-    after = (xx + dilation) * (yy + dilation) - xy * xy
-    return math.sqrt(before / after) if after > 0.0 else 0.0
 
 
 @inner_step
@@ -321,7 +297,12 @@ def _weight_of(
     spread, slopes, per = _spread(axes, scale), (0.0, 0.0), options.trained
     if view.perspective:
         slopes, per = (center[0] / z, center[1] / z), options.trained / z
-    return weight * _compensation(spread, slopes[0], slopes[1], per * per, options.dilation)
+    # Take the share of the opacity that is left where the dilation widens it.
+    xx, xy, yy = _on_screen(spread, slopes[0], slopes[1])
+    xx, xy, yy = per * per * xx, per * per * xy, per * per * yy
+    before = max(xx * yy - xy * xy, 0.0)
+    after = (xx + options.dilation) * (yy + options.dilation) - xy * xy
+    return weight * (math.sqrt(before / after) if after > 0.0 else 0.0)
 
 
 @inner_step
@@ -363,29 +344,18 @@ def _set_form(
 
 
 @inner_step
-def _place_in(turn: Matrix, view: View, position: Floats, n: int) -> Vector:
-    """Position of a sample in camera axes."""
-    place = multiply(turn, (float(position[n, 0]), float(position[n, 1]), float(position[n, 2])))
-    shift = view.translation
-    return place[0] + shift[0], place[1] + shift[1], place[2] + shift[2]
-
-
-@inner_step
 def _axes_of(shaped: ShapedArrays, n: int, turn: Matrix) -> Matrix:
     """Axes of an ellipsoid in camera space, as columns."""
-    w, x, y = shaped.rotation[n, 0], shaped.rotation[n, 1], shaped.rotation[n, 2]
-    return _turned(turn, _rotation(float(w), float(x), float(y), float(shaped.rotation[n, 3])))
-
-
-@inner_step
-def _light_of(depth: float, taken: Floats) -> float:
-    """Light that a kernel takes of its area, by the optical depth of its center."""
-    last = taken.size - 1
-    place = PER_OCTAVE * (math.log2(max(depth, 1e-30)) - FIRST_OCTAVE)
-    k = min(max(int(place), 0), last - 1)
-    share = min(max(place - k, 0.0), 1.0)
-    ratio = taken[k] + share * (taken[k + 1] - taken[k])
-    return float(min(depth, DEEPEST) * ratio)
+    # Quaternions have any length but zero.
+    w, x = float(shaped.rotation[n, 0]), float(shaped.rotation[n, 1])
+    y, z = float(shaped.rotation[n, 2]), float(shaped.rotation[n, 3])
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    own = (
+        (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+        (s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)),
+        (s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)),
+    )
+    return _turned(turn, own)
 
 
 @inner_kernel
@@ -408,7 +378,13 @@ def _spread_small(record: Floats, view: View, options: ShapedOptions) -> None:
         down = (float(record[Y]) - view.principal[1]) / view.focal[1]
         slant = math.sqrt(1.0 + across * across + down * down)
     depth = float(record[PEAK]) * slant
-    light = per * math.pi / math.sqrt(area) * _light_of(depth, options.taken)
+    # The light that a kernel takes of its area follows from the optical depth of its center.
+    taken, last = options.taken, options.taken.size - 1
+    place = PER_OCTAVE * (math.log2(max(depth, 1e-30)) - FIRST_OCTAVE)
+    k = min(max(int(place), 0), last - 1)
+    share = min(max(place - k, 0.0), 1.0)
+    ratio = taken[k] + share * (taken[k + 1] - taken[k])
+    light = per * math.pi / math.sqrt(area) * float(min(depth, DEEPEST) * ratio)
     if not light < BRIGHTEST:
         return
     # As wide as the kernel, and so wide that no sub-pixel takes more light than there is.
@@ -453,7 +429,9 @@ def _project_one(
     faintest = options.faintest if options.is_peak else 0.0
     if not weight > faintest:
         return
-    center = _place_in(turn, view, shaped.position, n)
+    place, at, shift = shaped.position, n, view.translation
+    center = multiply(turn, (float(place[at, 0]), float(place[at, 1]), float(place[at, 2])))
+    center = center[0] + shift[0], center[1] + shift[1], center[2] + shift[2]
     z, away = center[2], math.sqrt(dot(center, center))
     if not away >= options.nearest:
         return

@@ -112,15 +112,6 @@ def _add_part(
         apart_u, apart_v = -apart_u, -apart_v
 
 
-@inner_kernel
-def _add_parts(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -> None:
-    """Add all parts of a pixel, with equal weights."""
-    counts = parts_of(footprint, view.finest)
-    each = np.float32(1.0 / (counts[0] * counts[1]))
-    for n in range(counts[0] * counts[1]):
-        _add_part(view, nth_part(footprint, counts, n), each, scratch)
-
-
 @inner_step
 def _is_within(view: GridView, footprint: PixelFootprint) -> bool:
     """Whether no transparent edge of the source crosses a pixel."""
@@ -206,7 +197,10 @@ def _mean_of(view: GridView, footprint: PixelFootprint, scratch: PixelScratch) -
     elif is_box(placed, view.finest):
         _add_part(view, placed, np.float32(1), scratch)
     else:
-        _add_parts(view, placed, scratch)
+        counts = parts_of(placed, view.finest)
+        each = np.float32(1.0 / (counts[0] * counts[1]))
+        for n in range(counts[0] * counts[1]):
+            _add_part(view, nth_part(placed, counts, n), each, scratch)
     return 1.0
 
 
@@ -223,18 +217,6 @@ def _longer_side(footprint: PixelFootprint) -> tuple[float, float]:
     extent = max(abs(longer[0]), abs(longer[1]))
     is_thin = max(abs(other[0]), abs(other[1])) <= LIMITED
     return longer if is_thin and extent <= LONGEST_LIMITED else (0.0, 0.0)
-
-
-@inner_kernel
-def _part_around(
-    view: GridView, footprint: PixelFootprint, scratch: PixelScratch
-) -> tuple[Part, float, float, bool]:
-    """Compute the limits around one pixel, its position in them, and whether edges are there."""
-    placed, plain = fold(view, footprint), view.limits.plain
-    u, v = placed.u - plain.left, placed.v - plain.top
-    part = part_around(view.limits, u, v)
-    has_edges = fill_corners(view.limits, part, scratch.corners)
-    return part, u, v, has_edges
 
 
 @inner_kernel
@@ -308,19 +290,15 @@ def _keep_positive(view: GridView, footprint: PixelFootprint, total: Floats) -> 
         total[c] = max(total[c], least)
 
 
-class LimitedTile(NamedTuple):
-    """The limits of a tile's pixels, as far as they are common to them."""
-
-    part: Part
-    has_edges: bool
-
-
 @inner_kernel
 def _fill_pixel(
-    view: GridView, footprint: PixelFootprint, limited: LimitedTile, is_apart: bool,
+    view: GridView, footprint: PixelFootprint, part: Part, has_edges: bool, is_apart: bool,
     scratch: PixelScratch,
 ) -> float:  # fmt: skip
-    """Put the mean over any footprint, within its limits; return its coverage."""
+    """Put the mean over any footprint, within its limits; return its coverage.
+
+    `part`, `has_edges`: limits that all pixels of the tile share, unless they `is_apart`.
+    """
     coverage, total, corners = _mean_of(view, footprint, scratch), scratch.total, scratch.corners
     if not coverage > 0.0 or view.limits.excess < 0.0:
         return coverage
@@ -328,9 +306,11 @@ def _fill_pixel(
     u, v = footprint.u - plain.left, footprint.v - plain.top
     if is_small(footprint):
         # Clamp small footprints to the limits at their center.
-        part, has_edges = limited
         if is_apart:
-            part, u, v, has_edges = _part_around(view, footprint, scratch)
+            placed = fold(view, footprint)
+            u, v = placed.u - plain.left, placed.v - plain.top
+            part = part_around(view.limits, u, v)
+            has_edges = fill_corners(view.limits, part, corners)
         marks = marks_at(corners, part, u, v) if has_edges else 0
         if marks:
             _straighten(view, footprint, part, (u, v), marks, scratch)
@@ -339,7 +319,7 @@ def _fill_pixel(
     # Clamp long, thin ones to the mean of the limits along them.
     side = _longer_side(footprint)
     if not is_apart and (side[0] != 0.0 or side[1] != 0.0):
-        keep_within_mean(corners, limited.part, (u, v), side, channels, total)
+        keep_within_mean(corners, part, (u, v), side, channels, total)
     _keep_positive(view, footprint, total)
     return coverage
 
@@ -368,7 +348,7 @@ def _fill_tile(
     is_apart = view.margin < math.inf or (has_limits and part.wide == 0)
     if has_limits and not is_apart:
         has_edges = fill_corners(view.limits, part, scratch.corners)
-    limited, plain, total = LimitedTile(part, has_edges), view.limits.plain, scratch.total
+    plain, total = view.limits.plain, scratch.total
     first, width = tile[LEFT], tile[RIGHT] - tile[LEFT]
     flat, share = image.reshape(-1), covered.reshape(-1)
     for row in range(tile[TOP], tile[BOTTOM]):
@@ -400,7 +380,9 @@ def _fill_tile(
                     keep_within(scratch.corners, part, (u, v), plain.channels, total)
             else:
                 footprint = _footprint(geometry, row, column)
-                coverage = np.float32(_fill_pixel(view, footprint, limited, is_apart, scratch))
+                coverage = np.float32(
+                    _fill_pixel(view, footprint, part, has_edges, is_apart, scratch)
+                )
             # Store, premultiplied by coverage.
             at = np.uint64(row * covered.shape[1] + column)
             share[at] = coverage

@@ -491,10 +491,20 @@ def _least(grid: SeparableGrid, pixel: tuple[int, int, int], enough: Single) -> 
 
 
 @inner_kernel
-def _copy_rows(total: Floats, count: int, rows: int, image: Floats, first: int, width: int) -> None:
-    """Copy columns of ROWS numbers to rows of a picture that are `width` numbers apart."""
-    step, block = np.uint64(width), count // TOGETHER * TOGETHER
-    # Take a few columns at a time, which fill a line of the cache.
+def _put(
+    grid: SeparableGrid,
+    tile: tuple[int, int, int, int],
+    total: Floats,
+    image: Floats,
+    covered: Floats,
+) -> None:
+    """Put the sums of a tile into the picture, premultiplied by coverage."""
+    left, top, right, bottom = tile
+    down, across, channels = grid.down.share, grid.across.share, grid.channels
+    width, count = across.size, (right - left) * channels
+    first = (top * width + left) * channels
+    # Copy columns of ROWS numbers to rows, a few at a time, which fill a line of the cache.
+    step, block, rows = np.uint64(width * channels), count // TOGETHER * TOGETHER, bottom - top
     for start in range(0, block, TOGETHER):
         to, source = np.uint64(first + start), np.uint64(start * ROWS)
         for _ in range(rows):
@@ -509,22 +519,6 @@ def _copy_rows(total: Floats, count: int, rows: int, image: Floats, first: int, 
             image[to] = total[source]
             to += step
             source += np.uint64(1)
-
-
-@inner_kernel
-def _put(
-    grid: SeparableGrid,
-    tile: tuple[int, int, int, int],
-    total: Floats,
-    image: Floats,
-    covered: Floats,
-) -> None:
-    """Put the sums of a tile into the picture, premultiplied by coverage."""
-    left, top, right, bottom = tile
-    down, across, channels = grid.down.share, grid.across.share, grid.channels
-    width, count = across.size, (right - left) * channels
-    first = (top * width + left) * channels
-    _copy_rows(total, count, bottom - top, image, first, width * channels)
     for row in range(top, bottom):
         pixel = np.uint64(row * width + left)
         for x in range(left, right):

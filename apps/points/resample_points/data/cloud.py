@@ -58,7 +58,7 @@ class Cloud(NamedTuple):
 
 
 def check_cloud(given: Any, kinds: Any) -> None:
-    """Reject what is no cloud, such as an array of places or a path."""
+    """Reject anything but a cloud, such as an array of places or a path."""
     if not isinstance(given, kinds):
         raise TypeError(
             f"a cloud of {type(given).__name__}; give a Cloud, the result of prepare_cloud, or "
@@ -248,7 +248,7 @@ def white_of(kind: np.dtype[Any], most: float) -> float:
 
 
 def linear(levels: NDArray[Any], white: float | None = None) -> Floats:
-    """Return linear light of sRGB levels; `white` as of `cloud_of`."""
+    """Return linear light of sRGB levels; `white`: see `cloud_of`."""
     if white is None:
         white = white_of(levels.dtype, most_of(levels))
     with np.errstate(over="ignore"):  # infinite: such points are dropped

@@ -45,7 +45,7 @@ class Training(NamedTuple):
     is_estimated: bool
 
     def focal_for(self, camera: Any) -> float:
-        """Focal length, px, whose pixels are as large as in training, from where a camera is.
+        """Focal length, px, that gives pixels as large as in training, seen from a camera.
 
         It grows with the distance, beyond that of training. Where rays are parallel it is in px
         per scene unit.
@@ -148,10 +148,10 @@ class Crop(NamedTuple):
 def checked_gaussians(gaussians: Gaussians, what: str = "the scene") -> Gaussians:
     """Return the Gaussians that can be drawn, in checked arrays, with unit quaternions.
 
-    Those are left out, and their number is logged, whose position, scale, rotation or color is not
-    finite, whose scale is not above 0, whose quaternion is 0, whose opacity is not in [0, 1], or
-    that are farther away or larger than 1e15. `what`: name of the scene for the log. Raises
-    ValueError if an array has another shape, or none can be drawn.
+    Gaussians are left out, and their number is logged, if their position, scale, rotation or color
+    is not finite, their scale is not above 0, their quaternion is 0, their opacity is not in
+    [0, 1], or they are farther away or larger than 1e15. `what`: name of the scene for the log.
+    Raises ValueError if an array has another shape, or none can be drawn.
     """
     parts: dict[str, Any] = {}
     count = len(np.atleast_1d(gaussians.position))
@@ -415,7 +415,7 @@ def joined_gaussians(
     Raises
     ------
     ValueError
-        There are no parts, a pose is none, or they are not as many.
+        There are no parts, a pose is invalid, or the numbers of both differ.
 
     Examples
     --------

@@ -240,7 +240,7 @@ def read_bin(path: Path) -> Cloud:
     kind, size = np.dtype([(name, "<f4") for name in names]), path.stat().st_size
     told = f"is no scan of KITTI: {len(names)} numbers ({' '.join(names)}) of float32 per point"
     if size % kind.itemsize or not size:
-        raise ValueError(f"{told}, but its {size} bytes are no multiple of {kind.itemsize}")
+        raise ValueError(f"{told}, but its {size} bytes are not a multiple of {kind.itemsize}")
     with path.open("rb") as file:
         some = np.frombuffer(file.read(STEP * kind.itemsize), "<f4")
         if not bool(np.all(np.abs(some) <= FARTHEST)):  # nor NaN

@@ -55,7 +55,7 @@ class Element:
         return any(each.length for each in self.properties)
 
     def scalars(self) -> np.dtype[Any]:
-        """Return the type of the properties that are no lists."""
+        """Return the type of the scalar properties."""
         return np.dtype([(each.name, each.kind) for each in self.properties if not each.length])
 
 
@@ -158,7 +158,7 @@ def ply_header(path: Path) -> PlyFile:
             case ["property", *kinds, name] if elements:
                 elements[-1].properties.append(_property(name, kinds, BYTE_ORDERS[encoding], line))
             case ["property"] if elements:
-                raise ValueError(f"has {line}, which is no number and no list of numbers")
+                raise ValueError(f"has {line}, which is neither a number nor a list of numbers")
     names = [[e.name for e in elements], *([p.name for p in e.properties] for e in elements)]
     for n, each in enumerate(names):
         if len(set(each)) < len(each):
@@ -171,7 +171,7 @@ def _property(name: str, words: list[str], order: str, line: str) -> Property:
     is_list = words[:1] == ["list"]
     kinds = [TYPES.get(word, "") for word in words[is_list:]]
     if len(kinds) != 1 + is_list or not all(kinds):
-        raise ValueError(f"has {line}, which is no number and no list of numbers")
+        raise ValueError(f"has {line}, which is neither a number nor a list of numbers")
     if is_list and kinds[0][0] == "f":
         raise ValueError(f"has {line}: a list's length must be a whole number")
     return Property(name, order + kinds[-1], order + kinds[0] if is_list else "")

@@ -75,7 +75,7 @@ class Search(NamedTuple):
 
 
 def blocks_of(place: Floats) -> PointBlocks:
-    """Build the tree of blocks around points (N, 3), of which there is at least one."""
+    """Build the tree of blocks around at least one point (N, 3)."""
     # Reduce the boxes of points to blocks of 16, then by eights up to one that holds all.
     lows, highs, step = [place], [place], BLOCK
     while len(lows[-1]) > 1:

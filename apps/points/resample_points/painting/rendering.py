@@ -418,13 +418,12 @@ def index_cloud(
 ) -> Numbers:
     """Return which point of a cloud each pixel shows.
 
-    It is the point, among those that are seen, whose center is nearest to the nearest surface in
-    the pixel.
+    The point is visible, and its center is nearest to the nearest surface in the pixel.
 
     Parameters
     ----------
     cloud, camera, size, style, threads
-        As of `render_cloud`.
+        See `render_cloud`.
 
     Returns
     -------
@@ -433,7 +432,7 @@ def index_cloud(
     Raises
     ------
     ValueError
-        As of `render_cloud`, or surfels do not say which points they are.
+        As `render_cloud` does; or surfels do not say which points they are.
 
     Examples
     --------

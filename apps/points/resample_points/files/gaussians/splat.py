@@ -130,7 +130,7 @@ def _section(
     records = np.frombuffer(data, record, held, begin)
     position = records["position"].astype(np.float64)
     if precision:
-        # Places are relative to the middles of buckets, of which the full ones are first.
+        # Places are relative to the middles of buckets; full buckets come first.
         sizes = np.frombuffer(data, "<u4", partial, place).astype(np.int64)
         if stored < 12 or full + partial > buckets:
             raise ValueError(f"has buckets of {stored} bytes, or more of them than it says")
