@@ -35,11 +35,8 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     """
     is_mistaken = isinstance(error, ValueError | CycloptsError)
     is_mistaken = is_mistaken and not isinstance(error, UnknownCommandError)
-    # The first input of the command, if it names a file that is not there.
-    for name in list(takewhile(lambda word: not word.startswith("-"), words))[1:2]:
-        is_path = not set(name) & set(":*?=,") and Path(name).suffix[1:].isalnum()
-        if is_mistaken and is_path and not Path(name).exists():
-            error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), name)
+    if is_mistaken and (missing := _missing_input(words)):
+        error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), missing)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
     if isinstance(error, IsADirectoryError):
@@ -91,6 +88,13 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{visible(', '.join(map(repr, error.unused_tokens)))}: {_of_too_many(error)}"
     return one_line(error)
+
+
+def _missing_input(words: Sequence[str]) -> str:
+    """Return the first input of a command if it names a file that is not there; else nothing."""
+    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
+    is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
+    return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
 
 
 def with_own_pip(text: str) -> str:

@@ -300,7 +300,7 @@ def _main_parts(places: Iterable[Indices], shape: tuple[int, ...]) -> Counting |
 
     None: small parts are too many to be left out.
     """
-    from resample_volume.kernels.voxels import number_parts
+    from resample.engine.rays.coefficients import number_parts
 
     side = -(-max(shape) // CELLS)
     cells = tuple(-(-size // side) for size in shape)
