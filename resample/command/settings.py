@@ -494,14 +494,14 @@ class Resampling(Choices):
     projection: Shown = "composite"
     iso: Iso = None
     attenuation: Attenuation = 0.05
-    opacity: Literal["exact", "linear"] = Field(
-        default="exact",
-        description="Exact transmittance of the field, or the product of classic splatting.",
-    )
-    color_by: Literal["sample", "primitive"] = Field(
-        default="sample",
-        description="Source of colors: the samples, or the primitive, with splats in red.",
-    )
+    opacity: Annotated[
+        Literal["exact", "linear"],
+        Field(description="Exact transmittance of the field, or the product of classic splatting."),
+    ] = "exact"
+    color_by: Annotated[
+        Literal["sample", "primitive"],
+        Field(description="Source of colors: the samples, or the primitive, with splats in red."),
+    ] = "sample"
 
     @property
     def is_of_samples(self) -> bool:
