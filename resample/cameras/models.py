@@ -325,7 +325,15 @@ class Camera:
         object.__setattr__(self, "world_to_camera", rigid(self.world_to_camera))
         if self.model not in tuple(LensModel):
             raise ValueError(f"unknown lens model {self.model!r}; known: {', '.join(LensModel)}")
-        object.__setattr__(self, "distortion", _coefficients(self.distortion, self.model))
+        # Coefficients of a lens; None if they have no effect.
+        bends, is_fisheye = self.distortion, self.model == LensModel.FISHEYE
+        given = np.zeros(COUNT) if bends is None else np.array(bends, np.float64).ravel()
+        is_known = given.size in ((COUNT,) if is_fisheye else COUNTS) and np.isfinite(given).all()
+        if not is_known:
+            kind = f"fisheye lens has {COUNT}" if is_fisheye else f"lens has {COUNTS}"
+            said = kind.replace("(", "").replace(")", "")
+            raise ValueError(f"a {said} finite coefficients, not {given.tolist()}")
+        object.__setattr__(self, "distortion", given if is_fisheye or given.any() else None)
         if not 0 <= self.near < math.inf:
             raise ValueError(f"the near plane at {self.near} must not lie behind the eye")
 
@@ -525,22 +533,6 @@ class Orthographic:
     def view(self) -> View:
         focal, principal = (self.sx, self.sy), (self.cx, self.cy)
         return _view(self.world_to_camera, focal, principal, self.near, perspective=False)
-
-
-def _coefficients(given: ArrayLike | None, model: str) -> Doubles | None:
-    """Checked coefficients of a lens; None if they have no effect."""
-    if model == LensModel.FISHEYE:
-        four = np.zeros(COUNT) if given is None else np.array(given, np.float64).ravel()
-        if four.size != COUNT or not np.isfinite(four).all():
-            raise ValueError(f"a fisheye lens has {COUNT} finite coefficients, not {four.tolist()}")
-        return four
-    if given is None:
-        return None
-    coefficients = np.array(given, np.float64).ravel()
-    if coefficients.size not in COUNTS or not np.isfinite(coefficients).all():
-        counts = ", ".join(str(count) for count in COUNTS)
-        raise ValueError(f"a lens has {counts} finite coefficients, not {coefficients.tolist()}")
-    return coefficients if coefficients.any() else None
 
 
 def _view(

@@ -114,7 +114,7 @@ def brief(asked: Asked) -> list[str]:
     lines = _opening(asked, text, " ".join(usage))
     count = min(MOST_OPTIONS, LINES - len(lines) - 1)
     shown = list(_most_needed(arguments, asked.root))[:count]
-    return [*lines, *_table([_option(one, text) for one in shown])]
+    return [*lines, *_table(shown, text)]
 
 
 def examples_in(text: str) -> list[str]:
@@ -145,21 +145,18 @@ def _most_needed(arguments: dict[str, "Argument"], root: App) -> Iterator["Argum
             yield options[name]
 
 
-def _option(argument: "Argument", text: str) -> tuple[str, str, str]:
-    """Return the names of an option, its meaning and its default."""
+def _table(arguments: Sequence["Argument"], summary: str) -> list[str]:
+    """Return a line per option: its names, meaning and default; `summary`: of the command."""
     from docstring_parser import parse
 
-    if argument.parameter.help is None:
-        name = argument.field_info.name
-        documented = {part.arg_name: part.description for part in parse(text).params}
-        argument.parameter = Parameter.combine(
-            argument.parameter, Parameter(help=documented.get(name) or "")
-        )
-    return ", ".join(sorted(argument.names[:2], key=len)), *described(argument)
-
-
-def _table(options: list[tuple[str, str, str]]) -> list[str]:
-    """Return a line per option."""
+    options = []
+    for argument in arguments:
+        if argument.parameter.help is None:
+            documented = {part.arg_name: part.description for part in parse(summary).params}
+            more = Parameter(help=documented.get(argument.field_info.name) or "")
+            argument.parameter = Parameter.combine(argument.parameter, more)
+        names = ", ".join(sorted(argument.names[:2], key=len))
+        options.append((names, *described(argument)))
     width = max(len(names) for names, _, _ in [*options, (FULL, "", "")]) + 4
     lines = []
     for names, text, default in options:

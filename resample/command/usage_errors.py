@@ -103,6 +103,13 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     return one_line(error)
 
 
+def _missing_input(words: Sequence[str]) -> str:
+    """Return the first input of a command if it names a file that is not there; else nothing."""
+    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
+    is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
+    return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
+
+
 def with_own_pip(text: str) -> str:
     """Name the pip of the running Python in a text, where the one on the PATH is another's."""
     python, found = Path(sys.executable), which("pip")

@@ -336,17 +336,13 @@ def side_weights(
     first = np.floor(low - radius - 0.5).astype(np.int64) + 1
     last = np.ceil(high + radius - 0.5).astype(np.int64)
     center = first[:, None] + np.arange(int((last - first).max(initial=1))) + 0.5
-    ends = (_read(integral, (end[:, None] - center + radius) * FINE) for end in (low, high))
-    start, end = ends
-    weight = (end - start) / extent[:, None]
+    ends = []  # of the integral, interpolated linearly
+    for end in (low, high):
+        at = np.clip((end[:, None] - center + radius) * FINE, 0.0, integral.size - 1.0)
+        row = np.minimum(at.astype(np.int64), integral.size - 2)
+        ends.append(integral[row] + (at - row) * (integral[row + 1] - integral[row]))
+    weight = (ends[1] - ends[0]) / extent[:, None]
     return first, weight / weight.sum(axis=1, keepdims=True)
-
-
-def _read(table: Doubles, place: Doubles) -> Doubles:
-    """Interpolate a table linearly at places, which are clipped to it."""
-    at = np.clip(place, 0.0, table.size - 1.0)
-    row = np.minimum(at.astype(np.int64), table.size - 2)
-    return np.asarray(table[row] + (at - row) * (table[row + 1] - table[row]))
 
 
 def point_weights(

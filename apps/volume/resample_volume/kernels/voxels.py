@@ -452,29 +452,6 @@ def nearest_in_rows(
             across[y, x] = found[x]
 
 
-@kernel
-def number_parts(part: NDArray[np.int64]) -> int:
-    """Number what touches in cells (Z, Y, X), by corners too, from 1; count these parts.
-
-    `part`: -1 where cells are filled, 0 where they are empty; gets the numbers.
-    """
-    waiting, count = [(0, 0, 0)], 0
-    for first in np.ndindex(part.shape):
-        if part[first] < 0:
-            count += 1
-            part[first] = count
-            waiting.append(first)
-            while len(waiting) > 1:
-                k, j, i = waiting.pop()
-                for z in range(max(k - 1, 0), min(k + 2, part.shape[0])):
-                    for y in range(max(j - 1, 0), min(j + 2, part.shape[1])):
-                        for x in range(max(i - 1, 0), min(i + 2, part.shape[2])):
-                            if part[z, y, x] < 0:
-                                part[z, y, x] = count
-                                waiting.append((z, y, x))
-    return count
-
-
 BRICK = 8  # voxels
 
 Step = tuple[int, int, int]  # z, y, x

@@ -235,7 +235,7 @@ def _body(volume: Volume) -> Counting | None:
 
 def _main_parts(indices: Iterable[Indices], shape: tuple[int, ...]) -> Counting | None:
     """Return the large visible parts; None if small ones are too many to be left out."""
-    from resample_volume.kernels.voxels import number_parts
+    from resample.engine.rays.coefficients import number_parts
 
     side = -(-max(shape) // CELLS)
     cells = tuple(-(-size // side) for size in shape)
