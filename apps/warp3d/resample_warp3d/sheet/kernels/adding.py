@@ -57,21 +57,6 @@ class TwoLayers(NamedTuple):
 
 
 @inner_kernel
-def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Single) -> None:
-    """Vote for a label with the covered area as weight; the label that leads stays.
-
-    Boyer and Moore's majority vote with weights: a vote for another label reduces the leader's.
-    """
-    if sums[at] == a and sums[at + np.uint64(1)] == b and sums[at + np.uint64(2)] == c:
-        sums[at + np.uint64(3)] += d
-    elif sums[at + np.uint64(3)] >= d:
-        sums[at + np.uint64(3)] -= d
-    else:
-        sums[at], sums[at + np.uint64(1)], sums[at + np.uint64(2)] = a, b, c
-        sums[at + np.uint64(3)] = d - sums[at + np.uint64(3)]
-
-
-@inner_kernel
 def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoLayers) -> None:
     """Add fragments to the visible layers of their pixels; labels are voted for."""
     numbers, places = cells
@@ -93,7 +78,15 @@ def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoL
         # Vote for labels, and add colors and mass.
         if is_label:
             voted[np.uint64(2) * pixel + layer] += mass
-            _vote(sums, at, red, green, blue, mass)
+            # Boyer and Moore's majority vote: the label that leads stays, others reduce its mass.
+            one, two, three = at + np.uint64(1), at + np.uint64(2), at + np.uint64(3)
+            if sums[at] == red and sums[one] == green and sums[two] == blue:
+                sums[three] += mass
+            elif sums[three] >= mass:
+                sums[three] -= mass
+            else:
+                sums[at], sums[one], sums[two] = red, green, blue
+                sums[three] = mass - sums[three]
         else:
             sums[at] += red
             sums[at + np.uint64(1)] += green
