@@ -16,7 +16,6 @@ from resample_warp3d.sheet.kernels.fragments import (
     set_boxes,
     set_parts,
 )
-from resample_warp3d.sheet.kernels.screen import Indices
 from resample_warp3d.sheet.kernels.segments import (
     BLUE,
     COLUMN,
@@ -106,21 +105,11 @@ def _add_rim(n: int, sides: int, cells: SegmentCells, layers: TwoLayers) -> None
 
 
 @inner_kernel
-def _is_open(begin: int, end: int, places: Indices) -> bool:
-    """Whether the surface of any cell of a run ends at one of its sides."""
-    sides = 0
-    for n in range(begin, end):
-        sides |= places[OPEN + np.uint64(n)]
-    return sides != 0
-
-
-@inner_kernel
 def add_boxes(
-    begin: int, end: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
+    begin: int, end: int, is_open: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
 ) -> None:
-    """Add a run of upright cells as boxes, slot by slot."""
+    """Add a run of upright cells as boxes, slot by slot; of some, surfaces end if `is_open`."""
     numbers, places = cells
-    is_open = _is_open(begin, end, places)
     rows, columns = set_boxes(begin, end, frame, numbers, places)
     for j in range(rows):
         for i in range(columns):
@@ -142,13 +131,14 @@ def add_boxes(
 
 @inner_kernel
 def add_parts(
-    begin: int, end: int, way: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
-) -> None:
+    begin: int, end: int, is_open: bool, way: int, frame: BandFrame, cells: SegmentCells,
+    layers: TwoLayers,
+) -> None:  # fmt: skip
     """Add a run of cells that are cut into parts, or have one color each."""
     numbers, places = cells
     is_whole, quality = way == WHOLE, frame.quality * np.float32(2 if way == FINE else 1)
     most_u, most_v = count_parts(begin, end, quality, numbers, places)
-    is_flat, is_open = is_whole or frame.is_label, _is_open(begin, end, places)
+    is_flat = is_whole or frame.is_label
     # Cut one part out of all cells at a time.
     for part in range(1 if is_whole else most_u * most_v):
         v, u = divmod(part, most_u)

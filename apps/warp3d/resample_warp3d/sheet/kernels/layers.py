@@ -187,9 +187,11 @@ def _take_colors(
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     begin, end, start = int(places[BEGIN + k]), int(places[END + k]), segment * SEGMENT
     # Note the sides at which surfaces end.
+    found = 0
     for n in range(begin, end):
         bits = links[np.uint64(row + MARGIN), np.uint64(start + n + MARGIN)]
         places[OPEN + np.uint64(n)] = SIDES & ~np.int32(bits)
+        found |= places[OPEN + np.uint64(n)]
     # Prepare the colors: means are enough for cells of one color.
     way = places[WAY + np.uint64(begin)]
     if way == WHOLE or frame.is_label:
@@ -198,9 +200,9 @@ def _take_colors(
         write_colors(color, links, group, row, start, begin, end, numbers)
     # Add cells as boxes or as parts, as they were classified.
     if way == UPRIGHT:
-        add_boxes(begin, end, frame, cells, look.layers)
+        add_boxes(begin, end, found != 0, frame, cells, look.layers)
     else:
-        add_parts(begin, end, int(way), frame, cells, look.layers)
+        add_parts(begin, end, found != 0, int(way), frame, cells, look.layers)
 
 
 @inner_kernel
