@@ -16,7 +16,6 @@ from resample_warp3d.sheet.kernels.fragments import (
     set_boxes,
     set_parts,
 )
-from resample_warp3d.sheet.kernels.screen import Indices
 from resample_warp3d.sheet.kernels.segments import (
     BLUE,
     COLUMN,
@@ -57,21 +56,6 @@ class TwoLayers(NamedTuple):
 
 
 @inner_kernel
-def _vote(sums: Floats, at: np.uint64, a: Single, b: Single, c: Single, d: Single) -> None:
-    """Vote for a label with the covered area as weight; the label that leads stays.
-
-    Boyer and Moore's majority vote with weights: a vote for another label reduces the leader's.
-    """
-    if sums[at] == a and sums[at + np.uint64(1)] == b and sums[at + np.uint64(2)] == c:
-        sums[at + np.uint64(3)] += d
-    elif sums[at + np.uint64(3)] >= d:
-        sums[at + np.uint64(3)] -= d
-    else:
-        sums[at], sums[at + np.uint64(1)], sums[at + np.uint64(2)] = a, b, c
-        sums[at + np.uint64(3)] = d - sums[at + np.uint64(3)]
-
-
-@inner_kernel
 def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoLayers) -> None:
     """Add fragments to the visible layers of their pixels; labels are voted for."""
     numbers, places = cells
@@ -93,7 +77,15 @@ def _add(begin: int, end: int, is_label: bool, cells: SegmentCells, layers: TwoL
         # Vote for labels, and add colors and mass.
         if is_label:
             voted[np.uint64(2) * pixel + layer] += mass
-            _vote(sums, at, red, green, blue, mass)
+            # Boyer and Moore's majority vote: the label that leads stays, others reduce its mass.
+            one, two, three = at + np.uint64(1), at + np.uint64(2), at + np.uint64(3)
+            if sums[at] == red and sums[one] == green and sums[two] == blue:
+                sums[three] += mass
+            elif sums[three] >= mass:
+                sums[three] -= mass
+            else:
+                sums[at], sums[one], sums[two] = red, green, blue
+                sums[three] = mass - sums[three]
         else:
             sums[at] += red
             sums[at + np.uint64(1)] += green
@@ -113,21 +105,11 @@ def _add_rim(n: int, sides: int, cells: SegmentCells, layers: TwoLayers) -> None
 
 
 @inner_kernel
-def _is_open(begin: int, end: int, places: Indices) -> bool:
-    """Whether the surface of any cell of a run ends at one of its sides."""
-    sides = 0
-    for n in range(begin, end):
-        sides |= places[OPEN + np.uint64(n)]
-    return sides != 0
-
-
-@inner_kernel
 def add_boxes(
-    begin: int, end: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
+    begin: int, end: int, is_open: bool, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
 ) -> None:
-    """Add a run of upright cells as boxes, slot by slot."""
+    """Add a run of upright cells as boxes, slot by slot; of some, surfaces end if `is_open`."""
     numbers, places = cells
-    is_open = _is_open(begin, end, places)
     rows, columns = set_boxes(begin, end, frame, numbers, places)
     for j in range(rows):
         for i in range(columns):
@@ -149,13 +131,14 @@ def add_boxes(
 
 @inner_kernel
 def add_parts(
-    begin: int, end: int, way: int, frame: BandFrame, cells: SegmentCells, layers: TwoLayers
-) -> None:
+    begin: int, end: int, is_open: bool, way: int, frame: BandFrame, cells: SegmentCells,
+    layers: TwoLayers,
+) -> None:  # fmt: skip
     """Add a run of cells that are cut into parts, or have one color each."""
     numbers, places = cells
     is_whole, quality = way == WHOLE, frame.quality * np.float32(2 if way == FINE else 1)
     most_u, most_v = count_parts(begin, end, quality, numbers, places)
-    is_flat, is_open = is_whole or frame.is_label, _is_open(begin, end, places)
+    is_flat = is_whole or frame.is_label
     # Cut one part out of all cells at a time.
     for part in range(1 if is_whole else most_u * most_v):
         v, u = divmod(part, most_u)

@@ -18,10 +18,8 @@ from resample.engine.roles import plays
 from resample.types import Floats, Single
 from resample_warp3d.sheet.kernels.adding import DISTINCT, TwoLayers, add_boxes, add_parts
 from resample_warp3d.sheet.kernels.colors import write_colors, write_means
-from resample_warp3d.sheet.kernels.fragments import (
-    fill_depths,
-)
-from resample_warp3d.sheet.kernels.screen import SEGMENT, Indices, SheetScreen
+from resample_warp3d.sheet.kernels.fragments import fill_depths
+from resample_warp3d.sheet.kernels.screen import SEGMENT, SheetScreen
 from resample_warp3d.sheet.kernels.segments import (
     AREA,
     BEGIN,
@@ -96,49 +94,6 @@ class Adding(NamedTuple):
     layers: TwoLayers
 
 
-@inner_kernel
-def _find_front(begin: int, end: int, cells: SegmentCells, front: Floats, area: Floats) -> None:
-    """Depth-test fragments: keep the nearest of each pixel, and the area of its cell."""
-    numbers, places = cells
-    for n in range(begin, end):
-        m = np.uint64(n)
-        pixel = places[PIXEL + m]
-        # Scatter one by one, as cells share pixels; select instead of branching on the depth.
-        if pixel >= 0:
-            i, near = np.uint64(pixel), numbers[DEPTH + m]
-            nearest, largest, covered = front[i], area[i], abs(numbers[AREA + m])
-            front[i] = near if near > nearest else nearest
-            area[i] = covered if near > nearest else largest
-
-
-@inner_kernel
-def _find_behind(begin: int, end: int, cells: SegmentCells, front: Floats, behind: Floats) -> None:
-    """Depth-test fragments behind the front: keep the nearest of each pixel."""
-    numbers, places = cells
-    for n in range(begin, end):
-        m = np.uint64(n)
-        pixel = places[PIXEL + m]
-        if pixel >= 0:
-            i, near = np.uint64(pixel), numbers[DEPTH + m]
-            # A sloped cell's nearness may err by its slack: the front itself is not behind.
-            if near + numbers[SLACK + m] < front[i] * DISTINCT and near > behind[i]:
-                behind[i] = near
-
-
-@inner_kernel
-def _is_front(bounds: Indices, least: Single, frame: BandFrame, front: Floats) -> bool:
-    """Occlusion test: whether nothing as near as `least` is hidden within bounds."""
-    left, right = max(0, bounds[0]), min(frame.width, bounds[2])
-    top, bottom = max(frame.first, bounds[1]), min(frame.last, bounds[3])
-    # Count hidden pixels without a branch.
-    hidden = 0
-    for y in range(top, bottom):
-        at = np.uint64((y - frame.first) * frame.width)
-        for x in range(left, right):
-            hidden += int(least < front[at + np.uint64(x)] * DISTINCT)
-    return hidden == 0
-
-
 @plays(skips, FrontPass)
 def _skips_none(look: FrontPass, strip: SheetStrip, member: int, nth: int) -> bool:  # noqa: ARG001
     """Skip nothing in the first pass; start each member's farthest corner at infinity."""
@@ -156,24 +111,41 @@ def _take_nearest(
     cells: SegmentCells,
 ) -> None:
     """Find the nearest surface: depth-test all fragments of a run."""
-    k, least = np.uint64(run), look.least[nth]
+    k, least, front, area = np.uint64(run), look.least[nth], look.front, look.area
+    numbers, places = cells
     # Note the member's farthest corner, by which the second pass skips it.
-    begin, end = int(cells.places[BEGIN + k]), int(cells.places[END + k])
+    begin, end = int(places[BEGIN + k]), int(places[END + k])
     for n in range(begin, end):
-        least = min(least, cells.numbers[LEAST + np.uint64(n)])
+        least = min(least, numbers[LEAST + np.uint64(n)])
     look.least[nth] = least
-    # Test slot by slot.
-    for j in range(cells.places[ROWS + k]):
-        for i in range(cells.places[COLUMNS + k]):
-            if fill_depths(begin, end, i, j, strip.frame, cells.numbers, cells.places):
-                _find_front(begin, end, cells, look.front, look.area)
+    # Test slot by slot: keep the nearest of each pixel, and the area of its cell.
+    for j in range(places[ROWS + k]):
+        for i in range(places[COLUMNS + k]):
+            found = fill_depths(begin, end, i, j, strip.frame, numbers, places)
+            # Scatter one by one, as cells share pixels; select instead of branching on the depth.
+            for n in range(begin if found else end, end):
+                m = np.uint64(n)
+                if places[PIXEL + m] >= 0:
+                    at, near = np.uint64(places[PIXEL + m]), numbers[DEPTH + m]
+                    nearest, largest, covered = front[at], area[at], abs(numbers[AREA + m])
+                    front[at] = near if near > nearest else nearest
+                    area[at] = covered if near > nearest else largest
 
 
 @plays(skips, BackPass)
 def _skips_front(look: BackPass, strip: SheetStrip, member: int, nth: int) -> bool:
     """Skip segments of cells that lie in front everywhere: nothing of them is behind."""
     row, segment = divmod(member, strip.screen.bounds.shape[1])
-    return _is_front(strip.screen.bounds[row, segment], look.least[nth], strip.frame, look.front)
+    bounds, frame, least = strip.screen.bounds[row, segment], strip.frame, look.least[nth]
+    left, right = max(0, bounds[0]), min(frame.width, bounds[2])
+    top, bottom = max(frame.first, bounds[1]), min(frame.last, bounds[3])
+    # Count hidden pixels without a branch.
+    hidden = 0
+    for y in range(top, bottom):
+        at = np.uint64((y - frame.first) * frame.width)
+        for x in range(left, right):
+            hidden += int(least < look.front[at + np.uint64(x)] * DISTINCT)
+    return hidden == 0
 
 
 @plays(take, BackPass)
@@ -186,12 +158,18 @@ def _take_behind(
     cells: SegmentCells,
 ) -> None:
     """Find the second surface: depth-test a run's fragments behind the front."""
-    k = np.uint64(run)
-    begin, end = int(cells.places[BEGIN + k]), int(cells.places[END + k])
-    for j in range(cells.places[ROWS + k]):
-        for i in range(cells.places[COLUMNS + k]):
-            if fill_depths(begin, end, i, j, strip.frame, cells.numbers, cells.places):
-                _find_behind(begin, end, cells, look.front, look.behind)
+    k, front, behind, (numbers, places) = np.uint64(run), look.front, look.behind, cells
+    begin, end = int(places[BEGIN + k]), int(places[END + k])
+    for j in range(places[ROWS + k]):
+        for i in range(places[COLUMNS + k]):
+            found = fill_depths(begin, end, i, j, strip.frame, numbers, places)
+            for n in range(begin if found else end, end):
+                m = np.uint64(n)
+                if places[PIXEL + m] >= 0:
+                    at, near = np.uint64(places[PIXEL + m]), numbers[DEPTH + m]
+                    # A sloped cell's nearness may err by its slack: the front is not behind itself.
+                    if near + numbers[SLACK + m] < front[at] * DISTINCT and near > behind[at]:
+                        behind[at] = near
 
 
 @plays(take, Adding)
@@ -209,9 +187,11 @@ def _take_colors(
     row, segment = divmod(member, strip.screen.bounds.shape[1])
     begin, end, start = int(places[BEGIN + k]), int(places[END + k]), segment * SEGMENT
     # Note the sides at which surfaces end.
+    found = 0
     for n in range(begin, end):
         bits = links[np.uint64(row + MARGIN), np.uint64(start + n + MARGIN)]
         places[OPEN + np.uint64(n)] = SIDES & ~np.int32(bits)
+        found |= places[OPEN + np.uint64(n)]
     # Prepare the colors: means are enough for cells of one color.
     way = places[WAY + np.uint64(begin)]
     if way == WHOLE or frame.is_label:
@@ -220,9 +200,9 @@ def _take_colors(
         write_colors(color, links, group, row, start, begin, end, numbers)
     # Add cells as boxes or as parts, as they were classified.
     if way == UPRIGHT:
-        add_boxes(begin, end, frame, cells, look.layers)
+        add_boxes(begin, end, found != 0, frame, cells, look.layers)
     else:
-        add_parts(begin, end, int(way), frame, cells, look.layers)
+        add_parts(begin, end, found != 0, int(way), frame, cells, look.layers)
 
 
 @inner_kernel

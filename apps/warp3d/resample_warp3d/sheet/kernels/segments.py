@@ -96,8 +96,10 @@ class SegmentCells(NamedTuple):
 
 
 @inner_kernel
-def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Floats) -> None:
-    """Copy the corners that a segment's cells share with others, from the lattice."""
+def _load_corners(
+    screen: Floats, torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
+) -> int:
+    """Copy the corners of a segment's cells, and count those that do not share them."""
     # Copy left and right corners in two loops, each of contiguous memory.
     above, below = np.uint64(row), np.uint64(row) + np.uint64(1)
     for n in range(count):
@@ -110,15 +112,11 @@ def _write_shared(screen: Floats, row: int, start: int, count: int, numbers: Flo
         numbers[Q_X + m], numbers[S_X + m] = screen[0, above, right], screen[0, below, right]
         numbers[Q_Y + m], numbers[S_Y + m] = screen[1, above, right], screen[1, below, right]
         numbers[Q_NEAR + m], numbers[S_NEAR + m] = screen[2, above, right], screen[2, below, right]
-
-
-@inner_kernel
-def _write_torn(
-    torn: Floats, index: Indices, row: int, start: int, count: int, numbers: Floats
-) -> None:
-    """Overwrite the corners of torn cells; cells without depth become invisible."""
+    # Overwrite those of torn cells; cells without depth become invisible.
+    alone = 0
     for n in range(count):
         m, own = np.uint64(n), index[row, start + n]
+        alone += int(own != SHARED)
         if own >= 0:
             numbers[P_X + m], numbers[P_Y + m] = torn[own, 0, 0], torn[own, 0, 1]
             numbers[Q_X + m], numbers[Q_Y + m] = torn[own, 1, 0], torn[own, 1, 1]
@@ -128,6 +126,7 @@ def _write_torn(
             numbers[R_NEAR + m], numbers[S_NEAR + m] = torn[own, 2, 2], torn[own, 3, 2]
         elif own != SHARED:
             numbers[P_NEAR + m] = NOWHERE
+    return alone
 
 
 @inner_kernel
@@ -246,19 +245,13 @@ def measure(
     """Measure the cells of a segment; return how many visible runs they form."""
     start = segment * SEGMENT
     count = min(index.shape[1] - start, SEGMENT)
-    # Load the corners, from the lattice and from torn cells.
-    _write_shared(screen, row, start, count, numbers)
-    own = 0
-    for n in range(count):
-        own += int(index[row, start + n] != SHARED)
-    if own > 0:
-        _write_torn(torn, index, row, start, count, numbers)
+    alone = _load_corners(screen, torn, index, row, start, count, numbers)
     # Measure the cells, and group them into runs.
     _measure_shapes(count, numbers)
     _measure_extents(count, frame, numbers, places)
     _choose_ways(count, frame, numbers, places)
     # Boxes are far from the parts of sheared cells: at a surface's end that would show.
-    for n in range(count if own > 0 else 0):
+    for n in range(count if alone else 0):
         m = np.uint64(n)
         a = numbers[A_X + m] * numbers[A_X + m] + numbers[A_Y + m] * numbers[A_Y + m]
         b = numbers[B_X + m] * numbers[B_X + m] + numbers[B_Y + m] * numbers[B_Y + m]
