@@ -205,7 +205,12 @@ def _repaired(
             return unblocked(task, small, nearness)
         return hardened(task, nearness)
     if chosen == "shift":
-        nearness = _moved(nearness, task.findings.shift)
+        # By whole px right and down; the outermost samples are repeated.
+        right, down = task.findings.shift
+        rows, columns = (np.arange(size) for size in nearness.shape)
+        row = np.clip(rows - down, 0, rows.size - 1)
+        column = np.clip(columns - right, 0, columns.size - 1)
+        nearness = np.ascontiguousarray(nearness[row[:, None], column])
     return nearness, (nearness > 0).astype(np.float32)
 
 
@@ -215,7 +220,12 @@ def _grown(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Flo
     Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken.
     """
     height, width = nearness.shape
-    found, agreed = _grown_by_color(task, small, (height, width))
+    # What covers a mean of two surfaces is told by colors alone.
+    values, is_mean = parted(small.values)
+    near = depth_of(values) if small.is_depth else values
+    start = enlarged(near, (height, width), (small.rows, small.columns))
+    mixed = small.repeated(is_mean, (height, width))
+    found, agreed = grown(task, start, round(small.side), mixed)
     soft = enlarged_by(small, (height, width))
     soft = depth_of(soft) if small.is_depth else soft
     findings = _softness(soft, task.noise, task.step)
@@ -236,30 +246,12 @@ def _softness(nearness: Floats, noise: float, step: float) -> Findings:
     return NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
 
 
-def _grown_by_color(
-    task: RefinementTask, small: SmallMap, size: tuple[int, int]
-) -> tuple[Floats, Floats]:
-    """Enlarge a small map; what covers a mean of two surfaces is told by colors alone."""
-    values, is_mean = parted(small.values)
-    near = depth_of(values) if small.is_depth else values
-    start = enlarged(near, size, (small.rows, small.columns))
-    return grown(task, start, round(small.side), small.repeated(is_mean, size))
-
-
 def _error(nearness: Floats, small: SmallMap) -> Floats:
     """Return how far means of a map are off the samples of a small one, relatively, smoothed."""
     import cv2
 
     mean = small.means(depth_of(nearness) if small.is_depth else nearness)
     return np.asarray(cv2.blur(np.abs(mean / small.values - 1.0), (3, 3)))
-
-
-def _moved(nearness: Floats, shift: tuple[int, int]) -> Floats:
-    """Move a map by whole px right and down; its outermost samples are repeated."""
-    rows, columns = (np.arange(size) for size in nearness.shape)
-    row = np.clip(rows - shift[1], 0, rows.size - 1)
-    column = np.clip(columns - shift[0], 0, columns.size - 1)
-    return np.ascontiguousarray(nearness[row[:, None], column])
 
 
 def _sharpened(

@@ -290,25 +290,6 @@ def _step(nearness: Floats, links: Links, row: int, column: int, away: float, do
     return 0.0
 
 
-@kernel
-def _enlarge_row(nearness: Floats, links: Links, axes: Doubles, row: int, result: Floats) -> None:
-    """Enlarge a row; see `enlarge_rows`."""
-    height, width = nearness.shape
-    # Find the nearest sample of the small map.
-    y = row * axes[0] + axes[1]
-    r = min(max(math.floor(y + 0.5), 0), height - 1)
-    for column in range(result.shape[1]):
-        x = column * axes[2] + axes[3]
-        c = min(max(math.floor(x + 0.5), 0), width - 1)
-        here = np.float64(nearness[r, c])
-        value = 0.0
-        # Follow its surface along both axes; a limit keeps nearness positive.
-        if here > 0.0:
-            value = here + _step(nearness, links, r, c, x - c, False)
-            value = max(value + _step(nearness, links, r, c, y - r, True), 0.3 * here)
-        result[row, column] = np.float32(value)
-
-
 @parallel_kernel
 def enlarge_rows(
     counter: Counter, nearness: Floats, links: Links, axes: Doubles, result: Floats
@@ -320,4 +301,17 @@ def enlarge_rows(
     where nothing is known.
     """
     for row in tasks(counter, result.shape[0]):
-        _enlarge_row(nearness, links, axes, row, result)
+        height, width = nearness.shape
+        # Find the nearest sample of the small map.
+        y = row * axes[0] + axes[1]
+        r = min(max(math.floor(y + 0.5), 0), height - 1)
+        for column in range(result.shape[1]):
+            x = column * axes[2] + axes[3]
+            c = min(max(math.floor(x + 0.5), 0), width - 1)
+            here = np.float64(nearness[r, c])
+            value = 0.0
+            # Follow its surface along both axes; a limit keeps nearness positive.
+            if here > 0.0:
+                value = here + _step(nearness, links, r, c, x - c, False)
+                value = max(value + _step(nearness, links, r, c, y - r, True), 0.3 * here)
+            result[row, column] = np.float32(value)
