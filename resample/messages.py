@@ -139,7 +139,10 @@ def warn(message: str, kind: type[Warning] = UserWarning) -> None:
     """Warn at the line of the user's code from which ours was called."""
     frame: FrameType | None = sys._getframe(1)
     level = 2
-    while frame is not None and _is_ours(frame):
+    while frame is not None:
+        name = frame.f_globals.get("__name__", "").partition(".")[0]
+        if name not in OURS and not name.startswith("resample_"):
+            break
         frame, level = frame.f_back, level + 1
     warnings.warn(message, kind, stacklevel=level)
 

@@ -33,7 +33,7 @@ def votes(color, nearness, trust, slope, at, first):
             is_near = max(down, across) <= 4 or min(down, across) == 0
             if not trust[r][c] > 0 or not (is_near or (down % 2 == 0 and across % 2 == 0)):
                 continue
-            is_first = max(down, across) <= 3 or min(down, across) == 0
+            is_first = max(down, across) <= 2 or min(down, across) == 0
             if first and not is_first and (down % 4 or across % 4):
                 continue
             apart = sum(

@@ -88,15 +88,19 @@ def test_the_weighted_median_is_where_half_of_the_weight_is_reached(count, level
 
 @pytest.mark.sweep
 def test_votes_are_counted_as_one_by_one(rng):
-    shape = 21, 24
+    shape = 45, 48
     color = rng.standard_normal((*shape, 3)).astype(np.float32)
     nearness = np.where(rng.random(shape) < 0.5, 0.2, 0.5) + 0.01 * rng.random(shape)
     nearness = nearness.astype(np.float32)
     trust = rng.choice(np.array([0.0, 0.05, 1.0], np.float32), shape)
     slope = (0.002 * rng.standard_normal((*shape, 4))).astype(np.float32)
-    band = (rng.random(shape) < 0.3).astype(np.uint8)
+    band = np.zeros(shape, np.uint8)
+    band[::4, ::4] = 1  # those that are asked first
     found, agreed = nearness.copy(), np.ones(shape, np.float32)
-    vote_rows(Voters(color, nearness, trust, slope), window(), band, found, agreed)
+    for apart in (4, 2, 1):
+        vote_rows(
+            Voters(color, nearness, trust, slope), window(), band, apart, False, found, agreed
+        )
     for row, column in zip(*np.nonzero(band), strict=True):
         expected = naive_refining.vote(color, nearness, trust, slope, (row, column))
         assert (found[row, column], agreed[row, column]) == pytest.approx(expected, rel=1e-5)
@@ -424,7 +428,7 @@ def test_wide_edges_are_hardened_where_they_are_about_2_px_wide(
     """That is in a smaller picture first, unless that has no side of 32 px."""
     tried = []
 
-    def hardened(task, nearness, *_):
+    def hardened(task, nearness, *_, **__):
         tried.append((nearness.shape, task.findings.sigma, task.noise))
         return nearness, nearness
 

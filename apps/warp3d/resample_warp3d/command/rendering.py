@@ -87,24 +87,21 @@ def prepared(
 
     `chosen`: what was chosen for each in a shot's first picture; None: as `choice` says.
     """
-    likes = [None] * len(views) if chosen is None else chosen
-    with session.stage("prepare", bar="preparing"):
-        return [_prepared(view, choice, like) for view, like in zip(views, likes, strict=True)]
-
-
-def _prepared(view: DepthInput, choice: DepthWarping, like: RefinementChoice | None) -> Prepared:
-    """Prepare a view; report what `--refine auto` did to its depth."""
     # Differences of labels have no meaning.
-    is_auto = choice.refine == "auto"
+    is_auto, made = choice.refine == "auto", []
     name = "none" if is_auto and choice.unmixed else choice.refine
-    refined = view.refined(name, choice.noise, like)
-    if is_auto and like is None:
-        parts = _displacement(refined.findings), REFINEMENTS.get(refined.chosen, "")
-        if any(parts):
-            say(f"depth: {'; '.join(filter(None, parts))}; --refine none keeps it unchanged")
-    source = sourced(refined, noise=choice.noise)
-    layer = background(source) if choice.has_layer else None
-    return Prepared(source, view.camera, refined, layer)
+    with session.stage("prepare", bar="preparing"):
+        for view, like in zip(views, chosen or [None] * len(views), strict=True):
+            refined = view.refined(name, choice.noise, like)
+            if is_auto and like is None:
+                parts = _displacement(refined.findings), REFINEMENTS.get(refined.chosen, "")
+                if any(parts):
+                    told = "; ".join(filter(None, parts))
+                    say(f"depth: {told}; --refine none keeps it unchanged")
+            source = sourced(refined, noise=choice.noise)
+            layer = background(source) if choice.has_layer else None
+            made.append(Prepared(source, view.camera, refined, layer))
+    return made
 
 
 def _displacement(found: Findings) -> str:
@@ -174,13 +171,9 @@ def _agreed(sources: Sequence[Prepared], joining: "Joining") -> "Agreed":
 
 
 def shifted(
-    session: Session,
-    source: Prepared,
-    equation: Equation,
-    shape: Shape,
-    choice: DepthWarping,
+    session: Session, source: Prepared, equation: Equation, shape: Shape, choice: DepthWarping,
     method: Method,
-) -> Warped:
+) -> Warped:  # fmt: skip
     """Render a picture of a rectified pair by the equation of another eye; depth is not filled.
 
     `method`: that of the options; one of both eyes prepares their source once.

@@ -130,14 +130,6 @@ def _known(view: DepthInput, length: Doubles | float) -> Doubles:
     return np.asarray((nearness / length)[nearness > 0], np.float64)
 
 
-class StereoPair(NamedTuple):
-    """Picture to write, and the warp of the new eye's picture."""
-
-    picture: Picture
-    both: list[Picture]  # pictures of the left and of the right eye, or of a quilt
-    warped: Warped | None  # None: nothing is new
-
-
 @dataclass(frozen=True, eq=False)
 class StereoRendering:
     """How both eyes' pictures are rendered."""
@@ -177,15 +169,12 @@ class StereoRendering:
         return (height, height) if is_half else (height, width)
 
     def render(
-        self,
-        session: Session,
-        taken: Inputs,
-        eyes: Eyes,
-        sources: list[Prepared],
-    ) -> StereoPair:
+        self, session: Session, taken: Inputs, eyes: Eyes, sources: list[Prepared]
+    ) -> tuple[Picture, list[Picture], Warped | None]:
         """Render a picture for both eyes, in the layout.
 
-        `taken`: with its depth staged, as the sources are.
+        Also return the pictures of the left and of the right eye, or of a quilt, and the warp of
+        the new one, None if nothing is new. `taken`: with its depth staged, as the sources are.
         """
         layout = self.parallax.layout or "one"
         if self.is_around:
@@ -202,7 +191,7 @@ class StereoRendering:
             whole = seen[0 if self.parallax.eyes == "left" else -1]
         else:
             whole = together(seen[0], seen[1], layout)
-        return StereoPair(whole, seen, warped)
+        return whole, seen, warped
 
     @property
     def _places(self) -> list[float]:
@@ -262,9 +251,7 @@ class StereoRendering:
             picture = view.picture
             if position != 0.0 or view.image.place.size:
                 equation = of_rectified(position, eyes.gain, eyes.zero)
-                warped = shifted(
-                    session, sources[0], equation, taken.shape, self.warping, method
-                )  # fmt: skip
+                warped = shifted(session, sources[0], equation, taken.shape, self.warping, method)
                 picture = warped_picture(warped, kind, filled=self.warping.fill)
             seen.append(self._cropped(picture, eyes))
         return seen, warped

@@ -212,7 +212,10 @@ class _Shot:
 
     def add(self, picture: Thumbnail) -> None:
         """Align the next map."""
-        steady = _steadiness(self.color, picture.color)
+        # Weights are about 1 where colors did not change.
+        change = np.abs(picture.color - self.color).max(axis=2).astype(np.float64)
+        limit = float(np.clip(3.0 * np.median(change), STEADY, NOISIEST))
+        steady = np.maximum(np.exp(-((change / limit) ** 2)), CHANGED)
         raw = picture.depth
         known = np.isfinite(raw) & np.isfinite(self.reference) & np.isfinite(self.raw)
         weight = steady * self.count
@@ -236,13 +239,6 @@ class _Shot:
         spread = float(np.nanmax(self.reference) - np.nanmin(self.reference))
         given = sum(self.given)
         return given > SAME * spread * len(self.given) and sum(self.remaining) < BETTER * given
-
-
-def _steadiness(first: Floats, second: Floats) -> Doubles:
-    """Return the weight of each pixel: about 1 if its color did not change, else `CHANGED`."""
-    change = np.abs(second - first).max(axis=2).astype(np.float64)
-    scale = float(np.clip(3.0 * np.median(change), STEADY, NOISIEST))
-    return np.asarray(np.maximum(np.exp(-((change / scale) ** 2)), CHANGED), np.float64)
 
 
 def _difference(

@@ -126,10 +126,10 @@ def stereo_film(
             taken, sources = film.prepared(n)
             if n == start:
                 check_memory(taken.views, stereo.shape(taken), target.path)
-            pair = stereo.render(session, taken, eyes, sources)
+            picture, *_ = stereo.render(session, taken, eyes, sources)
             if progress is not None:
                 progress((n + 1) / len(footage))
-            yield pair.picture
+            yield picture
 
     with session.stage("film", bar="rendering") as progress:
         target.write(partial(pictures, progress), job)

@@ -25,6 +25,7 @@ from resample_warp3d.depth.files import read_depth, read_depths
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
+STILLS = {*READ} - {*FILMS}  # suffixes of pictures
 NUMBER = re.compile(r"(\d+)")
 WHOLE = 0.0, math.inf  # s
 SURVEYED = 9  # pictures of a film by which the eyes and black bars are chosen, at most
@@ -214,7 +215,9 @@ def footage_of(
         There are no pictures, depth is none of these, or has another number of pictures.
     """
     frames = frames_of(Path(color))
-    files = None if frames is not None else files_in(color, _is_picture)
+    files = (
+        None if frames is not None else files_in(color, lambda path: path.suffix.lower() in STILLS)
+    )
     if frames is None and files is None:
         return None
     if frames is None:
@@ -228,7 +231,7 @@ def footage_of(
 
     def opened() -> FrameSeries[Picture]:
         if files is None:
-            return DecodedSeries(taken, _as_stored if labels else _as_is)
+            return DecodedSeries(taken, _as_stored if labels else lambda picture: picture)
         chosen = files[taken.first : taken.first + len(taken.seconds)]
         return FileSeries(chosen, read_names if labels else read_picture)
 
@@ -298,19 +301,12 @@ def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
         found = map(Path, glob.glob(name, recursive=True))
     else:
         return None
-    files = (file for file in found if file.is_file() and not file.name.startswith("."))
-    return sorted(filter(is_wanted, files), key=_by_numbers)
-
-
-def _by_numbers(path: Path) -> list[tuple[int, str]]:
-    """Return a key that sorts frame-9 before frame-10."""
-    parts = NUMBER.split(str(path))
-    return [(int(part), part) if part.isdecimal() else (-1, part) for part in parts]
-
-
-def _is_picture(path: Path) -> bool:
-    suffix = path.suffix.lower()
-    return suffix in READ and suffix not in FILMS
+    files = [file for file in found if file.is_file() and not file.name.startswith(".")]
+    parts = {file: NUMBER.split(str(file)) for file in filter(is_wanted, files)}
+    # frame-9 comes before frame-10
+    return sorted(
+        parts, key=lambda file: [(int(p) if p.isdecimal() else -1, p) for p in parts[file]]
+    )
 
 
 def _files_of(series: FrameSeries[object], name: str) -> list[Path]:
@@ -322,10 +318,6 @@ def _files_of(series: FrameSeries[object], name: str) -> list[Path]:
 
 def _name_of(series: FrameSeries[object], n: int, name: str) -> str:
     return str(series.files[n]) if isinstance(series, FileSeries) else name
-
-
-def _as_is(picture: Picture) -> Picture:
-    return picture
 
 
 def _as_stored(picture: Picture) -> Picture:

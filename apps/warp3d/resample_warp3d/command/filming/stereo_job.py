@@ -165,16 +165,16 @@ class StereoJob:
             stereo = replace(stereo, parallax=chosen)
         taken = stereo.staged(taken, eyes)
         sources = prepared(session, taken.views, self.warping)
-        made = stereo.render(session, taken, eyes, sources)
-        if made.warped is not None and not self.warping.fill:
-            mention_holes(made.warped)
+        whole, both, warped = stereo.render(session, taken, eyes, sources)
+        if warped is not None and not self.warping.fill:
+            mention_holes(warped)
         if suffix in PAIRS:
-            write_pair(output, made.both[0], made.both[1], look)
+            write_pair(output, both[0], both[1], look)
         else:
-            write_picture(output, made.picture, look)
-        if made.warped is not None:
-            tell_empty(output, not made.warped.coverage.any())
-            write_extras(extras, made.warped, None)
+            write_picture(output, whole, look)
+        if warped is not None:
+            tell_empty(output, not warped.coverage.any())
+            write_extras(extras, warped, None)
 
     def _read(self, names: tuple[str, str | None], reader: DepthReader | None) -> Inputs:
         color, depth = names

@@ -90,15 +90,6 @@ def _link_axis(nearness: Floats, row: int, down: bool, tolerance: Doubles, links
                 links[row, column] |= bit
 
 
-@kernel
-def _link_row(nearness: Floats, row: int, tolerance: Doubles, links: Links) -> None:
-    """Link a row; see `link_rows`."""
-    links[row, :] = 0
-    _link_axis(nearness, row, False, tolerance, links)
-    if row + 1 < nearness.shape[0]:
-        _link_axis(nearness, row, True, tolerance, links)
-
-
 @parallel_kernel
 def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Links) -> None:
     """Find which neighbours lie on one surface: the bits RIGHT and DOWN.
@@ -107,24 +98,21 @@ def link_rows(counter: Counter, nearness: Floats, tolerance: Doubles, links: Lin
     edges. `links`: (H, W) filled.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _link_row(nearness, row, tolerance, links)
-
-
-@kernel
-def _join_row(links: Links, row: int) -> None:
-    """Set the opposite bits of a row's links, LEFT and UP."""
-    for column in range(links.shape[1]):
-        if column > 0 and links[row, column - 1] & RIGHT:
-            links[row, column] |= LEFT
-        if row > 0 and links[row - 1, column] & DOWN:
-            links[row, column] |= UP
+        links[row, :] = 0
+        _link_axis(nearness, row, False, tolerance, links)
+        if row + 1 < nearness.shape[0]:
+            _link_axis(nearness, row, True, tolerance, links)
 
 
 @parallel_kernel
 def join_rows(counter: Counter, links: Links) -> None:
     """Set the opposite bits of all links; reads the bits RIGHT and DOWN, which stay."""
     for row in tasks(counter, links.shape[0]):
-        _join_row(links, row)
+        for column in range(links.shape[1]):
+            if column > 0 and links[row, column - 1] & RIGHT:
+                links[row, column] |= LEFT
+            if row > 0 and links[row - 1, column] & DOWN:
+                links[row, column] |= UP
 
 
 @kernel
@@ -161,22 +149,6 @@ def _line(
     return here + (total - slope * first) / count, slope, count
 
 
-@kernel
-def _fit_row(
-    values: Floats, links: Links, row: int, down: bool, reach: int, fitted: Floats, slope: Floats
-) -> None:
-    """Fit the lines of a row; see `fit_rows`."""
-    for column in range(values.shape[1]):
-        # Samples without depth stay so.
-        if values[row, column] <= 0:
-            fitted[row, column], slope[row, column] = np.float32(0), np.float32(0)
-            continue
-        # Keep the value where the fit leaves the range of nearness.
-        value, change, _ = _line(values, links, row, column, down, reach)
-        fitted[row, column] = np.float32(value) if value > 0 else values[row, column]
-        slope[row, column] = np.float32(change)
-
-
 @parallel_kernel
 def fit_rows(
     counter: Counter,
@@ -189,7 +161,15 @@ def fit_rows(
 ) -> None:
     """Fit lines along rows (or, `down`, columns) of surfaces; arrays are (H, W)."""
     for row in tasks(counter, values.shape[0]):
-        _fit_row(values, links, row, down, reach, fitted, slope)
+        for column in range(values.shape[1]):
+            # Samples without depth stay so.
+            if values[row, column] <= 0:
+                fitted[row, column], slope[row, column] = np.float32(0), np.float32(0)
+                continue
+            # Keep the value where the fit leaves the range of nearness.
+            value, change, _ = _line(values, links, row, column, down, reach)
+            fitted[row, column] = np.float32(value) if value > 0 else values[row, column]
+            slope[row, column] = np.float32(change)
 
 
 @kernel

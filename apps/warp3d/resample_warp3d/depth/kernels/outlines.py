@@ -136,20 +136,6 @@ def _position(
     return expected + weight * (found - expected)
 
 
-@kernel
-def _find_in_row(
-    color: Floats, nearness: Floats, links: Links, error: Doubles, row: int, edge: Floats
-) -> None:
-    """Find the silhouettes of a row; see `find_silhouettes`."""
-    for column in range(nearness.shape[1]):
-        # Skip samples inside a surface.
-        if links[row, column] & RIGHT and links[row, column] & DOWN:
-            edge[row, column, 0], edge[row, column, 1] = np.float32(-1), np.float32(-1)
-            continue
-        edge[row, column, 0] = _position(color, nearness, links, error, row, column, False)
-        edge[row, column, 1] = _position(color, nearness, links, error, row, column, True)
-
-
 @parallel_kernel
 def find_silhouettes(
     counter: Counter, color: Floats, nearness: Floats, links: Links, error: Doubles, edge: Floats
@@ -161,7 +147,13 @@ def find_silhouettes(
     the two, 0..1; −1 where there is none.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _find_in_row(color, nearness, links, error, row, edge)
+        for column in range(nearness.shape[1]):
+            # Skip samples inside a surface.
+            if links[row, column] & RIGHT and links[row, column] & DOWN:
+                edge[row, column, 0], edge[row, column, 1] = np.float32(-1), np.float32(-1)
+                continue
+            edge[row, column, 0] = _position(color, nearness, links, error, row, column, False)
+            edge[row, column, 1] = _position(color, nearness, links, error, row, column, True)
 
 
 @kernel
@@ -225,24 +217,16 @@ def _pure(
             result[row, column, c] += np.float32(weight * (pure - here))
 
 
-@kernel
-def _pure_in_row(
-    color: Floats, nearness: Floats, links: Links, edge: Floats, row: int, result: Floats
-) -> None:
-    """Unmix the colors of a row; see `unmix`."""
-    whole = LEFT | RIGHT | UP | DOWN
-    for column in range(color.shape[1]):
-        if links[row, column] == whole or not nearness[row, column] > 0:
-            for c in range(color.shape[2]):
-                result[row, column, c] = color[row, column, c]
-        else:
-            _pure(color, nearness, edge, row, column, result)
-
-
 @parallel_kernel
 def unmix(
     counter: Counter, color: Floats, nearness: Floats, links: Links, edge: Floats, result: Floats
 ) -> None:
     """Write the colors (H, W, C) of surfaces without those behind or in front."""
     for row in tasks(counter, color.shape[0]):
-        _pure_in_row(color, nearness, links, edge, row, result)
+        whole = LEFT | RIGHT | UP | DOWN
+        for column in range(color.shape[1]):
+            if links[row, column] == whole or not nearness[row, column] > 0:
+                for c in range(color.shape[2]):
+                    result[row, column, c] = color[row, column, c]
+            else:
+                _pure(color, nearness, edge, row, column, result)

@@ -163,6 +163,10 @@ def refine(
     chosen = _chosen(findings, is_enlarged, small) if name == "auto" else name
     if like is not None:
         chosen = like.name
+    elif small is not None and not small.is_repeated:
+        own = depth_of(small.values) if small.is_depth else small.values
+        if _softness(own, noise, quantum).remedy == "sharpen":
+            small = None  # soft itself: the map of full size tells more
     if chosen == "none":
         return Refined(image, confidence, findings, chosen, quantum, noise=noise)
     task = RefinementTask(
@@ -201,49 +205,45 @@ def _repaired(
             return unblocked(task, small, nearness)
         return hardened(task, nearness)
     if chosen == "shift":
-        nearness = _moved(nearness, task.findings.shift)
+        # By whole px right and down; the outermost samples are repeated.
+        right, down = task.findings.shift
+        rows, columns = (np.arange(size) for size in nearness.shape)
+        row = np.clip(rows - down, 0, rows.size - 1)
+        column = np.clip(columns - right, 0, columns.size - 1)
+        nearness = np.ascontiguousarray(nearness[row[:, None], column])
     return nearness, (nearness > 0).astype(np.float32)
 
 
 def _grown(task: RefinementTask, small: SmallMap, nearness: Floats) -> tuple[Floats, Floats]:
     """Enlarge a small map to the edges of color; also return the share of votes.
 
-    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken;
-    everywhere, if the small map is soft itself.
+    Where the map, sharpened as it was enlarged, is closer to the small one's samples, it is taken.
     """
     height, width = nearness.shape
-    own = depth_of(small.values) if small.is_depth else small.values
-    if _softness(own, task).remedy == "sharpen":
-        return _sharpened(task, nearness)
-    found, agreed = _grown_by_color(task, small, (height, width))
+    # What covers a mean of two surfaces is told by colors alone.
+    values, is_mean = parted(small.values)
+    near = depth_of(values) if small.is_depth else values
+    start = enlarged(near, (height, width), (small.rows, small.columns))
+    mixed = small.repeated(is_mean, (height, width))
+    found, agreed = grown(task, start, round(small.side), mixed)
     soft = enlarged_by(small, (height, width))
     soft = depth_of(soft) if small.is_depth else soft
-    findings = _softness(soft, task)
+    findings = _softness(soft, task.noise, task.step)
     if findings.remedy != "sharpen":
         return found, agreed
-    hard, votes = _sharpened(task._replace(findings=findings), soft)
-    most = min(WELCOME, ALIKE / small.side)
-    is_better = _error(hard, small) < most * _error(found, small) - SLIGHT
-    takes = small.repeated(is_better, (height, width))
+    most = min(WELCOME, ALIKE / small.side) * _error(found, small) - SLIGHT
+    where = small.repeated(most > 0, (height, width))
+    hard, votes = _sharpened(task._replace(findings=findings), soft, where)
+    takes = small.repeated(_error(hard, small) < most, (height, width))
     snap = task._replace(recipe=RECIPES["snap"])
-    joined, again = hardened(snap, np.where(takes, hard, found))
+    joined, again = hardened(snap, np.where(takes, hard, found), where=takes)
     return joined, np.minimum(np.where(takes, votes, agreed), again)
 
 
-def _softness(nearness: Floats, task: RefinementTask) -> Findings:
+def _softness(nearness: Floats, noise: float, step: float) -> Findings:
     """Measure how soft a map's edges are."""
-    share, sigma, is_depth, overshoot = softness_of(nearness, task.noise, task.step)
+    share, sigma, is_depth, overshoot = softness_of(nearness, noise, step)
     return NOTHING._replace(soft=share, sigma=sigma, is_depth=is_depth, overshoot=overshoot)
-
-
-def _grown_by_color(
-    task: RefinementTask, small: SmallMap, size: tuple[int, int]
-) -> tuple[Floats, Floats]:
-    """Enlarge a small map; what covers a mean of two surfaces is told by colors alone."""
-    values, is_mean = parted(small.values)
-    near = depth_of(values) if small.is_depth else values
-    start = enlarged(near, size, (small.rows, small.columns))
-    return grown(task, start, round(small.side), small.repeated(is_mean, size))
 
 
 def _error(nearness: Floats, small: SmallMap) -> Floats:
@@ -254,15 +254,9 @@ def _error(nearness: Floats, small: SmallMap) -> Floats:
     return np.asarray(cv2.blur(np.abs(mean / small.values - 1.0), (3, 3)))
 
 
-def _moved(nearness: Floats, shift: tuple[int, int]) -> Floats:
-    """Move a map by whole px right and down; its outermost samples are repeated."""
-    rows, columns = (np.arange(size) for size in nearness.shape)
-    row = np.clip(rows - shift[1], 0, rows.size - 1)
-    column = np.clip(columns - shift[0], 0, columns.size - 1)
-    return np.ascontiguousarray(nearness[row[:, None], column])
-
-
-def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
+def _sharpened(
+    task: RefinementTask, nearness: Floats, where: Mask | None = None
+) -> tuple[Floats, Floats]:
     """Harden soft edges; wide ones in a smaller picture first, as votes do not reach across."""
     sigma = task.findings.sigma
     scale = max(2, round(sigma / 2.0)) if sigma > WIDEST else 1
@@ -284,7 +278,7 @@ def _sharpened(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
         hard, agreed = _sharpened(changed, smooth)
         reach = math.ceil(2.0 * changed.findings.sigma)
         return _only_at_edges(nearness, hard, hard != smooth, reach), agreed
-    return hardened(task, nearness)
+    return hardened(task, nearness, where=where)
 
 
 def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> Floats:

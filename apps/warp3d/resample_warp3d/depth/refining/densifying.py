@@ -57,9 +57,9 @@ def dense_at(color: Floats, nearness: Floats, made_up: float) -> tuple[Floats, F
     trust = (values > 0).astype(np.float32)
     found, agreed = values.copy(), trust.copy()
     window = _window(np.maximum(spacing * shape / nearness.shape, LEAST))
-    vote_rows(
-        Voters(color, values, trust, slope), window, (values <= 0).astype(np.uint8), found, agreed
-    )
+    voters, unknown = Voters(color, values, trust, slope), (values <= 0).astype(np.uint8)
+    for apart in (4, 2, 1):
+        vote_rows(voters, window, unknown, apart, False, found, agreed)
     share = np.where(values > 0, agreed, np.float32(made_up) * agreed)
     return found, np.where(found > 0, share, np.float32(0)).astype(np.float32)
 

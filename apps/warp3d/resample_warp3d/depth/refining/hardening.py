@@ -23,7 +23,7 @@ Kinds = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 REACH = 8  # px, largest distance of voters; more in maps of large blocks
-FIRST = 3  # px up to which all samples vote at first; beyond, those on axes and some others
+FIRST = 2  # px up to which all samples vote at first; beyond, those on axes and some others
 DENSE = 4  # px up to which all samples vote; beyond, one in a sixth of the reach
 FAR, NEAR = 0.5, 0.125  # of the reach, standard deviations of the weights for a surface, and for
 LEAST_NEAR = 2.0  # px: its nearness
@@ -99,22 +99,27 @@ def grown(
 
 
 def hardened(
-    task: RefinementTask, nearness: Floats, reach: int = REACH, mixed: Mask | None = None
+    task: RefinementTask,
+    nearness: Floats,
+    reach: int = REACH,
+    mixed: Mask | None = None,
+    where: Mask | None = None,
 ) -> tuple[Floats, Floats]:
     """Move edges of nearness to those of color; also return the share of votes.
 
-    `reach`: px from which votes come. `mixed`: further samples between surfaces.
+    `reach`: px from which votes come. `mixed`: further samples between surfaces. `where`: samples
+    that may change, with those within `reach` of them; by default all.
     """
     import cv2
 
     ballot = ballot_of(task, nearness, mixed, reach)
     band = np.where(nearness > 0, ballot.kind, np.uint8(0))
-    refined, agreed = counted(task, ballot, band, nearness, reach)
-    if task.recipe.run > 1 and task.findings.sigma > HARMLESS:
-        ballot, is_told = _with_thin_things(task, ballot, refined)
-        again = np.where(cv2.dilate(is_told, _square(REACH)) > 0, band, np.uint8(0))
-        found, share = counted(task, ballot, again, nearness)
-        refined, agreed = np.where(again > 0, found, refined), np.where(again > 0, share, agreed)
+    if where is not None:
+        band[cv2.dilate(where.astype(np.uint8), _square(reach)) == 0] = 0
+    is_blurred = task.recipe.run > 1 and task.findings.sigma > HARMLESS
+    refined, agreed = counted(task, ballot, band, nearness, reach, is_rough=is_blurred)
+    if is_blurred:
+        refined, agreed = counted(task, _with_thin_things(task, ballot, refined), band, nearness)
     return refined, agreed
 
 
@@ -159,12 +164,14 @@ def ballot_of(
 
 
 def counted(
-    task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats, reach: int = REACH
-) -> tuple[Floats, Floats]:
+    task: RefinementTask, ballot: Ballot, band: Kinds, nearness: Floats, reach: int = REACH,
+    *, is_rough: bool = False,
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Count the votes for a band of samples; return nearness and share of votes.
 
     Slopes are those of a few samples: none makes a known sample nearer than all as far around. A
-    sample for which none votes stays.
+    sample for which none votes stays. `is_rough`: for one in four samples; the others follow the
+    ones with the most similar colors.
     """
     import cv2
 
@@ -172,16 +179,15 @@ def counted(
 
     refined, agreed = nearness.copy(), (nearness > 0).astype(np.float32)
     voters = Voters(task.color, ballot.nearness, ballot.trust, ballot.slope)
-    vote_rows(voters, window(reach), band, refined, agreed)
+    for apart in (4, 2, 1):
+        vote_rows(voters, window(reach), band, apart, is_rough and apart == 1, refined, agreed)
     nearest = cv2.dilate(ballot.nearness, _square(task.recipe.length))
     np.minimum(refined, nearest, out=refined, where=nearness > 0)
     return np.where(refined > 0, refined, nearness), agreed
 
 
-def _with_thin_things(
-    task: RefinementTask, ballot: Ballot, refined: Floats
-) -> tuple[Ballot, Kinds]:
-    """Restore the nearness of thin objects that blur has reduced, for the votes, and where."""
+def _with_thin_things(task: RefinementTask, ballot: Ballot, refined: Floats) -> Ballot:
+    """Restore the nearness of thin objects that blur has reduced, for the votes."""
     from resample_warp3d.depth.refining.kernels.softness import Blur, restore
 
     blurred = depth_of if task.findings.is_depth else np.array
@@ -194,7 +200,7 @@ def _with_thin_things(
     nearness = np.where(is_told, blurred(whole), ballot.nearness).astype(np.float32)
     trust = np.where(is_told, np.float32(THIN_WEIGHT), ballot.trust)
     trust[(ballot.kind > 0) & ~is_told] = 0
-    return ballot._replace(nearness=nearness, trust=trust), is_told.astype(np.uint8)
+    return ballot._replace(nearness=nearness, trust=trust)
 
 
 @cache

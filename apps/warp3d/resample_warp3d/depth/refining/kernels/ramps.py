@@ -131,27 +131,6 @@ def mark_edges(counter: Counter, nearness: Floats, edges: Edges, mark: Marks) ->
             _mark_line(nearness, task - height, True, edges, mark)
 
 
-@kernel
-def _classify_row(nearness: Floats, mark: Marks, row: int, kind: Marks) -> None:
-    """Classify a row of samples; see `classify`."""
-    for column in range(nearness.shape[1]):
-        found = 0 if nearness[row, column] > 0 else BETWEEN
-        for axis in range(2):
-            # Read the steps after and before the sample along the axis.
-            after = mark[row, column, axis]
-            before = 0
-            if axis == 0 and column > 0:
-                before = mark[row, column - 1, 0]
-            if axis == 1 and row > 0:
-                before = mark[row - 1, column, 1]
-            if after or before:
-                found = max(found, BESIDE)
-            # Two steps in the same direction lead through the sample.
-            if after and after == before:
-                found = BETWEEN
-        kind[row, column] = found
-
-
 BESIDE, BETWEEN = 1, 2
 
 
@@ -163,7 +142,22 @@ def classify(counter: Counter, nearness: Floats, mark: Marks, kind: Marks) -> No
     sample to which edges lead up from both sides is not between them but part of a thin object.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _classify_row(nearness, mark, row, kind)
+        for column in range(nearness.shape[1]):
+            found = 0 if nearness[row, column] > 0 else BETWEEN
+            for axis in range(2):
+                # Read the steps after and before the sample along the axis.
+                after = mark[row, column, axis]
+                before = 0
+                if axis == 0 and column > 0:
+                    before = mark[row, column - 1, 0]
+                if axis == 1 and row > 0:
+                    before = mark[row - 1, column, 1]
+                if after or before:
+                    found = max(found, BESIDE)
+                # Two steps in the same direction lead through the sample.
+                if after and after == before:
+                    found = BETWEEN
+            kind[row, column] = found
 
 
 @kernel
@@ -255,28 +249,6 @@ def _parabola(
     return min(max(slope, -steep), steep), min(max(bend, -bent), bent)
 
 
-@kernel
-def _measure_row(nearness: Floats, band: Marks, bends: Bends, row: int, slope: Floats) -> None:
-    """Measure the slopes of a row; see `measure_slopes`."""
-    for column in range(nearness.shape[1]):
-        for n in range(4):
-            slope[row, column, n] = np.float32(0)
-        # Skip samples near edges and unknown ones.
-        if band[row, column] or not nearness[row, column] > 0:
-            continue
-        # Fit along both axes, within the surface.
-        for axis in range(2):
-            step, back = ((0, 1), (0, -1)) if axis == 0 else ((1, 0), (-1, 0))
-            reach = (
-                _reach(nearness, band, row, column, back, bends.length),
-                _reach(nearness, band, row, column, step, bends.length),
-            )
-            if reach[0] + reach[1] + 1 >= FEWEST:
-                found = _parabola(nearness, row, column, step, reach, bends)
-                slope[row, column, axis] = np.float32(found[0])
-                slope[row, column, 2 + axis] = np.float32(found[1])
-
-
 @parallel_kernel
 def measure_slopes(
     counter: Counter, nearness: Floats, band: Marks, bends: Bends, slope: Floats
@@ -286,4 +258,20 @@ def measure_slopes(
     0 where `band` (H, W) is not 0, and where a surface is too small.
     """
     for row in tasks(counter, nearness.shape[0]):
-        _measure_row(nearness, band, bends, row, slope)
+        for column in range(nearness.shape[1]):
+            for n in range(4):
+                slope[row, column, n] = np.float32(0)
+            # Skip samples near edges and unknown ones.
+            if band[row, column] or not nearness[row, column] > 0:
+                continue
+            # Fit along both axes, within the surface.
+            for axis in range(2):
+                step, back = ((0, 1), (0, -1)) if axis == 0 else ((1, 0), (-1, 0))
+                reach = (
+                    _reach(nearness, band, row, column, back, bends.length),
+                    _reach(nearness, band, row, column, step, bends.length),
+                )
+                if reach[0] + reach[1] + 1 >= FEWEST:
+                    found = _parabola(nearness, row, column, step, reach, bends)
+                    slope[row, column, axis] = np.float32(found[0])
+                    slope[row, column, 2 + axis] = np.float32(found[1])

@@ -165,19 +165,6 @@ def _whole(given: Floats, refined: Floats, row: int, column: int, blur: Blur) ->
     return max((here - (1.0 - own) * others / (total - similar)) / own, 0.3 * here)
 
 
-@kernel
-def _restore_row(
-    given: Floats, refined: Floats, kind: Marks, blur: Blur, row: int, whole: Floats
-) -> None:
-    """Restore a row; see `restore`."""
-    for column in range(given.shape[1]):
-        whole[row, column] = np.float32(0)
-        # Only samples beside an edge that the refinement left alone can be thin objects.
-        is_kept = refined[row, column] == given[row, column] and given[row, column] > 0
-        if kind[row, column] and kind[row, column] != BETWEEN and is_kept:
-            whole[row, column] = np.float32(_whole(given, refined, row, column, blur))
-
-
 @parallel_kernel
 def restore(
     counter: Counter, given: Floats, refined: Floats, kind: Marks, blur: Blur, whole: Floats
@@ -189,4 +176,9 @@ def restore(
     surfaces. `blur`: blur of the map. `whole`: (H, W) filled: 0 where nothing can be restored.
     """
     for row in tasks(counter, given.shape[0]):
-        _restore_row(given, refined, kind, blur, row, whole)
+        for column in range(given.shape[1]):
+            whole[row, column] = np.float32(0)
+            # Only samples beside an edge that the refinement left alone can be thin objects.
+            is_kept = refined[row, column] == given[row, column] and given[row, column] > 0
+            if kind[row, column] and kind[row, column] != BETWEEN and is_kept:
+                whole[row, column] = np.float32(_whole(given, refined, row, column, blur))

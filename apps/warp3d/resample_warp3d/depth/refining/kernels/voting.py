@@ -23,7 +23,12 @@ NOT_SURE = 1e-4  # weight of a sample near an edge in its surface's nearness
 FAMILIAR = 0.05  # share of similar colors around from which on votes count in full
 SAME = 0.25  # of the range of all votes: votes closer together are for one surface
 CLOSE = 0.01  # of the nearness, on top
+BINS = 16  # of values, among which that of the median is found
 SURE = 0.995  # share of the few first votes from which others are not asked
+FARTHEST = 4  # px between samples that are asked first
+TOLD = 0.9  # share of the votes of samples asked first from which those amid them are not asked
+LEVEL = 0.02  # of the nearness, by which these samples may differ
+KINDRED = 0.13  # least similarity of their colors: a difference of 2
 LOWEST = 0.3  # of a voter's nearness: least value that its slopes may lead to
 
 
@@ -59,35 +64,32 @@ class Votes(NamedTuple):
 @kernel
 def weighted_median(value: Doubles, weight: Doubles, count: int) -> float:
     """Smallest value at which half of the weight is reached; reorders both arrays."""
-    # Quickselect by weight: narrow [first, last] down to the median.
+    bins = np.empty(BINS)
     half = 0.5 * weight[:count].sum()
-    first, last, below = 0, count - 1, 0.0
-    while first < last:
-        pivot = value[(first + last) // 2]
-        # Partition in three: below the pivot, equal to it, above it.
-        low, n, high, less, same = first, first, last, 0.0, 0.0
-        while n <= high:
-            v, w = value[n], weight[n]
-            if v < pivot:
-                value[n], weight[n] = value[low], weight[low]
-                value[low], weight[low] = v, w
-                low, n, less = low + 1, n + 1, less + w
-            elif v > pivot:
-                value[n], weight[n] = value[high], weight[high]
-                value[high], weight[high] = v, w
-                high -= 1
-            else:
-                n, same = n + 1, same + w
-        # Go on in the part that holds half of the weight.
-        if below + less >= half:
-            last = low - 1
-        elif below + less + same >= half:
-            return float(pivot)
-        else:
-            first, below = high + 1, below + less + same
-        if last < first:
-            return float(pivot)
-    return float(value[first])
+    while True:
+        # Add the weights up in bins of equal width.
+        low, high = value[0], value[0]
+        for n in range(1, count):
+            low, high = min(low, value[n]), max(high, value[n])
+        scale = (BINS - 0.5) / (high - low) if high > low else 0.0
+        if count == 1 or not 0.0 < scale < np.inf:
+            return float(low)
+        bins[:] = 0.0
+        for n in range(count):
+            bins[int((value[n] - low) * scale)] += weight[n]
+        # Find the bin where half is reached, and go on with what it holds.
+        found = 0
+        while found < BINS - 1 and half > bins[found]:
+            half -= bins[found]
+            found += 1
+        kept = 0
+        for n in range(count):
+            if int((value[n] - low) * scale) == found:
+                value[kept], weight[kept] = value[n], weight[n]
+                kept += 1
+        if kept == 0:
+            return float(high)
+        count = kept
 
 
 @kernel
@@ -113,7 +115,7 @@ def _change(slope: float, bend: float, away: int) -> float:
         return falls * distance + 0.5 * bend * distance * distance
     # Follow the square root up to its end.
     turn = max(falls / (2.0 * bend), 1.0)
-    return 2.0 * falls * turn * (1.0 - math.sqrt(1.0 - min(distance, turn) / turn))
+    return 2.0 * falls * (turn - math.sqrt(turn * (turn - min(distance, turn))))
 
 
 @kernel
@@ -201,19 +203,37 @@ def _counted(
 
 
 @kernel
-def _vote_in_row(
-    voters: Voters, window: VotingWindow, band: Marks, row: int, refined: Floats, agreed: Floats
-) -> None:
-    """Refine a row of samples; see `vote_rows`."""
-    count = window.share.size
-    votes = Votes(
-        np.empty(count), np.empty(count), np.empty(count),
-        np.empty(count), np.empty(count), np.empty(count),
-    )  # fmt: skip
-    for column in range(band.shape[1]):
-        if band[row, column]:
-            near, share = _vote(voters, window, row, column, votes)
-            refined[row, column], agreed[row, column] = np.float32(near), np.float32(share)
+def _between(
+    voters: Voters, row: int, column: int, apart: int, is_rough: bool, refined: Floats,
+    agreed: Floats,
+) -> tuple[float, float]:  # fmt: skip
+    """Mean of the samples around that were asked first, if they tell the sample's surface, else 0.
+
+    They do if they all but agree, have colors like the sample's, and it is on no other surface. If
+    a rough answer is enough, the one with the most similar color does.
+    """
+    height, width = refined.shape
+    down, across = row % (2 * apart), column % (2 * apart)
+    mean, low, high, share, count = 0.0, np.inf, 0.0, 1.0, 0
+    alikest, likely, sure = 0.0, 0.0, 0.0
+    for n in range(4):
+        r, c = row + (down if n < 2 else -down), column + (across if n % 2 else -across)
+        if not (0 <= r < height and 0 <= c < width):
+            return 0.0, 0.0
+        value = np.float64(refined[r, c])
+        mean, low, high = mean + 0.25 * value, min(low, value), max(high, value)
+        share = min(share, np.float64(agreed[r, c]))
+        alike = _color_similarity(voters.color, row, column, r, c)
+        if alike > alikest:
+            alikest, likely, sure = alike, value, np.float64(agreed[r, c])
+        count += share >= TOLD and low > 0.0 and high - low <= LEVEL * high and alike > KINDRED
+    here = np.float64(voters.nearness[row, column])
+    is_known, reach = voters.trust[row, column] > 0, CLOSE * mean
+    if is_rough and count < 4:
+        mean, share, reach = likely, sure, SAME * (high - low) + CLOSE * likely
+    elif count < 4 or (is_known and abs(here - mean) > reach):
+        return 0.0, 0.0
+    return here if is_known and abs(here - mean) <= reach else mean, share
 
 
 @parallel_kernel
@@ -222,17 +242,36 @@ def vote_rows(
     voters: Voters,
     window: VotingWindow,
     band: Marks,
+    apart: int,
+    is_rough: bool,
     refined: Floats,
     agreed: Floats,
 ) -> None:
     """Refine the samples of a band by a vote of those around them.
 
     `voters`, `window`: votes, and where they come from. `band`: (H, W) not 0 where samples are
-    refined. `refined`: (H, W) nearness, filled in the band; 0 where nobody votes. `agreed`: (H, W)
-    share of the votes for the winning surface, filled in the band.
+    refined. `apart`: refine those in each so many rows and columns, without those that a call with
+    twice as much has refined, which tell the nearness where they agree, or in any case if
+    `is_rough`. `refined`: (H, W) nearness, filled in the band; 0 where nobody votes. `agreed`:
+    (H, W) share of the votes for the winning surface, filled in the band.
     """
+    count = window.share.size
     for row in tasks(counter, band.shape[0]):
-        _vote_in_row(voters, window, band, row, refined, agreed)
+        votes = Votes(
+            np.empty(count), np.empty(count), np.empty(count),
+            np.empty(count), np.empty(count), np.empty(count),
+        )  # fmt: skip
+        for column in range(0, band.shape[1], apart):
+            if not band[row, column] or row % apart:
+                continue
+            near, share = 0.0, 0.0
+            if apart < FARTHEST:
+                if row % (2 * apart) == 0 and column % (2 * apart) == 0:
+                    continue
+                near, share = _between(voters, row, column, apart, is_rough, refined, agreed)
+            if near <= 0.0:
+                near, share = _vote(voters, window, row, column, votes)
+            refined[row, column], agreed[row, column] = np.float32(near), np.float32(share)
 
 
 @kernel
@@ -251,25 +290,6 @@ def _step(nearness: Floats, links: Links, row: int, column: int, away: float, do
     return 0.0
 
 
-@kernel
-def _enlarge_row(nearness: Floats, links: Links, axes: Doubles, row: int, result: Floats) -> None:
-    """Enlarge a row; see `enlarge_rows`."""
-    height, width = nearness.shape
-    # Find the nearest sample of the small map.
-    y = row * axes[0] + axes[1]
-    r = min(max(math.floor(y + 0.5), 0), height - 1)
-    for column in range(result.shape[1]):
-        x = column * axes[2] + axes[3]
-        c = min(max(math.floor(x + 0.5), 0), width - 1)
-        here = np.float64(nearness[r, c])
-        value = 0.0
-        # Follow its surface along both axes; a limit keeps nearness positive.
-        if here > 0.0:
-            value = here + _step(nearness, links, r, c, x - c, False)
-            value = max(value + _step(nearness, links, r, c, y - r, True), 0.3 * here)
-        result[row, column] = np.float32(value)
-
-
 @parallel_kernel
 def enlarge_rows(
     counter: Counter, nearness: Floats, links: Links, axes: Doubles, result: Floats
@@ -281,4 +301,17 @@ def enlarge_rows(
     where nothing is known.
     """
     for row in tasks(counter, result.shape[0]):
-        _enlarge_row(nearness, links, axes, row, result)
+        height, width = nearness.shape
+        # Find the nearest sample of the small map.
+        y = row * axes[0] + axes[1]
+        r = min(max(math.floor(y + 0.5), 0), height - 1)
+        for column in range(result.shape[1]):
+            x = column * axes[2] + axes[3]
+            c = min(max(math.floor(x + 0.5), 0), width - 1)
+            here = np.float64(nearness[r, c])
+            value = 0.0
+            # Follow its surface along both axes; a limit keeps nearness positive.
+            if here > 0.0:
+                value = here + _step(nearness, links, r, c, x - c, False)
+                value = max(value + _step(nearness, links, r, c, y - r, True), 0.3 * here)
+            result[row, column] = np.float32(value)
