@@ -91,7 +91,8 @@ def prepared(
     is_auto, made = choice.refine == "auto", []
     name = "none" if is_auto and choice.unmixed else choice.refine
     with session.stage("prepare", bar="preparing"):
-        for view, like in zip(views, chosen or [None] * len(views), strict=True):
+        for n, view in enumerate(views):
+            like = None if chosen is None else chosen[n]
             refined = view.refined(name, choice.noise, like)
             if is_auto and like is None:
                 parts = _displacement(refined.findings), REFINEMENTS.get(refined.chosen, "")
@@ -226,10 +227,24 @@ def report(
     """Return sizes, depth refinement, corrections of views, shares and times for `--stats`."""
     warped = viewed.warped
     covered = warped.magnification > 0
+    refine = [
+        {
+            "chosen": refined.chosen,
+            "soft edges": round(refined.findings.soft, 4),
+            "blur, px": round(refined.findings.sigma, 3),
+            "aligned": round(refined.findings.aligned, 3),
+            "overshoot": round(refined.findings.overshoot, 3),
+            "offset, px": [round(each, 2) for each in refined.findings.offset],
+            "enlargement": round(refined.findings.enlargement, 4),
+            "unknown": round(refined.findings.unknown, 6),
+            "confidence": round(float(refined.confidence.mean()), 6),
+        }
+        for refined in (source.refined for source in sources)
+    ]
     about = {} if viewed.found is None else {"views": viewed.found}
     return {
         "sources": [list(prepared.source.nearness.shape[::-1]) for prepared in sources],
-        "refine": [_findings(prepared.refined) for prepared in sources],
+        "refine": refine,
         "size": list(warped.coverage.shape[::-1]),
         "method": choice.method,
         "covered": round(float(warped.coverage.mean()), 6),
@@ -241,22 +256,6 @@ def report(
         ),
         **about,
         "seconds": session.times(),
-    }
-
-
-def _findings(refined: Refined) -> dict[str, Any]:
-    """Return the findings about a depth map, and how it was refined."""
-    found = refined.findings
-    return {
-        "chosen": refined.chosen,
-        "soft edges": round(found.soft, 4),
-        "blur, px": round(found.sigma, 3),
-        "aligned": round(found.aligned, 3),
-        "overshoot": round(found.overshoot, 3),
-        "offset, px": [round(each, 2) for each in found.offset],
-        "enlargement": round(found.enlargement, 4),
-        "unknown": round(found.unknown, 6),
-        "confidence": round(float(refined.confidence.mean()), 6),
     }
 
 

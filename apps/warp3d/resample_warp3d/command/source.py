@@ -75,22 +75,9 @@ class SourceCamera(Choices):
 
     def check(self) -> None:
         """Refuse wrong options before any file is read."""
-        if self.source_projection != "pinhole":
-            self._check_wide()
+        if self.source_projection == "pinhole":
+            self._check_pinhole()
             return
-        if self.pixel_size is not None:
-            raise ValueError("--pixel-size belongs to --source-projection orthographic")
-        self._check_pinhole()
-
-    def check_pinhole(self, command: str) -> None:
-        """Refuse other projections for a command."""
-        if self.source_projection != "pinhole":
-            raise ValueError(
-                f"{command} needs pictures of a pinhole or lens; for --source-projection"
-                f" {self.source_projection} use render or animate"
-            )
-
-    def _check_wide(self) -> None:
         given = {"intrinsics": self.intrinsics, "fov": self.fov, "lens": self.lens}
         for name, way in given.items():
             if way is not None:
@@ -103,10 +90,20 @@ class SourceCamera(Choices):
                 "--pixel-size and --source-projection orthographic belong together; give both"
             )
 
+    def check_pinhole(self, command: str) -> None:
+        """Refuse other projections for a command."""
+        if self.source_projection != "pinhole":
+            raise ValueError(
+                f"{command} needs pictures of a pinhole or lens; for --source-projection"
+                f" {self.source_projection} use render or animate"
+            )
+
     def _check_pinhole(self) -> None:
         from resample.cameras.calibrations import read_lens
         from resample.cameras.models import Camera
 
+        if self.pixel_size is not None:
+            raise ValueError("--pixel-size belongs to --source-projection orthographic")
         tell_radians(self.fov)
         whole_lens = None if self._coefficients else self.lens
         ways = {"--intrinsics": self.intrinsics, "--fov": self.fov, "--lens": whole_lens}

@@ -1,8 +1,9 @@
-"""Render films with depth: each picture has a depth map and gets the same new viewpoint."""
+"""Render films with depth, each picture from the same new viewpoint, to files and folders."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,21 +11,111 @@ import numpy as np
 
 from resample.command.session import Session
 from resample.console import Progress
-from resample.files.formats import WriteOptions
+from resample.files.films import FORMATS, PLAIN, UNMARKED, FilmCoding, StereoMarks
+from resample.files.formats import WriteOptions, check_output
 from resample.files.pictures import Picture
+from resample.files.saving import write_picture
+from resample.files.sequences import check_frames, write_frames, write_in_parts
 from resample.files.writing import check_targets, write_json
 from resample_warp3d.command.choices import DepthWarping, Extras, Joint, Showing
 from resample_warp3d.command.depths import appearing, depths_of
-from resample_warp3d.command.filming.alignment import DepthRanges, ranges_of
 from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.filming.footage import Footage, footage_of
-from resample_warp3d.command.filming.sources import FilmSources, rectified, with_depth
-from resample_warp3d.command.filming.targets import FilmTarget
+from resample_warp3d.command.filming.sources import (
+    DepthRanges,
+    FilmSources,
+    ranges_of,
+    rectified,
+    with_depth,
+)
 from resample_warp3d.command.inputs import DepthReader
+from resample_warp3d.command.numbered import NumberedFiles, names_folder
 from resample_warp3d.command.rendering import check_memory, joined, joining_of
 from resample_warp3d.command.stereo import StereoRendering
 from resample_warp3d.command.target import Aim
 from resample_warp3d.command.writing import made_of
+
+KEPT = ".pictures"  # folder of finished pictures, until the film is complete
+
+
+@dataclass(frozen=True)
+class FilmTarget:
+    """Where a film is written to.
+
+    Parameters
+    ----------
+    path
+        Film, animation or TIFF; folder for numbered .png files; or a name with a star for the
+        frame's number, such as `moved/*.exr`.
+    footage
+        The film it is made of.
+    options
+        How pictures are written.
+    coding
+        How films are encoded.
+    marks
+        What players have to know of two eyes.
+    resume
+        Whether an interrupted run is continued; None: nothing of one is kept.
+
+    Raises
+    ------
+    ValueError, OSError
+        The target is none of these, or would replace the film it is made of.
+    """
+
+    path: Path
+    footage: Footage
+    options: WriteOptions
+    coding: FilmCoding = PLAIN
+    marks: StereoMarks = UNMARKED
+    resume: bool | None = None
+
+    @cached_property
+    def files(self) -> NumberedFiles | None:
+        """The files by number; None: the target is one file."""
+        if not names_folder(self.path) and "*" not in self.path.name:
+            return None
+        return NumberedFiles(self.path, KEPT, "pictures of a film")
+
+    @property
+    def _is_film(self) -> bool:
+        return self.files is None and self.path.suffix.lower() in FORMATS
+
+    def check(self) -> None:
+        """Refuse what cannot be written, before any work is done."""
+        if self.files is None:
+            check_targets(self.path)
+            check_frames(self.path, self.footage.frames, self.options)
+            if self.resume and not self._is_film:
+                raise ValueError(
+                    f"{self.path}: --resume is for folders and {', '.join(FORMATS)}; leave it out"
+                )
+            return
+        self.footage.check_apart(self.files.folder)
+        self.footage.frames.tell_tracks(self.path)
+        check_output(Path(self.files.name), self.options)
+
+    def write(self, pictures: Callable[[int], Iterable[Picture]], job: Mapping[str, Any]) -> None:
+        """Write the pictures that a function gives from a number on.
+
+        Films and folders can be resumed, the former if the job is the same; of other files nothing
+        is left if a picture cannot be made.
+        """
+        if self.files is None and not self._is_film:
+            write_frames(self.path, pictures(0), self.footage.frames, self.options)
+            return
+        if self.files is None:
+            whole = {**job, "coding": list(self.coding), "frames": len(self.footage)}
+            write_in_parts(
+                self.path, pictures, self.footage.frames, self.options, self.coding, self.marks,
+                whole, resume=self.resume,
+            )  # fmt: skip
+            return
+        with self.files.appearing(resume=self.resume):
+            first = next(n for n in count() if not self.files.file(n).is_file())
+            for n, picture in enumerate(pictures(first), first):
+                write_picture(self.files.file(n), picture, self.options)
 
 
 class FilmWriting(NamedTuple):

@@ -19,10 +19,9 @@ from resample.types import Doubles
 from resample_warp3d.command.animation import Range, camera_words, on_screen, poses_of
 from resample_warp3d.command.choices import DepthWarping, Joint, Travel
 from resample_warp3d.command.depths import DepthFrames, appearing
-from resample_warp3d.command.filming.alignment import DepthRanges, ranges_of
 from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.filming.footage import Footage, footage_of
-from resample_warp3d.command.filming.sources import FilmSources, with_depth
+from resample_warp3d.command.filming.sources import DepthRanges, FilmSources, ranges_of, with_depth
 from resample_warp3d.command.inputs import DepthReader
 from resample_warp3d.command.rendering import check_memory, joined, joining_of
 from resample_warp3d.command.target import TargetCamera

@@ -1,13 +1,16 @@
-"""Pictures of a film as prepared sources."""
+"""Pictures of a film as prepared sources, with the range of relative depth of each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 from resample.command.flags import Shape
 from resample.command.session import Session
+from resample.console import say
+from resample.progress import Progress
 from resample.types import Floats
 from resample_warp3d.command.choices import DepthWarping
-from resample_warp3d.command.filming.alignment import DepthRanges
+from resample_warp3d.command.filming.choices import FilmInput
 from resample_warp3d.command.filming.footage import Footage
 from resample_warp3d.command.inputs import (
     DepthReader,
@@ -17,11 +20,86 @@ from resample_warp3d.command.inputs import (
     rectified_of,
 )
 from resample_warp3d.command.rendering import Prepared, prepared
+from resample_warp3d.depth.encodings import RelativeDepth
 from resample_warp3d.depth.refining.conditioning import RefinementChoice
 from resample_warp3d.depth.refining.inspecting import is_sharpened
 from resample_warp3d.depth.stabilization import SteadyDepth
+from resample_warp3d.depth.temporal import Alignment, Thumbnail, align, thumbnail
 
 ReadInputs = Callable[[int], Inputs]
+Ends = tuple[float, float]
+
+
+class DepthRanges(NamedTuple):
+    """Range of the relative depth of each picture, and the first picture of each shot."""
+
+    ends: list[Ends] | None  # None: depth is not relative
+    starts: tuple[int, ...] = (0,)
+    found: Alignment | None = None  # None: depth was not aligned
+    extent: float | None = None  # of the nearness of depth to be kept steady; None: it is not
+
+    def first_of(self, n: int) -> int:
+        """Return the first picture of a picture's shot."""
+        return max(start for start in self.starts if start <= n)
+
+    def reader(self, reader: DepthReader, n: int) -> DepthReader:
+        """Return the reader of a picture's depth."""
+        return reader if self.ends is None else reader._replace(ends=self.ends[n])
+
+    def report(self) -> dict[str, Any]:
+        """Return what was done, for `--stats`."""
+        if self.found is None:
+            return {"temporal": "none"}
+        return {
+            "temporal": "aligned" if any(self.found.aligned) else "unchanged",
+            "shots": list(self.starts),
+            "aligned": list(self.found.aligned),
+            "scale": [round(float(each), 6) for each in self.found.scale],
+            "shift": [round(float(each), 6) for each in self.found.shift],
+        }
+
+
+def ranges_of(
+    footage: Footage, reader: DepthReader, filming: FilmInput, progress: Progress | None
+) -> DepthRanges:
+    """Find the range of relative depth for each picture of a film, and report it.
+
+    Without alignment there is one range for all pictures, to avoid pumping.
+    """
+    if not reader.meaning.is_relative:
+        return DepthRanges(None)
+    each: list[Ends] = []
+    count = len(footage)
+
+    def small(n: int) -> Thumbnail | None:
+        raw = footage.inside(footage.depths[n])
+        each.append(RelativeDepth.ends_of(raw))
+        if progress is not None:
+            progress((n + 1) / count)
+        return (
+            None
+            if filming.temporal == "none"
+            else thumbnail(footage.inside(footage.pictures[n].data), raw)
+        )
+
+    film = (small(n) for n in range(count))
+    found = align(picture for picture in film if picture is not None)
+    if filming.temporal == "none":
+        ends = min(low for low, _ in each), max(high for _, high in each)
+        return DepthRanges([ends] * count)
+    parts = []
+    if any(found.aligned):
+        parts.append(
+            f"the scales of {len(found.scale)} maps, which differ by up to {found.changes:.1%}, "
+            "and their shifts are aligned"
+        )
+    if len(found.starts) > 1:
+        cuts = ", ".join(map(str, found.starts[1:]))
+        parts.append(f"each shot has its own range; cuts before picture {cuts}")
+    if parts:
+        say(f"depth: {'; '.join(parts)}; --temporal none takes them as they are")
+    near, far = reader.meaning.range()
+    return DepthRanges(found.ends(each), found.starts, found, 1.0 / near - 1.0 / far)
 
 
 def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> ReadInputs:

@@ -1,25 +1,37 @@
-"""Write pictures, films and folders of them for two eyes."""
+"""Write pictures, films and folders of them for two eyes, and photographs as MPO and JPS."""
 
+import io
 import shutil
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from resample.command.session import Session
 from resample.command.settings import Written
 from resample.console import progress_bar, say
 from resample.files.films import FORMATS, UNMARKED
-from resample.files.formats import SUFFIXES, check_output
-from resample.files.pictures import form_of, read_picture
+from resample.files.formats import (
+    QUALITY,
+    SUFFIXES,
+    WriteOptions,
+    as_srgb,
+    check_output,
+    flattened,
+    levels,
+)
+from resample.files.pictures import Picture, form_of, read_picture
 from resample.files.saving import tell_empty, write_picture
 from resample.files.sequences import FILMS, READ
-from resample.files.writing import check_targets
+from resample.files.writing import check_targets, replacing
 from resample.messages import one_line
 from resample_warp3d.command.choices import Extras
 from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
 from resample_warp3d.command.filming.depth_model import DepthModel
-from resample_warp3d.command.filming.films import stereo_film
+from resample_warp3d.command.filming.films import FilmTarget, stereo_film
 from resample_warp3d.command.filming.footage import (
     WHOLE,
     EstimatedSeries,
@@ -27,7 +39,6 @@ from resample_warp3d.command.filming.footage import (
     files_in,
     footage_of,
 )
-from resample_warp3d.command.filming.targets import FilmTarget
 from resample_warp3d.command.inputs import (
     DepthReader,
     Inputs,
@@ -42,11 +53,73 @@ from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.rendering import check_memory, mention_holes, prepared
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.stereo import StereoRendering
-from resample_warp3d.command.stereo_stills import PAIRS, write_pair
 from resample_warp3d.command.writing import check_extras, write_extras
 from resample_warp3d.depth.files import read_depth
 
 FAILURES = (ValueError, LookupError, OSError, MemoryError)  # of one photo among others
+PAIRS = (".mpo", ".jps")
+# Stereoscopic descriptor: side by side, full width and height, right picture first; no separation.
+CROSSED = struct.pack(">HI", 4, 0x00000201)
+DISPARITY = 0x020002  # type of a further picture of an MPO: multi-view, by disparity
+SHOWN = 0x20000000  # of the picture that players without two eyes show
+
+
+def write_pair(path: Path, left: Picture, right: Picture, look: WriteOptions) -> None:
+    """Write the pictures of both eyes: MPO holds two JPEGs, JPS one, with the right one first.
+
+    Parameters
+    ----------
+    path
+        `.mpo` or `.jps`.
+    left, right
+        Pictures of one size; what is transparent is on a background, black by default.
+    """
+    both = [_image(picture, path, look) for picture in (left, right)]
+    quality = {"quality": look.quality or QUALITY[".jpg"], "subsampling": 0}
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".mpo":
+            first, second = both
+            first.save(temporary, "MPO", save_all=True, append_images=[second], **quality)
+            temporary.write_bytes(_typed(temporary.read_bytes()))
+            return
+        from PIL import Image
+
+        whole = Image.fromarray(np.hstack([np.asarray(each) for each in both[::-1]]))
+        made = io.BytesIO()
+        whole.save(made, "JPEG", **quality)
+        body = b"_JPSJPS_" + CROSSED + struct.pack(">H", 0)
+        marker = b"\xff\xe3" + struct.pack(">H", 2 + len(body)) + body
+        data = made.getvalue()
+        after = 4 + int.from_bytes(data[4:6], "big")  # JFIF's segment comes first
+        temporary.write_bytes(data[:after] + marker + data[after:])
+
+
+def _image(picture: Picture, path: Path, look: WriteOptions) -> Any:
+    """Return a picture as screens show it, opaque, as a Pillow image."""
+    from PIL import Image
+
+    shown = as_srgb(picture)
+    if shown.kind.has_alpha:
+        shown = flattened(shown, look.background or (0.0, 0.0, 0.0))
+    if len(shown.kind.channels) not in (1, 3) or shown.about.number:
+        raise ValueError(f"{path}: neither gray nor RGB; .tif holds other channels and numbers")
+    shades = levels(shown.data, "uint8", has_alpha=False, is_light=look.is_light)
+    return Image.fromarray(shades[..., 0] if shades.shape[2] == 1 else np.asarray(shades, np.uint8))
+
+
+def _typed(data: bytes) -> bytes:
+    """Return an MPO whose pictures are marked as those of two eyes, as Pillow does not."""
+    place = data.index(b"MPF\0") + 4
+    order = "<" if data[place : place + 2] == b"II" else ">"
+    (table,) = struct.unpack_from(f"{order}I", data, place + 4)
+    (count,) = struct.unpack_from(f"{order}H", data, place + table)
+    made = bytearray(data)
+    for n in range(count):
+        tag, _, _, value = struct.unpack_from(f"{order}HHII", data, place + table + 2 + 12 * n)
+        if tag == 0xB002:  # entries of 16 bytes, which begin with their types
+            for each, kind in enumerate((SHOWN | DISPARITY, DISPARITY)):
+                struct.pack_into(f"{order}I", made, place + value + 16 * each, kind)
+    return bytes(made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +271,15 @@ def write_stereo(
         found = Path(picture).rglob("*")
         files = sorted(file for file in found if file.is_file() and _is_source(file))
     if files is None or not (batch.batch or batch.recursive or batch.skip_errors):
-        if files is None or not _differ(files):
+        # Files are no film if there are films among them, or pictures of several sizes.
+        try:
+            differ = files is not None and (
+                any(file.suffix.lower() in FILMS for file in files)
+                or len({form_of(file)[0][:2] for file in files}) > 1
+            )
+        except FAILURES as error:
+            raise ValueError(f"{one_line(error)}; --batch --skip-errors leaves it out") from None
+        if not differ:
             job.write(picture, depth, output)
             return
         say(f"{picture}: pictures have several sizes and are made one by one (--batch)")
@@ -234,16 +315,6 @@ def write_stereo(
 
 def _is_source(file: Path) -> bool:
     return file.suffix.lower() in READ and not file.name.startswith(".")
-
-
-def _differ(files: Sequence[Path]) -> bool:
-    """Whether files are no film: there are films among them, or pictures of several sizes."""
-    if any(file.suffix.lower() in FILMS for file in files):
-        return True
-    try:
-        return len({form_of(file)[0][:2] for file in files}) > 1
-    except FAILURES as error:
-        raise ValueError(f"{one_line(error)}; --batch --skip-errors leaves it out") from None
 
 
 def _targets(files: Sequence[Path], given: str, output: Path) -> Iterator[tuple[Path, Path, Path]]:
