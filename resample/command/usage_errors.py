@@ -100,7 +100,7 @@ def _missing_input(words: Sequence[str]) -> str:
     inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:]
     has_output = {"-o", "--output"} & {*words}
     for name in inputs if has_output else inputs[:1]:  # the last may be the output
-        is_path = not set(name) & set(":*?=,") and Path(name).suffix[1:].isalnum()
+        is_path = not set(name) & set(":*?=,[") and Path(name).suffix[1:].isalnum()
         if is_path and not Path(name).exists():
             return name
     return ""

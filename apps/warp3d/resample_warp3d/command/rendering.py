@@ -22,7 +22,6 @@ from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
 from resample_warp3d.depth.refining.conditioning import Refined, RefinementChoice
-from resample_warp3d.depth.refining.inspecting import Findings
 from resample_warp3d.projection_models import CameraModel, Way, mapping_between
 from resample_warp3d.sheet.filling import fill
 from resample_warp3d.sheet.sheets import background, behind
@@ -99,21 +98,17 @@ def _prepared(view: DepthInput, choice: DepthWarping, like: RefinementChoice | N
     name = "none" if is_auto and choice.unmixed else choice.refine
     refined = view.refined(name, choice.noise, like)
     if is_auto and like is None:
-        parts = _displacement(refined.findings), REFINEMENTS.get(refined.chosen, "")
+        # How far depth lies beside its colors, unless that is hardly a pixel.
+        found, words = refined.findings, (("left of", "right of"), ("above", "below"))
+        sides = zip(found.offset, found.shift, words, strict=True)
+        told = [f"{abs(by):.1f} px {word[by < 0]}" for by, whole, word in sides if whole]
+        lies = f"it lies {' and '.join(told)} its colors" if told else ""
+        parts = lies, REFINEMENTS.get(refined.chosen, "")
         if any(parts):
             say(f"depth: {'; '.join(filter(None, parts))}; --refine none keeps it unchanged")
     source = sourced(refined, noise=choice.noise)
     layer = background(source) if choice.has_layer else None
     return Prepared(source, view.camera, refined, layer)
-
-
-def _displacement(found: Findings) -> str:
-    """Say how far depth lies beside its colors; nothing if that is hardly a pixel."""
-    sides = zip(
-        found.offset, found.shift, (("left of", "right of"), ("above", "below")), strict=True
-    )
-    told = [f"{abs(by):.1f} px {words[by < 0]}" for by, whole, words in sides if whole]
-    return f"it lies {' and '.join(told)} its colors" if told else ""
 
 
 def warped(
@@ -315,11 +310,6 @@ def check_memory(views: Sequence[DepthInput], shape: Shape, output: Path, others
     """Refuse a warp that does not fit into memory; log what it needs (DEBUG).
 
     Measured as the peak of fresh processes (`python -m benchmarks.memory`).
-
-    Parameters
-    ----------
-    shape
-        Height and width of the target, px.
     """
     channels = max(view.picture.data.shape[2] for view in views)
     sources = sum(bytes_of_source(view.picture.data.shape) for view in views)

@@ -19,15 +19,7 @@ SHOWN = 0x20000000  # of the picture that players without two eyes show
 
 
 def write_pair(path: Path, left: Picture, right: Picture, look: WriteOptions) -> None:
-    """Write the pictures of both eyes: MPO holds two JPEGs, JPS one, with the right one first.
-
-    Parameters
-    ----------
-    path
-        `.mpo` or `.jps`.
-    left, right
-        Pictures of one size; what is transparent is on a background, black by default.
-    """
+    """Write the pictures of both eyes: MPO holds two JPEGs, JPS one, with the right one first."""
     both = [_image(picture, path, look) for picture in (left, right)]
     quality = {"quality": look.quality or QUALITY[".jpg"], "subsampling": 0}
     with replacing(path) as temporary:

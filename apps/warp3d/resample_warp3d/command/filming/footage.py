@@ -130,7 +130,12 @@ class Footage:
     @property
     def files(self) -> list[Path]:
         """All files that the film is read from."""
-        return [*_files_of(self.pictures, self.color), *_files_of(self.depths, self.depth)]
+        found: list[Path] = []
+        for series, name in ((self.pictures, self.color), (self.depths, self.depth)):
+            path = Path(name)
+            path = path if path.is_file() else Path(name.rpartition(":")[0])
+            found += series.files if isinstance(series, FileSeries) else [path]
+        return found
 
     def surveyed(self) -> list[int]:
         """Return the numbers of some pictures, evenly spaced."""
@@ -144,8 +149,13 @@ class Footage:
         if len({each.shape for each in few}) > 1:
             return self
         light = np.maximum.reduce(few)
-        rows, columns = (_content(light.max(axis=axis) > BLACK) for axis in (1, 0))
-        return replace(self, rows=rows, columns=columns)
+        ends = []
+        for axis in (1, 0):
+            is_light = light.max(axis=axis) > BLACK
+            lit, size = np.flatnonzero(is_light), len(is_light)
+            has_none = not lit.size or min(lit[0], size - 1 - lit[-1]) < THINNEST * size
+            ends.append((0.0, 1.0) if has_none else (lit[0] / size, (lit[-1] + 1) / size))
+        return replace(self, rows=ends[0], columns=ends[1])
 
     def inside(self, whole: NDArray[Any]) -> NDArray[Any]:
         """Return the part between the black bars of a picture or map of any size."""
@@ -191,30 +201,11 @@ def footage_of(
     times: tuple[float, float] = WHOLE,
     model: DepthModel | None = None,
 ) -> Footage | None:
-    """Open a film, a folder or a pattern of pictures with depth; None for a single picture.
-
-    Parameters
-    ----------
-    color
-        Film or animation, folder, or pattern of names.
-    depth
-        Film of gray levels, folder, pattern of names, or stack (N, H, W) in .npy or .npz.
-    fps
-        Pictures per second; None: the film's own, or 24.
-    labels
-        Whether colors are labels, kept as stored.
-    times
-        Start and end of the pictures that are taken, s.
-    model
-        Network that estimates the depth; in place of `depth`.
-
-    Raises
-    ------
-    ValueError, OSError
-        There are no pictures, depth is none of these, or has another number of pictures.
-    """
+    """Open a film, a folder or a pattern of pictures with depth; None for a single picture."""
     frames = frames_of(Path(color))
-    files = None if frames is not None else files_in(color, _is_picture)
+    kinds = {*READ} - {*FILMS}
+    is_picture = lambda file: file.suffix.lower() in kinds  # noqa: E731
+    files = None if frames is not None else files_in(color, is_picture)
     if frames is None and files is None:
         return None
     if frames is None:
@@ -228,7 +219,7 @@ def footage_of(
 
     def opened() -> FrameSeries[Picture]:
         if files is None:
-            return DecodedSeries(taken, _as_stored if labels else _as_is)
+            return DecodedSeries(taken, _as_stored if labels else lambda picture: picture)
         chosen = files[taken.first : taken.first + len(taken.seconds)]
         return FileSeries(chosen, read_names if labels else read_picture)
 
@@ -241,30 +232,17 @@ def footage_of(
         raise ValueError(
             f"{color} has {count} pictures, {depth} has {len(depths)}; give one depth for each"
         )
-    if len(depths) > len(taken.seconds):
-        depths = _part_of(depths, taken.first, len(taken.seconds))
+    first, last = taken.first, taken.first + len(taken.seconds)
+    if len(depths) > len(taken.seconds) and isinstance(depths, DecodedSeries):
+        seconds = depths.frames.seconds
+        begin = sum(seconds[:first])
+        part = depths.frames._replace(seconds=seconds[first:last], first=first, begin=begin)
+        depths = DecodedSeries(part, depths.convert)
+    elif len(depths) > len(taken.seconds) and isinstance(depths, FileSeries):
+        depths = replace(depths, files=depths.files[first:last])
+    elif len(depths) > len(taken.seconds) and isinstance(depths, StackSeries):
+        depths = StackSeries(depths.stack[first:last])
     return Footage(color, depth, opened(), depths, taken)
-
-
-def _content(is_light: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return the shares of a side between two black bars; all of it if there are none."""
-    lit, size = np.flatnonzero(is_light), len(is_light)
-    if not lit.size or min(lit[0], size - 1 - lit[-1]) < THINNEST * size:
-        return 0.0, 1.0
-    return float(lit[0]) / size, float(lit[-1] + 1) / size
-
-
-def _part_of(series: FrameSeries[Raw], first: int, count: int) -> FrameSeries[Raw]:
-    """Return some maps of a series."""
-    if isinstance(series, DecodedSeries):
-        seconds = series.frames.seconds
-        chosen = seconds[first : first + count]
-        part = series.frames._replace(seconds=chosen, first=first, begin=sum(seconds[:first]))
-        return DecodedSeries(part, series.convert)
-    if isinstance(series, FileSeries):
-        return replace(series, files=series.files[first : first + count])
-    assert isinstance(series, StackSeries)
-    return StackSeries(series.stack[first : first + count])
 
 
 def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
@@ -299,33 +277,16 @@ def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
     else:
         return None
     files = (file for file in found if file.is_file() and not file.name.startswith("."))
-    return sorted(filter(is_wanted, files), key=_by_numbers)
 
+    def by_numbers(path: Path) -> list[tuple[int, str]]:  # frame-9 before frame-10
+        parts = NUMBER.split(str(path))
+        return [(int(part), part) if part.isdecimal() else (-1, part) for part in parts]
 
-def _by_numbers(path: Path) -> list[tuple[int, str]]:
-    """Return a key that sorts frame-9 before frame-10."""
-    parts = NUMBER.split(str(path))
-    return [(int(part), part) if part.isdecimal() else (-1, part) for part in parts]
-
-
-def _is_picture(path: Path) -> bool:
-    suffix = path.suffix.lower()
-    return suffix in READ and suffix not in FILMS
-
-
-def _files_of(series: FrameSeries[object], name: str) -> list[Path]:
-    if isinstance(series, FileSeries):
-        return list(series.files)
-    path = Path(name)
-    return [path if path.is_file() else Path(name.rpartition(":")[0])]
+    return sorted(filter(is_wanted, files), key=by_numbers)
 
 
 def _name_of(series: FrameSeries[object], n: int, name: str) -> str:
     return str(series.files[n]) if isinstance(series, FileSeries) else name
-
-
-def _as_is(picture: Picture) -> Picture:
-    return picture
 
 
 def _as_stored(picture: Picture) -> Picture:

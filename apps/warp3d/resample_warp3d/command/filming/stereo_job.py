@@ -33,8 +33,8 @@ from resample_warp3d.command.inputs import (
     Inputs,
     check_order,
     inputs_of,
-    read_pair,
     read_views,
+    rectified_of,
 )
 from resample_warp3d.command.layouts import marks_of
 from resample_warp3d.command.numbered import names_folder
@@ -87,7 +87,15 @@ class StereoJob:
         if footage is None and output.suffix.lower() in FORMATS and not Path(picture).exists():
             raise FileNotFoundError(2, "No such file", picture)
         around = self.parallax.is_around(self.eye)
-        meaning = self._meaning(depth, footage, is_around=around)
+        meaning = self.meaning
+        if meaning.depth_kind == "auto" and depth is None:
+            meaning = meaning.model_copy(update={"depth_kind": "relative"})
+        elif meaning.depth_kind == "auto":
+            raw = read_depth(str(depth)) if footage is None else footage.depths[0]
+            of_pair = self.disparity_scale is not None
+            meaning = self.parallax.recognised(
+                meaning, raw, str(depth), is_around=around, of_pair=of_pair
+            )
         is_pair = meaning.depth_kind == "pair"
         reader = None if is_pair else DepthReader.checked(self.eye.guessed(), meaning)
         chosen = self.parallax if footage is None else self.parallax.for_film(is_pair=is_pair)
@@ -112,18 +120,6 @@ class StereoJob:
         if chosen.layout == "quilt":
             name = f"_qs{chosen.quilt}"
         return output.with_stem(output.stem + name)
-
-    def _meaning(self, depth: str | None, footage: Footage | None, *, is_around: bool) -> PairDepth:
-        """Return the meaning of depth, by some of it if it is not given."""
-        if self.meaning.depth_kind != "auto":
-            return self.meaning
-        if depth is None:
-            return self.meaning.model_copy(update={"depth_kind": "relative"})
-        raw = read_depth(depth) if footage is None else footage.depths[0]
-        of_pair = self.disparity_scale is not None
-        return self.parallax.recognised(
-            self.meaning, raw, depth, is_around=is_around, of_pair=of_pair
-        )
 
     def _write_film(
         self, footage: Footage, output: Path, stereo: StereoRendering, reader: DepthReader | None
@@ -185,7 +181,8 @@ class StereoJob:
             (raw,) = self.model.estimate([picture])
             return inputs_of(reader, picture, raw, (color, str(self.model.path)))
         if reader is None:
-            return read_pair(color, depth, self.disparity_scale)
+            raw = read_depth(depth)
+            return rectified_of(read_picture(color), raw, (color, depth), self.disparity_scale)
         return read_views(reader, color, depth)
 
 
@@ -198,7 +195,12 @@ def write_stereo(
         found = Path(picture).rglob("*")
         files = sorted(file for file in found if file.is_file() and _is_source(file))
     if files is None or not (batch.batch or batch.recursive or batch.skip_errors):
-        if files is None or not _differ(files):
+        is_film = files is None or not any(file.suffix.lower() in FILMS for file in files)
+        try:  # of pictures of one size
+            is_film = is_film and len({form_of(file)[0][:2] for file in files or ()}) < 2
+        except FAILURES as error:
+            raise ValueError(f"{one_line(error)}; --batch --skip-errors leaves it out") from None
+        if is_film:
             job.write(picture, depth, output)
             return
         say(f"{picture}: pictures have several sizes and are made one by one (--batch)")
@@ -234,16 +236,6 @@ def write_stereo(
 
 def _is_source(file: Path) -> bool:
     return file.suffix.lower() in READ and not file.name.startswith(".")
-
-
-def _differ(files: Sequence[Path]) -> bool:
-    """Whether files are no film: there are films among them, or pictures of several sizes."""
-    if any(file.suffix.lower() in FILMS for file in files):
-        return True
-    try:
-        return len({form_of(file)[0][:2] for file in files}) > 1
-    except FAILURES as error:
-        raise ValueError(f"{one_line(error)}; --batch --skip-errors leaves it out") from None
 
 
 def _targets(files: Sequence[Path], given: str, output: Path) -> Iterator[tuple[Path, Path, Path]]:

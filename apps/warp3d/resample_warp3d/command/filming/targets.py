@@ -21,29 +21,7 @@ KEPT = ".pictures"  # folder of finished pictures, until the film is complete
 
 @dataclass(frozen=True)
 class FilmTarget:
-    """Where a film is written to.
-
-    Parameters
-    ----------
-    path
-        Film, animation or TIFF; folder for numbered .png files; or a name with a star for the
-        frame's number, such as `moved/*.exr`.
-    footage
-        The film it is made of.
-    options
-        How pictures are written.
-    coding
-        How films are encoded.
-    marks
-        What players have to know of two eyes.
-    resume
-        Whether an interrupted run is continued; None: nothing of one is kept.
-
-    Raises
-    ------
-    ValueError, OSError
-        The target is none of these, or would replace the film it is made of.
-    """
+    """Where a film is written to: a film, animation or TIFF; a folder; or a name with a star."""
 
     path: Path
     footage: Footage
