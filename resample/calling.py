@@ -350,14 +350,6 @@ def _joined(given: dict[str, Any], known: set[str]) -> None:
         given |= {"flags": flags & 7, "inverse": True}
 
 
-def _is_usual(name: str, value: Any) -> bool:
-    """Whether an argument of others asks for what is always done here."""
-    known = next((row for words, row in USUAL.items() if name.lower() in words.split()), ())
-    return isinstance(value, int) and any(
-        type(one) is type(value) and one == value for one in known
-    )
-
-
 def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict[str, Any]:
     """Return options under the names that they have here.
 
@@ -378,8 +370,9 @@ def understood(call: str, given: dict[str, Any], known: Collection[str]) -> dict
     """
     found: dict[str, Any] = {}
     for name, given_value in given.items():
-        if name not in known and _is_usual(name, given_value):
-            continue
+        usual = next((row for words, row in USUAL.items() if name.lower() in words.split()), ())
+        if name not in known and type(given_value) in (bool, int) and given_value in usual:
+            continue  # it asks for what is always done here
         value, ours = _value_of(name, given_value, known), ours_of(name, known)
         if (
             name == "scale" and "fit" in known and name not in known

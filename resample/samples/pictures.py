@@ -80,17 +80,7 @@ class Photo(NamedTuple):
 
 
 def bricks(size: int = 512) -> Levels:
-    """A brick wall with thin mortar, which flickers when minified.
-
-    Parameters
-    ----------
-    size
-        Side, px.
-
-    Returns
-    -------
-    (size, size, 3) sRGB; it tiles seamlessly.
-    """
+    """A brick wall with thin mortar, which flickers when minified."""
     _check("bricks", size)
     y, x = (np.mgrid[:size, :size] + 0.5) / size
     row = np.floor(y * 16)
@@ -113,17 +103,7 @@ def bricks(size: int = 512) -> Levels:
 
 
 def zone_plate(size: int = 512) -> Levels:
-    """Rings that get finer down to 2 px: they show every error of a filter.
-
-    Parameters
-    ----------
-    size
-        Side, px.
-
-    Returns
-    -------
-    (size, size, 3) sRGB.
-    """
+    """Rings that get finer down to 2 px: they show every error of a filter."""
     _check("zone-plate", size)
     y, x = np.mgrid[:size, :size] + 0.5 - size / 2
     wave = 0.5 + 0.5 * np.cos(np.pi / size * (x * x + y * y))  # half a cycle per px at the sides
@@ -131,17 +111,7 @@ def zone_plate(size: int = 512) -> Levels:
 
 
 def card(size: int = 512) -> Levels:
-    """Test card: star, wedges, color bars and grays.
-
-    Parameters
-    ----------
-    size
-        Side, px.
-
-    Returns
-    -------
-    (size, size, 3) sRGB.
-    """
+    """Test card: star, wedges, color bars and grays."""
     _check("test-card", size)
     fine = 2
     y, x = ((np.mgrid[: size * fine, : size * fine] + 0.5) / (size * fine)).astype(np.float32)
@@ -175,12 +145,7 @@ def card(size: int = 512) -> Levels:
 
 
 def page() -> Photo:
-    """A printed page on a desk, photographed obliquely.
-
-    Returns
-    -------
-    Photo of 640 x 480 px.
-    """
+    """A printed page on a desk, photographed obliquely."""
     import cv2
 
     fine, height, width = 3, 480, 640

@@ -59,13 +59,7 @@ class ParticleSample:
 
 
 def knot_gaussians(count: int = 12000) -> GaussianSample:
-    """3D Gaussians that cover a knotted tube.
-
-    Parameters
-    ----------
-    count
-        Number of Gaussians.
-    """
+    """3D Gaussians that cover a knotted tube."""
     points = knot_points(count)
     width = np.sqrt(TUBE / count)
     x, y, z = points.normal.T
@@ -79,13 +73,7 @@ def knot_gaussians(count: int = 12000) -> GaussianSample:
 
 
 def halo(count: int = 20000) -> ParticleSample:
-    """Particles of a galaxy's halo of mass 1, with smaller ones around it.
-
-    Parameters
-    ----------
-    count
-        Number of particles.
-    """
+    """Particles of a galaxy's halo of mass 1, with smaller ones around it."""
     from scipy.spatial import KDTree
 
     if not 100 <= count <= 1_000_000:

@@ -41,13 +41,7 @@ class PointSample(NamedTuple):
 
 
 def knot(along: int = 360, around: int = 36) -> MeshSample:
-    """A knotted tube with a brick texture.
-
-    Parameters
-    ----------
-    along, around
-        Number of vertices along the tube and around it.
-    """
+    """A knotted tube with a brick texture."""
     from resample.samples.pictures import bricks
 
     if along < 8 or around < 3:
@@ -64,13 +58,7 @@ def knot(along: int = 360, around: int = 36) -> MeshSample:
 
 
 def knot_points(count: int = 60000) -> PointSample:
-    """Points on a knotted tube, with normals and colors.
-
-    Parameters
-    ----------
-    count
-        Number of points.
-    """
+    """Points on a knotted tube, with normals and colors."""
     if not 16 <= count <= 10_000_000:
         raise ValueError(f"knot-points: count is 16 to 10000000, not {count}")
     number = np.arange(count)

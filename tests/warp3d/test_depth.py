@@ -261,7 +261,9 @@ def test_an_exr_s_channel_can_be_picked(tmp_path):
 def test_several_channels_are_refused_by_name(tmp_path):
     path = tmp_path / "color.png"
     write(path, np.arange(60, dtype=np.uint8).reshape(4, 5, 3), ("R", "G", "B"))
-    with pytest.raises(ValueError, match=r"channels R, G, B; pick one as .*\.png:NAME"):
+    with pytest.raises(
+        ValueError, match=r"a picture in color; give the picture first, .*color\.png:R"
+    ):
         read_depth(path)
 
 

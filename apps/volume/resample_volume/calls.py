@@ -34,6 +34,7 @@ PAIRS = "give several volumes as a list of pairs (volume, appearance), without a
 RANGES = ("clim", "contrast_limits")  # what others call the ends of a window
 # Views along an axis of an array (Z, Y, X) that numpy.max(axis) shows; the last two upside down.
 ALONG = {"0": "bottom", "1": "front", "2": "right", "z": "bottom", "y": "front", "x": "right"}
+RAMPS = ("sigmoid", "linear_r", "geom")
 CAMERA = ("camera", "fov", "up", "fit")  # of the look's options, those of the camera
 Numbers = float | str | Sequence[float]
 Some = str | Sequence[str]  # as the command takes it once, or several times
@@ -130,7 +131,9 @@ def render(
     if "axis" in options:
         camera = ALONG[str(options.pop("axis"))]
         options.setdefault("fov", 0)
-    opacities = options.pop("opacity") if _is_ramp(options.get("opacity")) else None
+    opacities = options.get("opacity")  # a list, or the name of a ramp, of PyVista
+    is_ramp = np.ndim(opacities) == 1 or str(opacities).startswith(RAMPS)  # type: ignore[arg-type]
+    opacities = options.pop("opacity") if is_ramp else None
     shown = choice_meant(appearance, list(Projection)) if isinstance(appearance, str) else ""
     if shown in list(Projection):  # a projection where a look is expected
         appearance, options = "auto", {"projection": shown, **options}

@@ -108,7 +108,8 @@ def render(
     from resample.files import formats, saving
     from resample.files.writing import check_targets, write_json
     from resample_warp3d.command.export import write_geometry
-    from resample_warp3d.command.filming.films import FilmWriting, rendered_film
+    from resample_warp3d.command.filming.films import render_film
+    from resample_warp3d.command.filming.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
@@ -128,8 +129,17 @@ def render(
         formats.WriteOptions(written.bits, is_light=False) if warping.unmixed else written.options()
     )
     further = [view_names(text) for text in view or []]
-    writing = FilmWriting(output, look, filming, extras, further, showing)
-    if rendered_film(color, depth, writing, reader, aim, warping):
+    footage = footage_of(color, depth, filming.fps, labels=warping.unmixed)
+    if footage is not None:
+        of_stills: dict[str, object] = {
+            "holes": extras.holes,
+            "coverage": extras.coverage,
+            "export": extras.export,
+        }
+        of_stills |= {"view": view, "show": None if showing.show == "picture" else showing.show}
+        if given := [name for name, value in of_stills.items() if value]:
+            raise ValueError(f"--{given[0]} is for pictures, not for films")
+        render_film(footage, output, look, filming, extras, reader, aim, warping)
         return
     check_extras(extras, eye)
     check_targets(output, *extras.paths())
@@ -288,7 +298,7 @@ def animate(
         frames_of,
         shots_with_depth,
     )
-    from resample_warp3d.command.filming.flights import FlightWriting, write_flight
+    from resample_warp3d.command.filming.flights import write_flight
     from resample_warp3d.command.filming.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
@@ -305,8 +315,10 @@ def animate(
     depths = depths_of(depth_output, output, meaning, sharing)
     footage = footage_of(color, depth)
     if footage is not None:
-        writing = FlightWriting(output, travel, target, filming, behind, sharing, resume)
-        write_flight(footage, reader, warping, writing, depths)
+        write_flight(
+            *(footage, reader, warping, depths, output, travel, target, filming, behind, sharing),
+            resume=resume,
+        )
         return
     session = Session()
     taken = read_views(reader, color, depth)

@@ -120,7 +120,9 @@ def _halves(look: PassageMethod, source: Source, passage: Passage, shape: Shape)
     whole = empty(shape, source.color.shape[2])
     target = passage.target
     for turned in (0, 1):
-        way = Passage(passage.source, _turned(target, turned * math.pi), shape)
+        if not isinstance(target, Equirectangular):
+            raise TypeError("only panoramas are turned")
+        way = Passage(passage.source, target.turned(turned * math.pi), shape)
         shifted = np.eye(3)
         shifted[0, 2] = MARGIN - first
         part = look(source, way.in_frame(shifted), (height, half + 2 * MARGIN))
@@ -128,12 +130,6 @@ def _halves(look: PassageMethod, source: Source, passage: Passage, shape: Shape)
         for into, each in zip(whole, part, strict=True):
             into[:, columns] = each[:, MARGIN:-MARGIN]
     return whole
-
-
-def _turned(target: object, yaw: float) -> Equirectangular:
-    if not isinstance(target, Equirectangular):
-        raise TypeError("only panoramas are turned")
-    return target.turned(yaw)
 
 
 def _cap(method: Hybrid, source: Source, passage: Passage, whole: Rendered, rows: int) -> None:

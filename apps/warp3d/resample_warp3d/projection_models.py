@@ -186,24 +186,7 @@ def taken_by(camera: CameraModel, image: DepthImage) -> tuple[DepthImage, Camera
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """Map from a source's samples to a target's pixels, and back.
-
-    Parameters
-    ----------
-    source
-        Camera whose lens is undone by the samples' positions, or a parallel one.
-    target
-        Any camera; its lens is applied.
-    shape
-        Height and width of the target's whole picture, px.
-    frame
-        (3, 3) scales and shifts from px of that picture to those of the frame to paint.
-
-    Raises
-    ------
-    ValueError
-        The source is not a camera for depth images.
-    """
+    """Map from a source's samples to a target's pixels, and back."""
 
     source: Camera | Orthographic
     target: CameraModel

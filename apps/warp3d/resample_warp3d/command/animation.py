@@ -43,20 +43,7 @@ class Range:
 class NearbyPath:
     """A closed path near a camera that keeps looking at the median distance.
 
-    Parameters
-    ----------
-    path
-        `sway`: left and right; `orbit`: in an ellipse, half as high as wide; `dolly`: forward and
-        back.
-    frames
-        Number of frames, 1 to `resample.files.animations.MOST_FRAMES`.
-    amount
-        Size, relative to the near distance; None: the path's in `AMOUNTS`.
-
-    Raises
-    ------
-    ValueError
-        The path is unknown, or a number is out of range.
+    `amount`: its size, relative to the near distance; None: the path's in `AMOUNTS`.
     """
 
     path: str = "sway"
@@ -109,13 +96,7 @@ def check_path(path: str, frames: int | None, amount: float | None) -> None:
 def poses_of(
     path: str, frames: int | None, amount: float | None, start: Doubles, distance: Range
 ) -> list[Doubles]:
-    """Return the poses of all frames of a path.
-
-    Parameters
-    ----------
-    frames
-        Number of frames; None: `FRAMES`, or the file's number of poses.
-    """
+    """Return the poses of all frames of a path."""
     if is_file_of_path(path, PATHS, "poses"):
         if amount is not None:
             raise ValueError(f"an amount belongs to the paths {', '.join(PATHS)}, not to a file")
@@ -134,15 +115,7 @@ def shots(
     render: Callable[[CameraModel], Floats],
     job: Mapping[str, object],
 ) -> Shots:
-    """Return the frames of a path.
-
-    Parameters
-    ----------
-    poses
-        One per frame, world to camera.
-    render
-        Function from a camera to a frame (H, W, 3), 0..1, as a screen shows it.
-    """
+    """Return the frames of a path."""
 
     def frame(n: int) -> Levels:
         return as_levels(render(camera.moved(poses[n])))
@@ -174,12 +147,8 @@ def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Flo
 def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
     """Return the pose (4, 4) of a camera after a move and a turn, in its previous axes.
 
-    Parameters
-    ----------
-    move
-        To the right, down and forward, scene units.
-    turn
-        To the right, up and clockwise, degrees; in this order, each about the camera's new axes.
+    `move`: to the right, down and forward, scene units. `turn`: to the right, up and clockwise,
+    degrees; in this order, each about the camera's new axes.
     """
     yaw, pitch, roll = np.radians(np.asarray(turn, np.float64))
     axes = _about(1, yaw) @ _about(0, pitch) @ _about(2, roll)  # columns: the new axes in the old

@@ -163,20 +163,7 @@ class Depth(Choices):
         return self.depth_kind in RELATIVE
 
     def camera(self, camera: "Camera", shape: Shape, stored: Shape) -> "Camera":
-        """Return the depth's camera: its own, or the picture's at the depth's size.
-
-        Parameters
-        ----------
-        camera, shape
-            Of the picture.
-        stored
-            Height and width of the depth.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The numbers do not make a camera, or a file cannot be read.
-        """
+        """Return the depth's camera: its own, or the picture's at the depth's size."""
         from resample.cameras.files import read_pose
 
         if self.depth_intrinsics is None:
@@ -186,13 +173,7 @@ class Depth(Choices):
         return own.sized(*stored).moved(pose)
 
     def encoding(self, camera: "Camera") -> "DepthEncoding":
-        """Return the encoding of the numbers, for a picture of the camera.
-
-        Raises
-        ------
-        ValueError
-            A number is out of range.
-        """
+        """Return the encoding of the numbers, for a picture of the camera."""
         from resample_warp3d.depth import encodings
 
         if self.depth_kind == "ray":
@@ -260,13 +241,7 @@ class DepthWarping(Choices):
         return self.fill_by == "layer"
 
     def built(self) -> "Method":
-        """Return the method.
-
-        Raises
-        ------
-        ValueError, LookupError
-            The method is unknown, refuses its parameters, or does not go with other options.
-        """
+        """Return the method."""
         from resample import registry
 
         method: Method = registry.build("warps", self.method)
@@ -375,11 +350,6 @@ class Showing(Choices):
             raise ValueError(
                 f"--show {self.show} is in false colors; leave out --show or --unmixed"
             )
-
-    def check_still(self) -> None:
-        """Refuse results that are not made for films."""
-        if not self.is_plain:
-            raise ValueError(f"--show {self.show} is for pictures, not for films")
 
 
 class Extras(Choices):

@@ -29,18 +29,6 @@ class DepthFrames:
     """Depth files of a film; a star in the name stands for the frame's number.
 
     They are written to a hidden folder and appear when the film is complete.
-
-    Parameters
-    ----------
-    pattern
-        Folder, for 16-bit PNGs, or `folder/name-*.png`, `.exr` or `.npy`.
-    scale
-        Values of a PNG per scene unit; None: `MILLIMETERS`.
-
-    Raises
-    ------
-    ValueError, OSError
-        The pattern is neither, or the folder cannot be created.
     """
 
     pattern: Path

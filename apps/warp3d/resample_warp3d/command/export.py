@@ -33,25 +33,8 @@ def check_export(path: Path) -> None:
 def write_geometry(path: Path, source: Source, camera: Camera, shape: Shape = "mesh") -> None:
     """Write a prepared depth image as colored triangles or points, in world axes.
 
-    Parameters
-    ----------
-    path
-        `.ply`: axes unchanged, sRGB values; `.glb`: y and z flipped, so that up is up if the
-        camera's pose is the identity; a mesh with the picture as its texture, or points in linear
-        light, as glTF requires.
-    source
-        The depth image; triangles connect linked samples.
-    camera
-        Camera that took it.
-    shape
-        Triangles between samples, or samples alone.
-
-    Raises
-    ------
-    ValueError
-        The suffix is unknown, there is nothing to write, or the color is neither gray nor RGB.
-    OSError
-        The file cannot be written.
+    `.ply` has sRGB values; `.glb` has y and z flipped, so that up is up, and a mesh with the
+    picture as its texture, or points in linear light, as glTF requires.
     """
     check_export(path)
     suffix = path.suffix.lower()
@@ -59,20 +42,23 @@ def write_geometry(path: Path, source: Source, camera: Camera, shape: Shape = "m
     geometry: Any = (
         cloud(source, camera) if shape == "points" else mesh(source, camera, textured=is_gltf)
     )
+    if is_gltf:  # its axes and colors
+        import trimesh
+
+        geometry.vertices = geometry.vertices @ OPENGL_AXES
+        if shape == "points":
+            color = geometry.colors.astype(np.float32) / 255.0
+            color[:, :3] = from_srgb(color[:, :3])
+            geometry.colors = as_levels(color)
+        geometry = trimesh.Scene([geometry])
     with replacing(path) as temporary:
-        written = _for_gltf(geometry) if is_gltf else geometry
-        temporary.write_bytes(written.export(file_type=suffix[1:]))
+        temporary.write_bytes(geometry.export(file_type=suffix[1:]))
 
 
 def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.Trimesh":
     """Triangles between linked samples, front sides to the camera.
 
     Their colors are sRGB, of the vertices or, `textured`, of a texture.
-
-    Raises
-    ------
-    ValueError
-        No three samples are linked.
     """
     import trimesh
 
@@ -89,8 +75,18 @@ def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.
         vertex_colors=None if textured else color.reshape(-1, 4)[kept],
         process=False,
     )
-    if textured:
-        made.visual = _texture(color, kept)
+    if textured:  # with coordinates at each kept sample's pixel center
+        from PIL import Image
+        from trimesh.visual import TextureVisuals
+        from trimesh.visual.material import PBRMaterial
+
+        height, width = color.shape[:2]
+        across, up = (kept % width + 0.5) / width, 1.0 - (kept // width + 0.5) / height
+        picture = Image.fromarray(color if (color[..., 3] < 255).any() else color[..., :3])
+        material = PBRMaterial(
+            baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
+        )
+        made.visual = TextureVisuals(uv=np.stack([across, up], axis=1), material=material)
     return made
 
 
@@ -160,30 +156,3 @@ def _picked(
     corners: tuple[Indices, ...], chosen: tuple[int, int, int], where: NDArray[np.bool_]
 ) -> Indices:
     return np.stack([corners[n][where] for n in chosen], axis=1)
-
-
-def _texture(color: Levels, kept: Indices) -> Any:
-    """Return the texture, with coordinates at each kept sample's pixel center."""
-    from PIL import Image
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
-
-    height, width = color.shape[:2]
-    across, up = (kept % width + 0.5) / width, 1.0 - (kept // width + 0.5) / height
-    picture = Image.fromarray(color if (color[..., 3] < 255).any() else color[..., :3])
-    material = PBRMaterial(
-        baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
-    )
-    return TextureVisuals(uv=np.stack([across, up], axis=1), material=material)
-
-
-def _for_gltf(geometry: Any) -> "trimesh.Scene":
-    """Convert geometry to glTF's axes and colors."""
-    import trimesh
-
-    geometry.vertices = geometry.vertices @ OPENGL_AXES
-    if isinstance(geometry, trimesh.PointCloud):
-        color = geometry.colors.astype(np.float32) / 255.0
-        color[:, :3] = from_srgb(color[:, :3])
-        geometry.colors = as_levels(color)
-    return trimesh.Scene([geometry])

@@ -68,13 +68,7 @@ class DepthInput(NamedTuple):
 
     @property
     def pinhole(self) -> Camera:
-        """The view's camera, if it is a pinhole or lens.
-
-        Raises
-        ------
-        ValueError
-            It is another kind of camera.
-        """
+        """The view's camera, if it is a pinhole or lens."""
         if not isinstance(self.camera, Camera):
             raise ValueError("only pictures of a pinhole or lens are supported here")
         return self.camera
@@ -147,14 +141,7 @@ class DepthReader(NamedTuple):
 
 
 def read_view(reader: DepthReader, color: str, depth: str, pose: str | None = None) -> DepthInput:
-    """Read a depth image of a calibrated camera; report a doubtful scale.
-
-    Parameters
-    ----------
-    color, depth
-        Files, as `resample.files.pictures.read_picture` and
-        `resample_warp3d.depth.files.read_depth` take them.
-    """
+    """Read a depth image of a calibrated camera; report a doubtful scale."""
     with picture_file(color) as file:
         form, _ = form_of(Path(file))
         needed = {"libraries": libraries(), "the source": bytes_of_source(form)}
@@ -185,7 +172,13 @@ def view_of(
     shape = picture.data.shape[0], picture.data.shape[1]
     sight = reader.eye.camera_model(shape, pose)
     if isinstance(sight, Orthographic):
-        return _parallel_view(reader, picture, raw, names, sight)
+        encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
+        with naming(names[1]):
+            nearness = encoding.nearness(raw)
+        image, moved = taken_by(sight, _depth_image(picture, names, nearness, reader.is_soft))
+        if not isinstance(moved, Orthographic):
+            raise TypeError("an orthographic camera stays orthographic")
+        return DepthInput(picture, image, moved, None, is_fitted=raw.shape[:2] != shape)
     if isinstance(sight, Equirectangular):
         raise ValueError("a panorama cannot be combined with further views")
     camera, meaning, depth = sight, reader.meaning, names[1]
@@ -207,20 +200,6 @@ def view_of(
     return DepthInput(
         picture, image, camera, encoding.quantum(raw), is_fitted, is_registered=is_registered
     )
-
-
-def _parallel_view(
-    reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str], camera: Orthographic
-) -> DepthInput:
-    """Make a depth image of an orthographic camera."""
-    encoding = _plain_encoding(reader, ("z", "inverse", "relative", "relative-z"))
-    with naming(names[1]):
-        nearness = encoding.nearness(raw)
-    image, moved = taken_by(camera, _depth_image(picture, names, nearness, reader.is_soft))
-    if not isinstance(moved, Orthographic):
-        raise TypeError("an orthographic camera stays orthographic")
-    is_fitted = raw.shape[:2] != picture.data.shape[:2]
-    return DepthInput(picture, image, moved, None, is_fitted=is_fitted)
 
 
 def _plain_encoding(reader: DepthReader, kinds: tuple[str, ...]) -> DepthEncoding:
@@ -288,7 +267,13 @@ def read_views(
     views = [read_view(reader, color, depth)]
     alone = reader.meaning.model_copy(update={"confidence": None})
     views += [read_view(reader._replace(meaning=alone), *names) for names in further]
-    check_poses(views)
+    first, *others = views
+    for other in others:  # whose depths may agree better with the inverses of their poses
+        if isinstance(first.camera, Orthographic) or isinstance(other.camera, Orthographic):
+            break
+        if doubt := pose_warning(first.image, other.image, first.camera, other.camera):
+            say(doubt)
+            break
     camera = reader.eye.camera_model(views[0].shape)
     return Inputs(views, views[0].picture, camera, views[0].shape)
 
@@ -304,12 +289,6 @@ def check_order(color: str, depth: str) -> None:
         raise ValueError(
             f"{color} holds numbers; give the picture first, then its depth: {depth} {color}"
         )
-
-
-def read_pair(color: str, disparity: str, scale: float | None) -> Inputs:
-    """Read one picture of a rectified pair, with its disparity."""
-    check_order(color, disparity)
-    return rectified_of(read_picture(color), read_depth(disparity), (color, disparity), scale)
 
 
 def rectified_of(picture: Picture, raw: Raw, names: tuple[str, str], scale: float | None) -> Inputs:
@@ -335,18 +314,6 @@ def read_names(path: str) -> Picture:
     stored = read_channels(path)
     data = np.stack([stored[name] for name in kind.channels], axis=2)
     return Picture(np.ascontiguousarray(data), kind)
-
-
-def check_poses(views: Sequence[DepthInput]) -> None:
-    """Warn if poses look inverted: the views' depths would agree better with the inverses."""
-    first, *others = views
-    for other in others:
-        if isinstance(first.camera, Orthographic) or isinstance(other.camera, Orthographic):
-            return
-        doubt = pose_warning(first.image, other.image, first.camera, other.camera)
-        if doubt is not None:
-            say(doubt)
-            return
 
 
 def _check_known(nearness: Floats, depth: str) -> None:

@@ -76,7 +76,12 @@ def shade(share: Floats, like: Picture) -> Picture:
 def together(left: Picture, right: Picture, layout: str) -> Picture:
     """Combine the pictures of both eyes; both have alpha if one has."""
     if left.kind.has_alpha != right.kind.has_alpha:
-        left, right = (p if p.kind.has_alpha else _opaque(p) for p in (left, right))
+        both = [left, right]
+        for n, (data, kind, about) in enumerate(both):
+            if not kind.has_alpha:  # opaque
+                whole = np.concatenate([data, np.ones_like(data[..., :1])], axis=2)
+                both[n] = Picture(whole, kind._replace(channels=(*kind.channels, "A")), about)
+        left, right = both
     if layout in ANAGLYPHS:
         return _anaglyph(left, right, layout)
     if layout == "rows":
@@ -87,10 +92,10 @@ def together(left: Picture, right: Picture, layout: str) -> Picture:
     if layout.endswith("cross-eyed"):
         left, right = right, left
     axis = 1 if layout in HALF or layout.endswith(("side-by-side", "cross-eyed", "rgbd")) else 0
-    both = [p.data for p in (left, right)]
+    halves = [p.data for p in (left, right)]
     if layout.startswith("half-"):
-        both = [_squeezed(data, axis) for data in both]
-    return left._replace(data=np.concatenate(both, axis=axis))
+        halves = [_squeezed(data, axis) for data in halves]
+    return left._replace(data=np.concatenate(halves, axis=axis))
 
 
 def _squeezed(data: Floats, axis: int) -> Floats:
@@ -101,12 +106,6 @@ def _squeezed(data: Floats, axis: int) -> Floats:
     size = (width, (height + 1) // 2) if axis == 0 else ((width + 1) // 2, height)
     made = cv2.resize(np.ascontiguousarray(data), size, interpolation=cv2.INTER_AREA)
     return np.asarray(made, np.float32).reshape(size[1], size[0], channels)
-
-
-def _opaque(picture: Picture) -> Picture:
-    one = np.ones((*picture.data.shape[:2], 1), np.float32)
-    kind = picture.kind._replace(channels=(*picture.kind.channels, "A"))
-    return Picture(np.concatenate([picture.data, one], axis=2), kind, picture.about)
 
 
 def _anaglyph(left: Picture, right: Picture, layout: str) -> Picture:
@@ -120,7 +119,11 @@ def _anaglyph(left: Picture, right: Picture, layout: str) -> Picture:
         matrix = np.asarray(shares, np.float32)
         if len(colors) == 1:
             matrix = matrix.sum(axis=1, keepdims=True)
-        data += _straight(picture) @ matrix.T
+        color = picture.data
+        if has_alpha:
+            color, alpha = color[..., :-1], color[..., -1:]
+            color = np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)
+        data += color @ matrix.T
     np.clip(data, 0, None, out=data)
     channels: tuple[str, ...] = ("R", "G", "B")
     if has_alpha:
@@ -128,12 +131,3 @@ def _anaglyph(left: Picture, right: Picture, layout: str) -> Picture:
         data = np.concatenate([data * alpha, alpha], axis=2)
         channels = (*channels, "A")
     return Picture(data, left.kind._replace(channels=channels), left.about)
-
-
-def _straight(picture: Picture) -> Floats:
-    """Return straight color."""
-    if not picture.kind.has_alpha:
-        return picture.data
-    alpha = picture.data[..., -1:]
-    color = picture.data[..., :-1]
-    return np.divide(color, alpha, out=np.zeros_like(color), where=alpha > 0)

@@ -17,20 +17,6 @@ class NumberedFiles:
     """Files of a film; a star in the name stands for the frame's number.
 
     They are written to a hidden folder and appear when the film is complete.
-
-    Parameters
-    ----------
-    pattern
-        Folder, for `FRAME`, or `folder/name-*.suffix`.
-    kept
-        Name of the hidden folder.
-    what
-        The files in words, for complaints.
-
-    Raises
-    ------
-    ValueError, OSError
-        The pattern is neither, or the folder cannot be created.
     """
 
     pattern: Path

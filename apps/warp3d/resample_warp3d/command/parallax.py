@@ -170,19 +170,7 @@ class Parallax(Choices):
     def recognised(
         self, meaning: PairDepth, raw: "Raw", name: str, *, is_around: bool, of_pair: bool
     ) -> PairDepth:
-        """Choose a kind of depth in place of auto, by some of the depth; say what is assumed.
-
-        Parameters
-        ----------
-        raw
-            Numbers (H, W) of the depth, or of the first one of a film.
-        name
-            Its file.
-        is_around
-            Whether eyes have pictures of directions.
-        of_pair
-            Whether the scale of a pair's disparity is given.
-        """
+        """Choose a kind of depth in place of auto, by some of the depth; say what is assumed."""
         if meaning.depth_kind != "auto":
             return meaning
         if of_pair or meaning.depth_scale is not None:

@@ -163,20 +163,7 @@ class SourceCamera(Choices):
         return Orthographic(scale, scale, width / 2, height / 2, place)
 
     def camera(self, shape: Shape, pose: str | None = None) -> "Camera":
-        """Return the pinhole or lens camera of a picture (height, width).
-
-        Parameters
-        ----------
-        shape
-            Size of the picture, px.
-        pose
-            Used instead of `source_pose`, for a further view.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The numbers do not make a camera, or a file cannot be read.
-        """
+        """Return the pinhole or lens camera of a picture (height, width)."""
         from resample.cameras.calibrations import read_calibration
         from resample.cameras.files import read_pose, read_shot
         from resample.cameras.trajectories import PosedPicture

@@ -103,13 +103,7 @@ class TargetCamera(Choices):
     def camera_model(
         self, source: "CameraModel", source_shape: Shape, convention: "AnyConvention"
     ) -> "CameraModel":
-        """Return the camera of the new picture, at the source's pose.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            The numbers do not make a camera, or a file cannot be read.
-        """
+        """Return the camera of the new picture, at the source's pose."""
         from resample.cameras.models import Camera, Orthographic
         from resample.cameras.panoramic import Equirectangular, check_panorama
 
@@ -209,13 +203,7 @@ class Aim(TargetCamera):
     def camera(
         self, source: "Camera", source_shape: Shape, convention: "AnyConvention"
     ) -> "Camera":
-        """Return the pinhole camera of the new picture, for methods that draw no other.
-
-        Raises
-        ------
-        ValueError, LookupError, OSError
-            As `camera_model` does; or the new camera is not a pinhole.
-        """
+        """Return the pinhole camera of the new picture, for methods that draw no other."""
         from resample.cameras.models import Camera
 
         seen = self.camera_model(source, source_shape, convention)

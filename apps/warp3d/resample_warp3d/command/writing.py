@@ -31,8 +31,9 @@ HOLE_COLORS = {
 
 def made_of(warped: Warped, kind: Kind, choice: DepthWarping, show: str = "picture") -> Picture:
     """Return the picture to write: the warped one, labels, holes, or false colors."""
-    if choice.unmixed:
-        return names_picture(warped, kind)
+    if choice.unmixed:  # a label image with its stored numbers; 0 where nothing is
+        share, zeros = warped.coverage[..., None], np.zeros_like(warped.image)
+        return Picture(np.divide(warped.image, share, out=zeros, where=share > 0), kind)
     if show == "picture":
         return warped_picture(warped, kind, filled=choice.fill)
     if show != "holes":
@@ -60,13 +61,6 @@ def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:
     return Picture(image, kind._replace(channels=(*kind.channels, "A")))
 
 
-def names_picture(warped: Warped, kind: Kind) -> Picture:
-    """Return a warped label image with its stored numbers; 0 where nothing is."""
-    coverage = warped.coverage[..., None]
-    data = np.divide(warped.image, coverage, out=np.zeros_like(warped.image), where=coverage > 0)
-    return Picture(data, kind)
-
-
 def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
     """Refuse unknown suffixes, and cameras whose pictures cannot be exported."""
     if extras.holes is not None:
@@ -82,13 +76,7 @@ def check_extras(extras: Extras, eye: SourceCamera | None = None) -> None:
 
 
 def write_extras(extras: Extras, warped: Warped, scale: float | None) -> None:
-    """Write holes, coverage and depth if requested.
-
-    Parameters
-    ----------
-    scale
-        Values of a PNG's depth per scene unit; None means `MILLIMETERS`.
-    """
+    """Write holes, coverage and depth if requested."""
     if extras.holes is not None:
         write_holes(extras.holes, warped.holes)
     if extras.coverage is not None:
@@ -131,21 +119,10 @@ def check_depth(path: Path) -> None:
 
 
 def write_depth(path: Path, depth: Floats, scale: float = MILLIMETERS) -> int:
-    """Write depth in the format of the suffix.
+    """Write depth (H, W), scene units; return the number of pixels that 16 bits cannot hold.
 
-    Parameters
-    ----------
-    path
-        `.exr` (channel Z) and `.npy` in scene units, inf where nothing is; `.png` in 16 bits, 0
-        where nothing is. Depths too large for 16 bits are dropped.
-    depth
-        (H, W) scene units.
-    scale
-        Values of a PNG per scene unit.
-
-    Returns
-    -------
-    Number of pixels dropped.
+    `.exr` (channel Z) and `.npy` are inf where nothing is; `.png` has `scale` values per unit and
+    is 0 there.
     """
     check_depth(path)
     suffix, lost = path.suffix.lower(), 0

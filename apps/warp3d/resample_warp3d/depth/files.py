@@ -62,21 +62,7 @@ def read_depth(path: str | Path) -> Raw:
 
 
 def confident(nearness: Floats, confidence: Any, least: float | None = None) -> Floats:
-    """Return nearness (H, W), 0 where the confidence is too low.
-
-    Parameters
-    ----------
-    confidence
-        (H, W), larger is surer, or a file of it: a picture of 8 bits, an array, or anything else
-        that `read_depth` reads. Of another size, it shows the same frame.
-    least
-        Smaller confidence is too low. Default: half of the largest.
-
-    Raises
-    ------
-    ValueError, OSError
-        It is no map of numbers, or of another aspect ratio.
-    """
+    """Return nearness (H, W), 0 where the confidence is too low."""
     import cv2
 
     is_file = isinstance(confidence, str | PathLike)

@@ -26,28 +26,14 @@ SPARSE = 7  # pixels from one to the next that medians are taken of
 
 @dataclass
 class SteadyDepth:
-    """Depth of a shot's pictures, whose unchanged pixels keep their depth.
-
-    Parameters
-    ----------
-    extent
-        Range of the nearness: differences are relative to it.
-    """
+    """Depth of a shot's pictures, whose unchanged pixels keep their depth."""
 
     extent: float
     _color: Floats | None = None  # roots of light of the pictures that the nearness is from
     _nearness: Floats | None = None
 
     def added(self, color: Floats, nearness: Floats) -> Floats:
-        """Return the steady nearness of the next picture.
-
-        Parameters
-        ----------
-        color
-            (H, W, C) linear light.
-        nearness
-            (H, W), 0 where unknown.
-        """
+        """Return the steady nearness of the next picture."""
         root = np.sqrt(np.maximum(color, np.float32(0)), dtype=np.float32)
         if self._color is None or self._nearness is None:
             self._color, self._nearness = root, nearness

@@ -152,29 +152,18 @@ def fitted(depth: Doubles, reference: Doubles, weight: Doubles) -> Fit | None:
         return None
     found, share = UNCHANGED, weight
     for _ in range(STEPS):
-        found = _least_squares(depth, reference, share)
+        total = share.sum()
+        middle, level = share @ depth / total, share @ reference / total
+        apart = depth - middle
+        variance = float(share @ (apart * apart))
+        scale = float(share @ (apart * (reference - level))) / variance if variance > 0.0 else 0.0
+        found = Fit(scale, float(level - scale * middle))
         distance = np.abs(found.applied(depth) - reference)
         share = weight / np.maximum(distance, TINY * spread)
     if not 1.0 / LARGEST_SCALE <= found.scale <= LARGEST_SCALE:
         return None
-    return found if _explains(found, depth, reference, weight) else None
-
-
-def _least_squares(depth: Doubles, reference: Doubles, weight: Doubles) -> Fit:
-    """Return the scale and shift with the least sum of weighted squares."""
-    total = weight.sum()
-    middle, level = weight @ depth / total, weight @ reference / total
-    apart = depth - middle
-    variance = float(weight @ (apart * apart))
-    scale = float(weight @ (apart * (reference - level))) / variance if variance > 0.0 else 0.0
-    return Fit(scale, float(level - scale * middle))
-
-
-def _explains(found: Fit, depth: Doubles, reference: Doubles, weight: Doubles) -> bool:
-    """Whether a fit leaves little of the difference, both for most near and for most far points.
-
-    Things that come nearer change depth, too, but not that of everything.
-    """
+    # A fit leaves little of the difference, both for most near and for most far points: things that
+    # come nearer change depth, too, but not that of everything.
     left, before = np.abs(found.applied(depth) - reference), np.abs(depth - reference)
     low, high = (_weighted_quantile(depth, weight, share) for share in OUTERMOST)
     is_upper = depth > 0.5 * (low + high)
@@ -182,7 +171,7 @@ def _explains(found: Fit, depth: Doubles, reference: Doubles, weight: Doubles) -
     remaining, given = (
         max(_weighted_quantile(of[part], weight[part]) for part in parts) for of in (left, before)
     )
-    return remaining <= max(CLOSE * float(np.ptp(reference)), EXPLAINED * given)
+    return found if remaining <= max(CLOSE * spread, EXPLAINED * given) else None
 
 
 def _weighted_quantile(values: Doubles, weight: Doubles, share: float = 0.5) -> float:

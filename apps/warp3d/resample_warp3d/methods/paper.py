@@ -21,7 +21,6 @@ from resample.hybrid.points import FILTER_SIGMA
 from resample.hybrid.record import RECORD
 from resample.hybrid.splats import FLAT_TABLES
 from resample.messages import number
-from resample.types import Doubles
 from resample_warp3d.types import DOWN, RIGHT, Equation, Links, Rendered, Source
 
 SIGMA = 0.45  # px of the source; sharper leaves gaps where surfaces curve, wider blurs
@@ -133,7 +132,12 @@ def _painted(
         np.zeros(count, np.float32),
     )
     cores = (core / widths.kernel, min(core, EDGE) / widths.kernel)
-    place_samples(source, equation, _backward(equation), widths, cores, shape, placed)
+    try:
+        inverse = np.linalg.inv(equation.matrix)
+    except np.linalg.LinAlgError:
+        raise ValueError("the warping equation's matrix is singular; check both cameras") from None
+    backward = np.column_stack([inverse, inverse @ equation.epipole])  # M⁻¹ and M⁻¹ e
+    place_samples(source, equation, backward, widths, cores, shape, placed)
     blend = NearestSurface(
         source.color.reshape(count, source.color.shape[2]),
         placed.slope,
@@ -166,15 +170,6 @@ def _labels(links: Links) -> NDArray[np.int32]:
     other = np.concatenate([index[:, 1:][right], index[1:][down]])
     graph = coo_matrix((np.ones(one.size, np.int8), (one, other)), (index.size, index.size))
     return np.asarray(connected_components(graph, directed=False)[1], np.int32)
-
-
-def _backward(equation: Equation) -> Doubles:
-    """M⁻¹ and M⁻¹ e of an equation, (3, 4)."""
-    try:
-        inverse = np.linalg.inv(equation.matrix)
-    except np.linalg.LinAlgError:
-        raise ValueError("the warping equation's matrix is singular; check both cameras") from None
-    return np.column_stack([inverse, inverse @ equation.epipole])
 
 
 def _check_deviation(name: str, value: float) -> None:

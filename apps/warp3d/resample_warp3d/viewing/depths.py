@@ -133,12 +133,16 @@ class DepthPainter:
         hole = HOLES[Hole(int(warped.holes[at]))]
         if not np.isfinite(warped.depth[at]):
             return {"hole": hole}
+        target, position = seen.target, {}
+        if not isinstance(target, Equirectangular) and placed_by(target, size):
+            place = position_at(target.view(), at, float(warped.depth[at])).tolist()
+            position = {"position": ", ".join(f"{part:.6g}" for part in place)}
         return {
             "depth": f"{warped.depth[at]:.5g}",
             "magnification": f"{warped.magnification[at]:.3g}",
             "confidence": f"{warped.confidence[at]:.2f}",
             "hole": hole,
-            **_position(seen, size, at),
+            **position,
         }
 
     def save(self, settings: Settings, size: Size, path: Path) -> None:
@@ -229,6 +233,9 @@ def depth_view(
     def described() -> dict[str, Any]:
         taken = first.taken(settings)
         height, width = taken.shape
+        focal = []  # of a pinhole, and its principal point
+        if isinstance(taken.camera, Camera):
+            focal = [float(taken.camera.matrix[n]) for n in ((0, 0), (1, 1), (0, 2), (1, 2))]
         far = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
         return {
             "title": Path(color).name,
@@ -242,29 +249,13 @@ def depth_view(
             "gestures": "walk",
             "extent": [width, height],
             "distance": [far.near, far.middle],
-            "focal": _focal(taken.camera),
+            "focal": focal,
             "measures": True,
             "settings": settings,
         }
 
     kinds = [{**settings, **kind} for kind in KINDS]
     return FileView(first, described, _checked, kinds, LEFT_OUT)
-
-
-def _position(seen: _Rendering, size: Size, at: tuple[int, int]) -> dict[str, str]:
-    """Position in the scene of what a pixel shows; empty for panoramas and lenses."""
-    target = seen.target
-    if isinstance(target, Equirectangular) or not placed_by(target, size):
-        return {}
-    place = position_at(target.view(), at, float(seen.warped.depth[at])).tolist()
-    return {"position": ", ".join(f"{part:.6g}" for part in place)}
-
-
-def _focal(camera: CameraModel) -> list[float]:
-    """Focal lengths and principal point, x and y, px; empty if it is no pinhole camera."""
-    if not isinstance(camera, Camera):
-        return []
-    return [float(camera.matrix[n]) for n in ((0, 0), (1, 1), (0, 2), (1, 2))]
 
 
 def view(color: Any, depth: Any, /, **settings: Any) -> "Viewer":

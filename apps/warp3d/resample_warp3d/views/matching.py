@@ -193,7 +193,14 @@ def match_depths(
     scale = np.zeros(count)
     if depths == "none" or count < 2:
         return np.exp(scale)
-    points = [_points(source) for source in sources]
+    points = []  # positions (N, 2) and nearness (N,) of some samples inside surfaces
+    for source in sources:
+        sparse = max(1, math.isqrt(source.nearness.size // COMPARED))
+        chosen = slice(sparse // 2, None, sparse)
+        image = DepthImage(source.color, source.nearness, source.place)
+        inside = (source.links[chosen, chosen] & ALL) == ALL
+        near = source.nearness[chosen, chosen].astype(np.float64)
+        points.append((places(image)[chosen, chosen][inside], near[inside]))
     for _ in range(ALIGNMENTS):
         rows, right = [], []
         for first, second in permutations(range(count), 2):
@@ -201,9 +208,15 @@ def match_depths(
                 continue
             place, nearness = points[first]
             seen = nearness * math.exp(scale[first])
-            error, change = _points_on_surface(
-                place, seen, equations[first][second], sources[second], scale[second]
-            )
+            # Logarithms of ratios of nearness where points meet a surface of the other source,
+            # and their derivatives by that of the point's.
+            way, other = equations[first][second], sources[second]
+            error = _errors(place, seen, way, other)
+            moved = _errors(place, seen * math.exp(STEP), way, other)
+            known = np.isfinite(error) & np.isfinite(moved)
+            known[known] = np.abs(error[known] + scale[second]) < CLOSE
+            change = (moved[known] - error[known]) / STEP
+            error = error[known] + scale[second]
             if error.size < FEWEST_POINTS:
                 continue
             row = np.zeros((error.size, count))
@@ -226,30 +239,6 @@ def scaled(source: Source, scale: float) -> Source:
     return source._replace(
         nearness=source.nearness * factor, slope=source.slope * factor, step=source.step * scale
     )
-
-
-def _points(source: Source) -> tuple[Doubles, Doubles]:
-    """Return positions (N, 2) and nearness (N,) of some samples inside surfaces."""
-    sparse = max(1, math.isqrt(source.nearness.size // COMPARED))
-    chosen = slice(sparse // 2, None, sparse)
-    image = DepthImage(source.color, source.nearness, source.place)
-    nearness = source.nearness[chosen, chosen].astype(np.float64)
-    inside = (source.links[chosen, chosen] & ALL) == ALL
-    return places(image)[chosen, chosen][inside], nearness[inside]
-
-
-def _points_on_surface(
-    place: Doubles, nearness: Doubles, equation: Equation, other: Source, scale: float
-) -> tuple[Doubles, Doubles]:
-    """Return errors (N,) of the points that meet a surface of the other source, given its scale.
-
-    Errors are logarithms of ratios of nearness; also their derivatives by that of the point's.
-    """
-    error = _errors(place, nearness, equation, other)
-    moved = _errors(place, nearness * math.exp(STEP), equation, other)
-    known = np.isfinite(error) & np.isfinite(moved)
-    known[known] = np.abs(error[known] + scale) < CLOSE
-    return error[known] + scale, (moved[known] - error[known]) / STEP
 
 
 def _errors(place: Doubles, nearness: Doubles, equation: Equation, other: Source) -> Doubles:

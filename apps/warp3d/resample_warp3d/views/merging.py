@@ -148,7 +148,15 @@ def merge(
     coverage = coverage + rest * coverage_behind
     depth = np.divide(1.0, near, out=np.full_like(near, np.inf), where=near > 0)
     image = image + rest[..., None] * image_behind
-    return Warped(image, coverage, depth, _holes(ordered, coverage), magnification, confidence)
+    # Holes that all views have; cracks where no view is better.
+    reason = np.full(coverage.shape, Hole.NONE, np.uint8)
+    for hole in (Hole.OUTSIDE, Hole.NO_DEPTH, Hole.DISOCCLUDED):
+        reason[np.any([view.holes == hole for view in ordered], axis=0)] = hole
+    is_crack = np.any([view.holes == Hole.CRACK for view in ordered], axis=0)
+    is_whole = np.any([(view.holes == Hole.NONE) & (view.coverage > 0) for view in ordered], axis=0)
+    covered = np.where(is_crack & ~is_whole, np.uint8(Hole.CRACK), np.uint8(Hole.NONE))
+    holes = np.where(coverage > 0, covered, reason)
+    return Warped(image, coverage, depth, holes, magnification, confidence)
 
 
 def _surface(
@@ -186,15 +194,3 @@ def order_of_bits(things: Sequence[Sequence[NDArray[Any]]]) -> list[int]:
         return hashlib.blake2b(b"".join(parts)).digest()
 
     return sorted(range(len(things)), key=digest)
-
-
-def _holes(views: Sequence[Warped], coverage: Floats) -> NDArray[np.uint8]:
-    """Return the causes of holes that all views have; cracks where no view is better."""
-    reason = np.full(coverage.shape, Hole.NONE, np.uint8)
-    for hole in (Hole.OUTSIDE, Hole.NO_DEPTH, Hole.DISOCCLUDED):
-        found = np.any([view.holes == hole for view in views], axis=0)
-        reason[found] = hole
-    is_crack = np.any([view.holes == Hole.CRACK for view in views], axis=0)
-    is_whole = np.any([(view.holes == Hole.NONE) & (view.coverage > 0) for view in views], axis=0)
-    covered = np.where(is_crack & ~is_whole, np.uint8(Hole.CRACK), np.uint8(Hole.NONE))
-    return np.where(coverage > 0, covered, reason)

@@ -57,7 +57,13 @@ def outvoted(
             balance += vote(source, *led_back(equations[m], point, nearness.flat[asked]))
         out = np.zeros(view.coverage.shape, np.bool_)
         out.flat[asked[balance <= 0]] = True
-        kept.append(_without(view, out) if out.any() else view)
+        cleared = {}
+        if out.any():
+            cleared = {"depth": np.where(out, np.float32(np.inf), view.depth)}
+            cleared["image"] = np.where(out[..., None], np.float32(0), view.image)
+            for name in ("coverage", "magnification", "confidence"):
+                cleared[name] = np.where(out, np.float32(0), getattr(view, name))
+        kept.append(view._replace(**cleared))
     return kept
 
 
@@ -83,18 +89,6 @@ def vote(source: Source, place: Doubles, nearness: Doubles) -> NDArray[np.int64]
     through = told & (nearness > high * (1.0 + SAME))
     seen = told & ~through & (nearness >= low * (1.0 - SAME))
     return np.asarray(seen.astype(np.int64) - through.astype(np.int64))
-
-
-def _without(view: Warped, out: NDArray[np.bool_]) -> Warped:
-    """Clear some pixels of a view."""
-    empty = np.float32(0)
-    return view._replace(
-        image=np.where(out[..., None], empty, view.image),
-        coverage=np.where(out, empty, view.coverage),
-        depth=np.where(out, np.float32(np.inf), view.depth),
-        magnification=np.where(out, empty, view.magnification),
-        confidence=np.where(out, empty, view.confidence),
-    )
 
 
 @dataclass(frozen=True)
@@ -203,7 +197,13 @@ def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
     order = order_of_bits([(s.color, s.nearness, c.matrix, c.world_to_camera) for s, c in given])
     standing = [given[n] for n in order]
     if joining.poses == "refined" and not any(each.source.place.size for each in given):
-        standing = _registered(standing)
+        from resample_warp3d.views.registration import refined_poses
+
+        sources, cameras = [each.source for each in standing], [each.camera for each in standing]
+        places = [camera.world_to_camera for camera in cameras]
+        poses = refined_poses(sources, [camera.matrix for camera in cameras], places)
+        posed = [camera.moved(pose) for camera, pose in zip(cameras, poses, strict=True)]
+        standing = list(map(PosedSource, sources, posed))
     equations = [[between(one.camera, other.camera) for other in standing] for one in standing]
     found = match_depths([each.source for each in standing], equations, joining.depths)
     scale = np.ones(len(given))
@@ -220,19 +220,6 @@ def agreed(given: Sequence[PosedSource], joining: Joining) -> Agreed:
     moved = np.empty(len(given))
     moved[order] = np.linalg.norm(centers, axis=1)
     return Agreed(ready, order, scale, moved)
-
-
-def _registered(views: list[PosedSource]) -> list[PosedSource]:
-    """Return views with refined poses."""
-    from resample_warp3d.views.registration import refined_poses
-
-    sources, cameras = [each.source for each in views], [each.camera for each in views]
-    given = [camera.world_to_camera for camera in cameras]
-    poses = refined_poses(sources, [camera.matrix for camera in cameras], given)
-    return [
-        each._replace(camera=each.camera.moved(pose))
-        for each, pose in zip(views, poses, strict=True)
-    ]
 
 
 def layers_of(sources: Agreed, layers: Sequence[Source | None]) -> Agreed:

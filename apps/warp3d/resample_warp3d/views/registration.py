@@ -62,7 +62,10 @@ def refined_poses(
                 return given
             step = _step(pairs, moved, unit)
             moved = moved + step
-            found = [_moved(pose, move * unit) for pose, move in zip(found, step, strict=True)]
+            turns = Rotation.from_rotvec((step * unit)[:, 3:]).as_matrix()
+            motion = np.tile(np.eye(4), (len(found), 1, 1))  # of each camera, in its coordinates
+            motion[:, :3] = np.concatenate([turns, (step * unit)[:, :3, None]], axis=2)
+            found = [move @ pose for move, pose in zip(motion, found, strict=True)]
             if np.abs(step).max() < SLIGHT:
                 break
     before, after = (_compared(views, soft, each, 1) for each in (given, found))
@@ -182,9 +185,3 @@ def _step(pairs: Pairs, moved: Doubles, unit: Doubles) -> Doubles:
     hold = HOLD * np.trace(flat) / len(flat)
     step = np.linalg.solve(flat + hold * np.eye(len(flat)), right.ravel() - hold * moved.ravel())
     return np.asarray(step.reshape(count, 6))
-
-
-def _moved(pose: Doubles, step: Doubles) -> Doubles:
-    """Move a camera by a translation and a rotation vector, in its own coordinates."""
-    turn = Rotation.from_rotvec(step[3:]).as_matrix()
-    return np.asarray(np.r_[np.c_[turn, step[:3]], [[0.0, 0.0, 0.0, 1.0]]] @ pose)

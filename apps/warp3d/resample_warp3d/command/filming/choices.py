@@ -79,13 +79,7 @@ class FilmFormat(Choices):
     resume: Resume = False
 
     def times(self) -> tuple[float, float]:
-        """Return start and end, s.
-
-        Raises
-        ------
-        ValueError
-            One is no time, or the end is not after the start.
-        """
+        """Return start and end, s."""
         found = []
         for name, usual in (("start", 0.0), ("end", math.inf)):
             text = getattr(self, name)
@@ -101,13 +95,7 @@ class FilmFormat(Choices):
         return found[0], found[1]
 
     def coding(self, marks: "StereoMarks") -> "FilmCoding":
-        """Return how pictures are encoded.
-
-        Raises
-        ------
-        ValueError
-            The bit rate is no number, or the codec has no such pixels.
-        """
+        """Return how pictures are encoded."""
         from resample.files.films import FilmCoding
 
         if self.codec == "av1" and not self.pixel_format.startswith("yuv420p"):

@@ -112,13 +112,7 @@ class DepthModel:
 
 
 def opened(choice: Estimating, threads: int | None) -> DepthModel | None:
-    """Open a network, if there is one.
-
-    Raises
-    ------
-    ValueError, OSError
-        There is no onnxruntime, the file cannot be read, or takes other than pictures.
-    """
+    """Open a network, if there is one."""
     if choice.depth_model is None:
         given = ("model_size", "model_mean", "model_std")
         for name in given:

@@ -1,11 +1,11 @@
 """Render films with depth, each picture from the same new viewpoint, to files and folders."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +17,10 @@ from resample.files.pictures import Picture
 from resample.files.saving import write_picture
 from resample.files.sequences import check_frames, write_frames, write_in_parts
 from resample.files.writing import check_targets, write_json
-from resample_warp3d.command.choices import DepthWarping, Extras, Joint, Showing
+from resample_warp3d.command.choices import DepthWarping, Extras, Joint
 from resample_warp3d.command.depths import appearing, depths_of
 from resample_warp3d.command.filming.choices import FilmInput
-from resample_warp3d.command.filming.footage import Footage, footage_of
+from resample_warp3d.command.filming.footage import Footage
 from resample_warp3d.command.filming.sources import (
     DepthRanges,
     FilmSources,
@@ -118,48 +118,19 @@ class FilmTarget:
                 write_picture(self.files.file(n), picture, self.options)
 
 
-class FilmWriting(NamedTuple):
-    """How a film is read and written."""
-
-    output: Path
-    options: WriteOptions
-    filming: FilmInput
-    extras: Extras
-    further: Sequence[object] = ()  # views of the same scene
-    showing: Showing | None = None
-
-    def footage(self, color: str, depth: str, *, labels: bool = False) -> Footage | None:
-        """Open a film, and refuse what is for pictures only; None if it is a picture."""
-        footage = footage_of(color, depth, self.filming.fps, labels=labels)
-        if footage is None:
-            return None
-        for name in ("holes", "coverage", "export"):
-            if getattr(self.extras, name) is not None:
-                raise ValueError(f"--{name} is for pictures, not for films")
-        if self.showing is not None:
-            self.showing.check_still()
-        if self.further:
-            raise ValueError("--view is for pictures, not for films")
-        return footage
-
-
-def rendered_film(
-    color: str, depth: str, writing: FilmWriting, reader: DepthReader, aim: Aim,
-    warping: DepthWarping,
-) -> bool:  # fmt: skip
-    """Write a film from another viewpoint, and its depth if requested; False for a picture."""
-    footage = writing.footage(color, depth, labels=warping.unmixed)
-    if footage is None:
-        return False
-    extras = writing.extras
-    depths = depths_of(extras.depth_output, writing.output, reader.meaning)
+def render_film(
+    footage: Footage, output: Path, options: WriteOptions, filming: FilmInput, extras: Extras,
+    reader: DepthReader, aim: Aim, warping: DepthWarping,
+) -> None:  # fmt: skip
+    """Write a film from another viewpoint, and its depth if requested."""
+    depths = depths_of(extras.depth_output, output, reader.meaning)
     if depths is not None:
         footage.check_apart(depths.folder)
-    target = FilmTarget(writing.output, footage, writing.options)
+    target = FilmTarget(output, footage, options)
     target.check()
     check_targets(extras.stats)
     session = Session()
-    ranges = _ranges(session, footage, reader, writing.filming)
+    ranges = ranges_of(session, footage, reader, filming)
     read = with_depth(footage, reader, ranges)
     film = FilmSources(session, footage, read, ranges, warping)
 
@@ -168,7 +139,7 @@ def rendered_film(
             taken, sources = film.prepared(n)
             shape = aim.shape(taken.shape)
             if n == 0:
-                check_memory(taken.views, shape, writing.output)
+                check_memory(taken.views, shape, output)
             camera = aim.camera_model(taken.camera, taken.shape, reader.eye.convention)
             joining = joining_of(taken, Joint.usual(), unmixed=warping.unmixed)
             seen = joined(session, sources, camera, shape, warping, joining).warped
@@ -183,7 +154,6 @@ def rendered_film(
     if extras.stats is not None:
         about = {"pictures": len(footage), **ranges.report(), "seconds": session.times()}
         write_json(extras.stats, about)
-    return True
 
 
 def stereo_film(
@@ -202,7 +172,7 @@ def stereo_film(
     else:
         if reader.meaning.is_relative and not stereo.is_around:
             footage = footage.without_bars()
-        ranges = _ranges(session, footage, reader, filming)
+        ranges = ranges_of(session, footage, reader, filming)
         read = with_depth(footage, reader, ranges)
     film = FilmSources(session, footage, read, ranges, stereo.warping)
     surveyed = [film.read(n) for n in footage.surveyed()]
@@ -224,10 +194,3 @@ def stereo_film(
 
     with session.stage("film", bar="rendering") as progress:
         target.write(partial(pictures, progress), job)
-
-
-def _ranges(
-    session: Session, footage: Footage, reader: DepthReader, filming: FilmInput
-) -> DepthRanges:
-    with session.stage("align", bar="aligning depth") as progress:
-        return ranges_of(footage, reader, filming, progress)

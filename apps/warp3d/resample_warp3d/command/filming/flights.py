@@ -3,15 +3,15 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from resample.colors import Background, as_levels
-from resample.command import workers
 from resample.command.films import write_shared
 from resample.command.session import Session
 from resample.command.settings import Sharing
+from resample.command.workers import at_work
 from resample.console import say
 from resample.files.animations import Levels, Shots, fingerprint
 from resample.lazy import installed_version
@@ -82,14 +82,8 @@ def flight_shots(settings: FlightSettings, footage: Footage, depths: DepthFrames
             depths.write(n, seen.depth)
         return levels
 
-    shots = Shots(len(settings.poses), frame, _job(settings, footage, depths))
-    return shots if depths is None else shots._replace(has_more=depths.holds)
-
-
-def _job(settings: FlightSettings, footage: Footage, depths: DepthFrames | None) -> dict[str, Any]:
-    """Return what the frames depend on."""
     eye, meaning = settings.reader.eye, settings.reader.meaning
-    return {
+    job = {
         "source": footage.fingerprint,
         "camera": [eye.model_dump(), meaning.model_dump()],
         "size": list(settings.shape),
@@ -101,46 +95,32 @@ def _job(settings: FlightSettings, footage: Footage, depths: DepthFrames | None)
         "ranges": None if settings.ranges.ends is None else [*map(list, settings.ranges.ends)],
         **({} if depths is None else {"depth": depths.job}),
     }
-
-
-class FlightWriting(NamedTuple):
-    """How a flight through a film is chosen and written."""
-
-    output: Path
-    travel: Travel
-    target: TargetCamera
-    filming: FilmInput
-    background: Background
-    sharing: Sharing
-    resume: bool
+    shots = Shots(len(settings.poses), frame, job)
+    return shots if depths is None else shots._replace(has_more=depths.holds)
 
 
 def write_flight(
-    footage: Footage, reader: DepthReader, warping: DepthWarping, writing: FlightWriting,
-    depths: DepthFrames | None,
+    footage: Footage, reader: DepthReader, warping: DepthWarping, depths: DepthFrames | None,
+    output: Path, travel: Travel, target: TargetCamera, filming: FilmInput, behind: Background,
+    sharing: Sharing, *, resume: bool,
 ) -> None:  # fmt: skip
     """Write a film of a camera that moves in a film."""
-    session, travel, target = Session(), writing.travel, writing.target
-    footage.check_apart(writing.output)
+    footage.check_apart(output)
     if footage.frames.has_tracks:
         say(f"{footage.color}: sound and subtitles are not copied to a film that plays it anew")
     if depths is not None:
         footage.check_apart(depths.folder)
-    with session.stage("align", bar="aligning depth") as progress:
-        ranges = ranges_of(footage, reader, writing.filming, progress)
+    ranges = ranges_of(Session(), footage, reader, filming)
     taken = with_depth(footage, reader, ranges)(0)
     shape = target.shape(taken.shape)
-    check_memory(taken.views, shape, writing.output, writing.sharing.workers or 0)
+    check_memory(taken.views, shape, output, sharing.workers or 0)
     camera = target.camera_model(taken.camera, taken.shape, reader.eye.convention)
     distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     frames = len(footage) if travel.frames is None else travel.frames
     poses = poses_of(travel.path, frames, travel.amount, camera.world_to_camera, distance)
-    settings = FlightSettings(reader, ranges, warping, shape, writing.background, poses, camera)
+    settings = FlightSettings(reader, ranges, warping, shape, behind, poses, camera)
     shots = flight_shots(settings, footage, depths)
     again = partial(frames_elsewhere, settings, footage.color, footage.depth)
-    fps = writing.filming.fps or len(footage) / sum(footage.frames.seconds)
-    with (
-        appearing(depths, resume=writing.resume),
-        workers.at_work(writing.sharing, warping.threads) as crew,
-    ):
-        write_shared(writing.output, shots, again, crew, fps=fps, resume=writing.resume)
+    fps = filming.fps or len(footage) / sum(footage.frames.seconds)
+    with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
+        write_shared(output, shots, again, crew, fps=fps, resume=resume)

@@ -131,7 +131,12 @@ class Footage:
     @property
     def files(self) -> list[Path]:
         """All files that the film is read from."""
-        return [*_files_of(self.pictures, self.color), *_files_of(self.depths, self.depth)]
+        found: list[Path] = []
+        for series, name in ((self.pictures, self.color), (self.depths, self.depth)):
+            path = Path(name)
+            path = path if path.is_file() else Path(name.rpartition(":")[0])
+            found += series.files if isinstance(series, FileSeries) else [path]
+        return found
 
     def surveyed(self) -> list[int]:
         """Return the numbers of some pictures, evenly spaced."""
@@ -145,8 +150,13 @@ class Footage:
         if len({each.shape for each in few}) > 1:
             return self
         light = np.maximum.reduce(few)
-        rows, columns = (_content(light.max(axis=axis) > BLACK) for axis in (1, 0))
-        return replace(self, rows=rows, columns=columns)
+        ends = []
+        for axis in (1, 0):
+            is_light = light.max(axis=axis) > BLACK
+            lit, size = np.flatnonzero(is_light), len(is_light)
+            has_none = not lit.size or min(lit[0], size - 1 - lit[-1]) < THINNEST * size
+            ends.append((0.0, 1.0) if has_none else (lit[0] / size, (lit[-1] + 1) / size))
+        return replace(self, rows=ends[0], columns=ends[1])
 
     def inside(self, whole: NDArray[Any]) -> NDArray[Any]:
         """Return the part between the black bars of a picture or map of any size."""
@@ -192,28 +202,7 @@ def footage_of(
     times: tuple[float, float] = WHOLE,
     model: DepthModel | None = None,
 ) -> Footage | None:
-    """Open a film, a folder or a pattern of pictures with depth; None for a single picture.
-
-    Parameters
-    ----------
-    color
-        Film or animation, folder, or pattern of names.
-    depth
-        Film of gray levels, folder, pattern of names, or stack (N, H, W) in .npy or .npz.
-    fps
-        Pictures per second; None: the film's own, or 24.
-    labels
-        Whether colors are labels, kept as stored.
-    times
-        Start and end of the pictures that are taken, s.
-    model
-        Network that estimates the depth; in place of `depth`.
-
-    Raises
-    ------
-    ValueError, OSError
-        There are no pictures, depth is none of these, or has another number of pictures.
-    """
+    """Open a film, a folder or a pattern of pictures with depth; None for a single picture."""
     frames = frames_of(Path(color))
     files = (
         None if frames is not None else files_in(color, lambda path: path.suffix.lower() in STILLS)
@@ -244,30 +233,17 @@ def footage_of(
         raise ValueError(
             f"{color} has {count} pictures, {depth} has {len(depths)}; give one depth for each"
         )
-    if len(depths) > len(taken.seconds):
-        depths = _part_of(depths, taken.first, len(taken.seconds))
+    first, last = taken.first, taken.first + len(taken.seconds)
+    if len(depths) > len(taken.seconds) and isinstance(depths, DecodedSeries):
+        seconds = depths.frames.seconds
+        begin = sum(seconds[:first])
+        part = depths.frames._replace(seconds=seconds[first:last], first=first, begin=begin)
+        depths = DecodedSeries(part, depths.convert)
+    elif len(depths) > len(taken.seconds) and isinstance(depths, FileSeries):
+        depths = replace(depths, files=depths.files[first:last])
+    elif len(depths) > len(taken.seconds) and isinstance(depths, StackSeries):
+        depths = StackSeries(depths.stack[first:last])
     return Footage(color, depth, opened(), depths, taken)
-
-
-def _content(is_light: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return the shares of a side between two black bars; all of it if there are none."""
-    lit, size = np.flatnonzero(is_light), len(is_light)
-    if not lit.size or min(lit[0], size - 1 - lit[-1]) < THINNEST * size:
-        return 0.0, 1.0
-    return float(lit[0]) / size, float(lit[-1] + 1) / size
-
-
-def _part_of(series: FrameSeries[Raw], first: int, count: int) -> FrameSeries[Raw]:
-    """Return some maps of a series."""
-    if isinstance(series, DecodedSeries):
-        seconds = series.frames.seconds
-        chosen = seconds[first : first + count]
-        part = series.frames._replace(seconds=chosen, first=first, begin=sum(seconds[:first]))
-        return DecodedSeries(part, series.convert)
-    if isinstance(series, FileSeries):
-        return replace(series, files=series.files[first : first + count])
-    assert isinstance(series, StackSeries)
-    return StackSeries(series.stack[first : first + count])
 
 
 def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:

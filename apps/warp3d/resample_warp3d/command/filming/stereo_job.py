@@ -44,8 +44,8 @@ from resample_warp3d.command.inputs import (
     Inputs,
     check_order,
     inputs_of,
-    read_pair,
     read_views,
+    rectified_of,
 )
 from resample_warp3d.command.layouts import marks_of
 from resample_warp3d.command.numbered import names_folder
@@ -160,7 +160,15 @@ class StereoJob:
         if footage is None and output.suffix.lower() in FORMATS and not Path(picture).exists():
             raise FileNotFoundError(2, "No such file", picture)
         around = self.parallax.is_around(self.eye)
-        meaning = self._meaning(depth, footage, is_around=around)
+        meaning = self.meaning
+        if meaning.depth_kind == "auto" and depth is None:
+            meaning = meaning.model_copy(update={"depth_kind": "relative"})
+        elif meaning.depth_kind == "auto":
+            raw = read_depth(str(depth)) if footage is None else footage.depths[0]
+            of_pair = self.disparity_scale is not None
+            meaning = self.parallax.recognised(
+                meaning, raw, str(depth), is_around=around, of_pair=of_pair
+            )
         is_pair = meaning.depth_kind == "pair"
         reader = None if is_pair else DepthReader.checked(self.eye.guessed(), meaning)
         chosen = self.parallax if footage is None else self.parallax.for_film(is_pair=is_pair)
@@ -185,18 +193,6 @@ class StereoJob:
         if chosen.layout == "quilt":
             name = f"_qs{chosen.quilt}"
         return output.with_stem(output.stem + name)
-
-    def _meaning(self, depth: str | None, footage: Footage | None, *, is_around: bool) -> PairDepth:
-        """Return the meaning of depth, by some of it if it is not given."""
-        if self.meaning.depth_kind != "auto":
-            return self.meaning
-        if depth is None:
-            return self.meaning.model_copy(update={"depth_kind": "relative"})
-        raw = read_depth(depth) if footage is None else footage.depths[0]
-        of_pair = self.disparity_scale is not None
-        return self.parallax.recognised(
-            self.meaning, raw, depth, is_around=is_around, of_pair=of_pair
-        )
 
     def _write_film(
         self, footage: Footage, output: Path, stereo: StereoRendering, reader: DepthReader | None
@@ -258,7 +254,8 @@ class StereoJob:
             (raw,) = self.model.estimate([picture])
             return inputs_of(reader, picture, raw, (color, str(self.model.path)))
         if reader is None:
-            return read_pair(color, depth, self.disparity_scale)
+            raw = read_depth(depth)
+            return rectified_of(read_picture(color), raw, (color, depth), self.disparity_scale)
         return read_views(reader, color, depth)
 
 

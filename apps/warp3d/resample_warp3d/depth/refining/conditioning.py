@@ -160,7 +160,12 @@ def refine(
     elif like is not None and like.enlargement is not None:
         small = small_map_like(nearness, quantum, like.enlargement)
     findings = findings._replace(enlargement=1.0 if small is None else small.side)
-    chosen = _chosen(findings, is_enlarged, small) if name == "auto" else name
+    chosen: str = name
+    if name == "auto" and small is not None:
+        chosen = "snap" if small.is_repeated else "sharpen"
+    elif name == "auto":
+        chosen = findings.remedy
+        chosen = "snap" if is_enlarged and chosen not in ("sharpen", "densify") else chosen
     if like is not None:
         chosen = like.name
     elif small is not None and not small.is_repeated:
@@ -173,7 +178,17 @@ def refine(
         scaled(color), findings, noise, quantum, RECIPES.get(chosen, RECIPES["snap"])
     )
     if chosen == "densify":
-        nearness, confidence = _densified(task, nearness)
+        from resample_warp3d.depth.refining.densifying import dense_at, scale_of
+
+        # If samples are far apart, they are interpolated in a smaller picture first.
+        size, scale = (nearness.shape[0], nearness.shape[1]), scale_of(nearness)
+        if scale == 1:
+            nearness, confidence = dense_at(task.color, nearness, MADE_UP)
+        else:
+            shape = max(1, size[0] // scale), max(1, size[1] // scale)
+            few, agreed = dense_at(reduced(task.color, shape), nearness, MADE_UP)
+            nearness, _ = hardened(task, enlarged(few, size))
+            confidence = np.where(nearness > 0, enlarged(agreed, size), np.float32(0))
         image = image._replace(nearness=nearness)
         return Refined(image, confidence, findings, chosen, quantum, noise=noise)
     nearness, confidence = _repaired(task, chosen, nearness, small)
@@ -182,14 +197,6 @@ def refine(
     how = None if small is None else small.how
     image = image._replace(nearness=nearness)
     return Refined(image, confidence, findings, chosen, quantum, how, noise)
-
-
-def _chosen(findings: Findings, is_enlarged: bool, small: SmallMap | None) -> str:
-    """Return the refinement for a map, which has been enlarged here or was before."""
-    if small is not None:
-        return "snap" if small.is_repeated else "sharpen"
-    remedy = findings.remedy
-    return "snap" if is_enlarged and remedy not in ("sharpen", "densify") else remedy
 
 
 def _repaired(
@@ -274,9 +281,18 @@ def _sharpened(
         whole = _only_at_edges(nearness, whole, hard != soft, scale)
         return hardened(task._replace(recipe=RECIPES["snap"]), whole)
     if task.findings.overshoot > OVERSHOOT:
-        changed, smooth = _without_overshoot(task, nearness)
-        hard, agreed = _sharpened(changed, smooth)
-        reach = math.ceil(2.0 * changed.findings.sigma)
+        import cv2
+
+        # Blur it until its edges no longer exceed their sides, and measure it again.
+        sigma = task.findings.sigma if task.findings.sigma >= 1.0 else 2.0
+        weight = cv2.GaussianBlur((nearness > 0).astype(np.float32), (0, 0), sigma)
+        soft = cv2.GaussianBlur(nearness, (0, 0), sigma) / np.maximum(weight, np.float32(1e-6))
+        smooth = np.where(nearness > 0, soft, 0).astype(np.float32)
+        share, again, is_depth, _ = softness_of(smooth, task.noise, task.step)
+        again = again if share > 0 else math.hypot(task.findings.sigma, sigma)
+        findings = task.findings._replace(sigma=again, is_depth=is_depth, overshoot=0.0)
+        hard, agreed = _sharpened(task._replace(findings=findings), smooth)
+        reach = math.ceil(2.0 * again)
         return _only_at_edges(nearness, hard, hard != smooth, reach), agreed
     return hardened(task, nearness, where=where)
 
@@ -290,34 +306,6 @@ def _only_at_edges(given: Floats, found: Floats, changed: Mask, reach: int) -> F
     side = 2 * reach + 1
     near = cv2.dilate(mask, np.ones((side, side), np.uint8)) > 0
     return np.where(given > 0, np.where(near, found, given), np.float32(0))
-
-
-def _without_overshoot(task: RefinementTask, nearness: Floats) -> tuple[RefinementTask, Floats]:
-    """Blur a map until its edges no longer exceed their sides; measure it again."""
-    import cv2
-
-    sigma = task.findings.sigma if task.findings.sigma >= 1.0 else 2.0
-    weight = cv2.GaussianBlur((nearness > 0).astype(np.float32), (0, 0), sigma)
-    blurred = cv2.GaussianBlur(nearness, (0, 0), sigma) / np.maximum(weight, np.float32(1e-6))
-    smooth = np.where(nearness > 0, blurred, 0).astype(np.float32)
-    soft, again, is_depth, _ = softness_of(smooth, task.noise, task.step)
-    again = again if soft > 0 else math.hypot(task.findings.sigma, sigma)
-    findings = task.findings._replace(sigma=again, is_depth=is_depth, overshoot=0.0)
-    return task._replace(findings=findings), smooth
-
-
-def _densified(task: RefinementTask, nearness: Floats) -> tuple[Floats, Floats]:
-    """Interpolate sparse samples; if they are far apart, in a smaller picture first."""
-    from resample_warp3d.depth.refining.densifying import dense_at, scale_of
-
-    size = nearness.shape[0], nearness.shape[1]
-    scale = scale_of(nearness)
-    shape = max(1, size[0] // scale), max(1, size[1] // scale)
-    if scale == 1:
-        return dense_at(task.color, nearness, MADE_UP)
-    small, agreed = dense_at(reduced(task.color, shape), nearness, MADE_UP)
-    hard, _ = hardened(task, enlarged(small, size))
-    return hard, np.where(hard > 0, enlarged(agreed, size), np.float32(0))
 
 
 def _filled(task: RefinementTask, nearness: Floats, agreed: Floats) -> tuple[Floats, Floats]:

@@ -109,7 +109,11 @@ def inspect(color: Floats, nearness: Floats, noise: float, step: float) -> Findi
     soft, sigma, is_depth, overshoot = softness_of(nearness, noise, step)
     sharp = edges_of(nearness, Edges(1, 1.0, least, 2.0 * step))
     unknown = float(np.mean(nearness <= 0))
-    is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max() or _is_torn(nearness))
+    is_measured = bool(noise > RENDERED or step > RENDERED * nearness.max())
+    if not is_measured and np.count_nonzero(nearness <= 0) >= MANY_GAPS:
+        import cv2
+
+        is_measured = cv2.connectedComponents((nearness <= 0).astype(np.uint8))[0] > MANY_GAPS
     aligned, offset = _aligned(color, sharp)
     return Findings(soft, sigma, is_depth, aligned, unknown, is_measured, overshoot, offset)
 
@@ -123,17 +127,6 @@ def is_sparse(nearness: Floats) -> bool:
     around = np.pad(is_known, 1)
     is_alone = ~(around[:-2, 1:-1] | around[2:, 1:-1]) | ~(around[1:-1, :-2] | around[1:-1, 2:])
     return bool(np.count_nonzero(is_known & is_alone) > MANY_ALONE * count)
-
-
-def _is_torn(nearness: Floats) -> bool:
-    """Whether a map has many separate gaps."""
-    is_gap = nearness <= 0
-    if np.count_nonzero(is_gap) < MANY_GAPS:
-        return False
-    import cv2
-
-    count, _ = cv2.connectedComponents(is_gap.astype(np.uint8))
-    return bool(count > MANY_GAPS)
 
 
 def edges_of(nearness: Floats, edges: "Edges") -> NDArray[np.uint8]:
