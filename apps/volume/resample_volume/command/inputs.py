@@ -485,7 +485,7 @@ def _channels(
             volume = padding_removed(announced(volume))
             if len(recording.looks) == count and (label := recording.looks[channel].label):
                 volume = volume._replace(name=f"{recording.name} ({label})")
-            transfer = look_of(word)
+            transfer = f"auto:color={word}" if _is_color(word) else word
             own = look if not found else _alone(look, transfer, look.window)
             own = own.model_copy(update={"transfer": transfer, "window": window or look.window})
             found.append((volume, own.appearance(volume, resampler)))
@@ -515,13 +515,8 @@ def _alone(look: AppearanceChoices, transfer: str, window: str | None) -> Appear
 
 def looks_of(channels: str) -> list[str]:
     """Return the transfer functions of the channels that a text shows."""
-    words = [word.strip() for word in BETWEEN.split(channels)]
-    return [look_of(word) for word in words if word != HIDDEN]
-
-
-def look_of(word: str) -> str:
-    """Return the transfer function of a channel's look, which may be a color."""
-    return f"auto:color={word}" if _is_color(word) else word
+    words = [word.strip() for word in BETWEEN.split(channels) if word.strip() != HIDDEN]
+    return [f"auto:color={word}" if _is_color(word) else word for word in words]
 
 
 def _is_color(word: str) -> bool:
