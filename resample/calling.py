@@ -327,11 +327,7 @@ def _joined(given: dict[str, Any], known: set[str]) -> None:
             continue  # an axis, which is an option of its own
         for word in words:
             del given[spelled[word]]
-        if "extrinsic" in words:
-            from resample.cameras.models import Camera
-
-            given[ours] = Camera(parts[0], parts[1])
-        elif ours == "pose":
+        if ours == "pose":
             given[ours] = [[*row, float(part)] for row, part in zip(*parts, strict=True)]
         else:
             given[ours] = tuple(parts)
@@ -477,7 +473,7 @@ def constructed(
         @wraps(make)
         def checked(*args: Any, **given: Any) -> Any:
             if check is not None:
-                check(args)
+                check(args, given)
             return make(*args, **given)
 
         setattr(kind, own, make if check is None else checked)

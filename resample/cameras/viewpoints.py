@@ -192,6 +192,8 @@ def viewpoint_of(given: Spelled) -> Viewpoint:
         if (name := choice_meant(given, NAMED)) in NAMED:
             return Orbit(*NAMED[name])
         return _orbit(parts_of(given), given)
+    if isinstance(given, tuple) and given and np.shape(given[0]) == (3, 3):  # a matrix and a pose
+        return Camera(np.asarray(given[0], np.float64), np.asarray(given[1], np.float64))
     if np.shape(given) == (3, 3):  # type: ignore[arg-type]
         eye, target, up = cast("Sequence[Sequence[float]]", given)
         return Spot(eye, target, up)

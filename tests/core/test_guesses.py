@@ -160,7 +160,8 @@ points.render(XYZ, extrinsic=POSE, intrinsic=LENS, width=64, height=48)
 points.render(np.hstack([XYZ, RGB / 255]))
 points.render(XYZ, normals=XYZ)
 points.draw_geometries([points.Cloud(XYZ), points.Cloud(XYZ + 1)])
-points.PointCloud(points=XYZ)
+points.PointCloud(points=XYZ, colors=RGB)
+points.Cloud(xyz=XYZ, colors=RGB)
 points.Gaussians(XYZ, np.exp(XYZ), np.ones((300, 4)), np.ones(300), sh=np.ones((300, 4, 3)))
 warp3d.render(IMAGE, DEPTH, fov=60, move=(0.1, 0, 0))
 warp3d.render(IMAGE, DEPTH, LENS, POSE)
@@ -205,7 +206,6 @@ ANSWERED = {
     "warp3d.Camera(fov=60)": "Camera.from_fov",
     "warp3d.Camera(fx=60, fy=60, cx=32, cy=24)": "Camera.from_intrinsics",
     "warp3d.merge([(IMAGE, DEPTH)])": "results of warp",
-    "points.Cloud(xyz=XYZ, colors=RGB)": "linear light",
     "points.rasterization(XYZ)": "render_gaussians",
     "resample.rotate(IMAGE, 10)": "resample_texture.rotate",
     "resample.warp(IMAGE, depth=DEPTH)": "resample_warp3d.warp",
@@ -329,7 +329,16 @@ def test_options_of_depth_images_are_those_of_the_commands() -> None:
 
 
 def test_colors_that_are_given_for_normals_are_told() -> None:
+    light = resample_points.Cloud(XYZ, colors=np.full((300, 3), 188, np.uint8)).color
+    assert float(light.mean()) == pytest.approx(0.5, abs=0.005)
     even = np.tile([0, 0, 1.0], (300, 1))
     assert len(resample_points.Cloud(XYZ, even).normal) == 300
     with pytest.raises(TypeError, match="colors="):
         resample_points.Cloud(XYZ, RGB / 255)
+
+
+def test_what_is_assumed_of_a_camera_is_told() -> None:
+    with pytest.warns(UserWarning, match="assumed a field of view of 60 degrees"):
+        resample_warp3d.animate(IMAGE, DEPTH, path="dolly", frames=2)
+    with pytest.warns(UserWarning, match="the view is the picture's own"):
+        resample_warp3d.render(IMAGE, DEPTH, LENS)

@@ -145,10 +145,10 @@ def render(
     height, width = shape_of(size)
     size = width, height
     view: Any = camera
-    if np.ndim(camera) == 2 and np.shape(camera) != (3, 3):  # type: ignore[arg-type]
+    if not isinstance(view, tuple) and np.ndim(view) == 2 and np.shape(view) != (3, 3):
         if colors is not None:
             raise TypeError(f"the camera {shortly(camera)}; it comes after the scene: (30, 20)")
-        camera, colors, view = None, camera, None
+        camera, colors, view = None, view, None
     if not isinstance(camera, Equirectangular | ProjectedCamera):
         if isinstance(camera, str) and orbit_of(camera) is None and Path(camera).suffix:
             from resample.cameras.files import viewpoint

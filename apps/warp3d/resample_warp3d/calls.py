@@ -229,8 +229,13 @@ def animate(
     """
     from resample.command.applications import film
 
+    given: dict[str, Any] = {**options}
+    is_known = given.keys() & {"fov", "intrinsics", "lens", "source_pose", "source_projection"}
+    if not is_known and ".r3d" not in str(picture):
+        given["fov"] = 60.0
+        warn("assumed a field of view of 60 degrees; fov= or intrinsics= states it")
     with _files(picture, depth) as (names, folder):
-        return film("warp3d", "animate", *names, output=output, **_spelled(options, folder))
+        return film("warp3d", "animate", *names, output=output, **_spelled(given, folder))
 
 
 @contextmanager

@@ -17,8 +17,12 @@ NO_ROWS = np.zeros((0, 3), np.float32)
 NO_COLUMNS: Mapping[str, NDArray[Any]] = MappingProxyType({})
 
 
-def _tell_colors(args: Sequence[Any]) -> None:
-    """Say that colors are given in the place of normals, by some of their rows."""
+def _tell_colors(args: Sequence[Any], named: dict[str, Any]) -> None:
+    """Say that colors are given in the place of normals, by some of their rows; convert levels."""
+    if "colors" in named and "color" not in named:  # as Open3D has them
+        levels = np.asarray(named.pop("colors"))
+        white = 1.0 if levels.dtype.kind == "f" else 255.0
+        named["color"] = from_srgb((levels / white).astype(np.float32))
     given = np.asarray(args[2] if len(args) > 2 else NO_ROWS)[:64]
     if given.ndim == 2 and len(given) >= 8 and given.shape[1] == 3:
         lengths = np.linalg.norm(given.astype(np.float64), axis=1)

@@ -286,6 +286,8 @@ def write_stereo(
         raise ValueError(f"{picture} has no pictures and films; give a folder or a pattern")
     if not names_folder(output) and "*" not in output.name:
         raise ValueError(f"{output}: several pictures are written to a folder, or to a name with *")
+    if depth is not None and not Path(depth).is_dir():
+        raise ValueError(f"{depth}: several pictures need a folder with depth files of their names")
     kept, failed = 0, list[str]()
     job = replace(job, is_quiet=True)
     with progress_bar("photos", count=len(files)) as progress:
@@ -296,7 +298,14 @@ def write_stereo(
                     kept += 1
                     continue
                 target.parent.mkdir(parents=True, exist_ok=True)
-                job.write(str(file), _depth_of(below, depth), target)
+                own = depth  # that of its name in the folder of depths
+                if depth is not None:
+                    alike = sorted((Path(depth) / below.parent).glob(f"{below.stem}.*"))
+                    alike = [each for each in alike if each.is_file()]
+                    if not alike:
+                        raise ValueError(f"{depth} has no depth named {below.with_suffix('.*')}")
+                    own = str(alike[0])
+                job.write(str(file), own, target)
             except FAILURES as error:
                 if not batch.skip_errors:
                     raise
@@ -335,16 +344,3 @@ def _targets(files: Sequence[Path], given: str, output: Path) -> Iterator[tuple[
         if is_folder and output.resolve() in file.resolve().parents:
             continue  # results of an earlier run
         yield file, below, target
-
-
-def _depth_of(below: Path, depth: str | None) -> str | None:
-    """Return the depth file of a picture: that of its name in the folder of depths."""
-    if depth is None:
-        return None
-    if not Path(depth).is_dir():
-        raise ValueError(f"{depth}: several pictures need a folder with depth files of their names")
-    folder = Path(depth) / below.parent
-    found = sorted(file for file in folder.glob(f"{below.stem}.*") if file.is_file())
-    if not found:
-        raise ValueError(f"{depth} has no depth named {below.with_suffix('.*')}")
-    return str(found[0])
