@@ -192,7 +192,7 @@ def test_palettes_whose_first_entry_is_left_out_go_on_evenly(tmp_path):
         ),
         ("j.ply", FORMATS["a.ply"].replace(b"float nx", b"float x"), "twice"),
         ("aa.ply", FORMATS["packed.ply"].replace(b"element chunk 1", b"element vertex 1"), "twice"),
-        ("k.ply", FORMATS["a.ply"].replace(b"float nx", b"quad nx"), "no number"),
+        ("k.ply", FORMATS["a.ply"].replace(b"float nx", b"quad nx"), "neither a number"),
         ("l.ply", FORMATS["ascii.ply"].replace(b"e", b"a", 99), "header"),
         ("m.ply", FORMATS["packed.ply"].replace(b"float max_g", b"float max_h"), "no max_g"),
         (

@@ -100,8 +100,8 @@ def test_scans_of_kitti_and_nuscenes_are_gray_by_their_intensity(tmp_path, name)
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"\0" * 15, "no multiple of 16"),
-        (b"", "no multiple of 16"),
+        (b"\0" * 15, "not a multiple of 16"),
+        (b"", "not a multiple of 16"),
         (struct.pack("<4f", 0, np.nan, 0, 0), "NaN"),
         (struct.pack("<2d", 1234.5678, -0.1), "no scan of KITTI"),
     ],
@@ -171,8 +171,8 @@ def test_a_ply_file_cut_off_anywhere_is_refused_in_one_line(tmp_path, encoding):
     ("line", "message"),
     [
         ("property list float int of", "must be a whole number"),
-        ("property list uchar of", "no list of numbers"),
-        ("property string of", "is no number"),
+        ("property list uchar of", "nor a list of numbers"),
+        ("property string of", "neither a number"),
     ],
 )
 def test_properties_that_cannot_be_read_are_named(tmp_path, line, message):

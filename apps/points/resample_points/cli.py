@@ -80,8 +80,8 @@ def render(
         raise ValueError(f"{index}: numbers of points are written as .npy")
     shape = form.height_and_width()
     aim.check()
-    gaussians.check()
     if holds_gaussians(file, look, gaussians):
+        gaussians.check()
         check_targets(output)
         check_memory(shape, output)
         session = Session()

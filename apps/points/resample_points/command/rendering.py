@@ -50,10 +50,10 @@ class ColoredScene(NamedTuple):
 
     def bar(self, height: int, background: Any) -> "Floats | None":
         """Return the color bar, if requested."""
-        from resample.measuring.color_bars import class_bar, plain_bar
-
         if self.scale is None or not self.options.color_bar:
             return None
+        from resample.measuring.color_bars import class_bar, plain_bar
+
         scale, behind = self.scale, background or (0.0, 0.0, 0.0)
         if scale.classes:
             colors, names = scale.class_colors(), scale.class_names()
@@ -63,12 +63,12 @@ class ColoredScene(NamedTuple):
 
     def shown(self, frame: Any, form: FrameFormat) -> Any:
         """Return a frame, with the color bar if requested."""
-        from resample.measuring.color_bars import with_color_bar
-
         behind = form.behind()
         bar = self.bar(frame.rgba.shape[0], behind)
         if bar is None:
             return frame
+        from resample.measuring.color_bars import with_color_bar
+
         return frame._replace(rgba=with_color_bar(frame.rgba, bar, behind))
 
     def write(self, path: Path, frame: Any, form: FrameFormat) -> None:
