@@ -86,14 +86,13 @@ def hole_outline(coverage: Floats, nearness: Floats, holes: NDArray[np.uint8]) -
     is_far = ~unknown & ~is_near
     if not is_far.any():
         return nowhere
-    # The largest distance, px, of each hole's pixels from the far side.
+    # Measure how far each hole's pixels are from the far side, at most.
     away = cv2.distanceTransform((~is_far).astype(np.uint8), cv2.DIST_L2, 5)
     is_hole = unknown & np.isfinite(limit)
     count, hole = cv2.connectedComponents(is_hole.astype(np.uint8))
     most = np.zeros(count, np.float32)
     np.maximum.at(most, hole[is_hole], away[is_hole])
-    reach = most[hole]
-    return HoleOutline(unknown, is_near & (distance <= reach.flat[closest] + 2 * RADIUS + 2))
+    return HoleOutline(unknown, is_near & (distance <= most[hole.flat[closest]] + 2 * RADIUS + 2))
 
 
 def _middle(nearness: Floats, unknown: Mask) -> Floats:
