@@ -152,22 +152,17 @@ def fitted(depth: Doubles, reference: Doubles, weight: Doubles) -> Fit | None:
         return None
     found, share = UNCHANGED, weight
     for _ in range(STEPS):
-        found = _least_squares(depth, reference, share)
+        # The least sum of weighted squares.
+        middle, level = share @ depth / share.sum(), share @ reference / share.sum()
+        apart = depth - middle
+        variance = float(share @ (apart * apart))
+        scale = float(share @ (apart * (reference - level))) / variance if variance > 0.0 else 0.0
+        found = Fit(scale, float(level - scale * middle))
         distance = np.abs(found.applied(depth) - reference)
         share = weight / np.maximum(distance, TINY * spread)
     if not 1.0 / LARGEST_SCALE <= found.scale <= LARGEST_SCALE:
         return None
     return found if _explains(found, depth, reference, weight) else None
-
-
-def _least_squares(depth: Doubles, reference: Doubles, weight: Doubles) -> Fit:
-    """Return the scale and shift with the least sum of weighted squares."""
-    total = weight.sum()
-    middle, level = weight @ depth / total, weight @ reference / total
-    apart = depth - middle
-    variance = float(weight @ (apart * apart))
-    scale = float(weight @ (apart * (reference - level))) / variance if variance > 0.0 else 0.0
-    return Fit(scale, float(level - scale * middle))
 
 
 def _explains(found: Fit, depth: Doubles, reference: Doubles, weight: Doubles) -> bool:
