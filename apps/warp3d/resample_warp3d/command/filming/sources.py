@@ -1,6 +1,6 @@
 """Pictures of a film as prepared sources, with the range of relative depth of each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -60,7 +60,7 @@ class DepthRanges(NamedTuple):
 
 
 def ranges_of(
-    footage: Footage, reader: DepthReader, filming: FilmInput, progress: Progress | None
+    session: Session, footage: Footage, reader: DepthReader, filming: FilmInput
 ) -> DepthRanges:
     """Find the range of relative depth for each picture of a film, and report it.
 
@@ -69,24 +69,22 @@ def ranges_of(
     if not reader.meaning.is_relative:
         return DepthRanges(None)
     each: list[Ends] = []
-    count = len(footage)
+    is_plain = filming.temporal == "none"
 
-    def small(n: int) -> Thumbnail | None:
-        raw = footage.inside(footage.depths[n])
-        each.append(RelativeDepth.ends_of(raw))
-        if progress is not None:
-            progress((n + 1) / count)
-        return (
-            None
-            if filming.temporal == "none"
-            else thumbnail(footage.inside(footage.pictures[n].data), raw)
-        )
+    def small(progress: Progress | None) -> Iterator[Thumbnail]:
+        for n in range(len(footage)):
+            raw = footage.inside(footage.depths[n])
+            each.append(RelativeDepth.ends_of(raw))
+            if progress is not None:
+                progress((n + 1) / len(footage))
+            if not is_plain:
+                yield thumbnail(footage.inside(footage.pictures[n].data), raw)
 
-    film = (small(n) for n in range(count))
-    found = align(picture for picture in film if picture is not None)
-    if filming.temporal == "none":
+    with session.stage("align", bar="aligning depth") as progress:
+        found = align(small(progress))
+    if is_plain:
         ends = min(low for low, _ in each), max(high for _, high in each)
-        return DepthRanges([ends] * count)
+        return DepthRanges([ends] * len(footage))
     parts = []
     if any(found.aligned):
         parts.append(

@@ -172,48 +172,37 @@ def fit_rows(
             slope[row, column] = np.float32(change)
 
 
-@kernel
-def _slope_row(nearness: Floats, links: Links, row: int, slope: Floats) -> None:
-    """Slopes along both axes of a row's samples; branch-free for SIMD."""
-    last_row, last_column = nearness.shape[0] - 1, nearness.shape[1] - 1
-    above, below = max(row - 1, 0), min(row + 1, last_row)
-    for column in range(nearness.shape[1]):
-        # Difference along the row: central where both sides are linked, else one-sided.
-        before, after = max(column - 1, 0), min(column + 1, last_column)
-        bits, here = links[row, column], nearness[row, column]
-        ahead = nearness[row, after] - here if bits & RIGHT != 0 else NO_STEP
-        back = here - nearness[row, before] if bits & LEFT != 0 else NO_STEP
-        is_both = (bits & RIGHT != 0) & (bits & LEFT != 0)
-        slope[row, column, 0] = (HALF if is_both else ONE) * (ahead + back)
-        # Difference along the column likewise.
-        ahead = nearness[below, column] - here if bits & DOWN != 0 else NO_STEP
-        back = here - nearness[above, column] if bits & UP != 0 else NO_STEP
-        is_both = (bits & DOWN != 0) & (bits & UP != 0)
-        slope[row, column, 1] = (HALF if is_both else ONE) * (ahead + back)
-
-
 @parallel_kernel
 def slope_rows(counter: Counter, nearness: Floats, links: Links, slope: Floats) -> None:
     """Write the slopes (H, W, 2) between samples and their neighbours on the surface."""
     for row in tasks(counter, nearness.shape[0]):
-        _slope_row(nearness, links, row, slope)
-
-
-@kernel
-def _curvature(values: Floats, links: Links, row: int, column: int) -> float:
-    """Second difference along the row, relative to the nearness; NaN at edges."""
-    if links[row, column] & LEFT and links[row, column] & RIGHT:
-        here = values[row, column]
-        return float((values[row, column - 1] + values[row, column + 1]) / here - 2)
-    return math.nan
+        last_row, last_column = nearness.shape[0] - 1, nearness.shape[1] - 1
+        above, below = max(row - 1, 0), min(row + 1, last_row)
+        for column in range(nearness.shape[1]):
+            # Difference along the row: central where both sides are linked, else one-sided.
+            before, after = max(column - 1, 0), min(column + 1, last_column)
+            bits, here = links[row, column], nearness[row, column]
+            ahead = nearness[row, after] - here if bits & RIGHT != 0 else NO_STEP
+            back = here - nearness[row, before] if bits & LEFT != 0 else NO_STEP
+            is_both = (bits & RIGHT != 0) & (bits & LEFT != 0)
+            slope[row, column, 0] = (HALF if is_both else ONE) * (ahead + back)
+            # Difference along the column likewise.
+            ahead = nearness[below, column] - here if bits & DOWN != 0 else NO_STEP
+            back = here - nearness[above, column] if bits & UP != 0 else NO_STEP
+            is_both = (bits & DOWN != 0) & (bits & UP != 0)
+            slope[row, column, 1] = (HALF if is_both else ONE) * (ahead + back)
 
 
 @kernel
 def curvatures(values: Floats, links: Links, step: int, result: Doubles) -> None:
-    """Relative second differences of every `step`-th row and column.
+    """Second differences along rows, relative to nearness, of every `step`-th row and column.
 
-    `result` is (H // step, W // step).
+    `result` is (H // step, W // step), NaN at edges.
     """
     for row in range(result.shape[0]):
         for column in range(result.shape[1]):
-            result[row, column] = _curvature(values, links, row * step, column * step)
+            r, c = row * step, column * step
+            result[row, column] = math.nan
+            if links[r, c] & LEFT and links[r, c] & RIGHT:
+                around = values[r, c - 1] + values[r, c + 1]
+                result[row, column] = around / values[r, c] - 2

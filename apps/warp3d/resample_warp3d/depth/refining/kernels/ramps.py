@@ -35,17 +35,6 @@ class Edges(NamedTuple):
 
 
 @kernel
-def _steps(nearness: Floats, line: int, down: bool, step: Doubles) -> None:
-    """Write the steps between samples of a row, or column; 0 beside unknown ones."""
-    for n in range(step.size):
-        if down:
-            here, there = nearness[n, line], nearness[n + 1, line]
-        else:
-            here, there = nearness[line, n], nearness[line, n + 1]
-        step[n] = np.float64(there) - here if here > 0 and there > 0 else 0.0
-
-
-@kernel
 def _is_steepest(step: Doubles, n: int) -> bool:
     """Whether no step nearby in the same direction is larger."""
     most, up = abs(step[n]) * TIE, step[n] > 0
@@ -94,7 +83,12 @@ def _slope(step: Doubles, first: int, last: int) -> float:
 def _mark_line(nearness: Floats, line: int, down: bool, edges: Edges, mark: Marks) -> None:
     """Mark the edges of one row or column."""
     step = np.empty((nearness.shape[0] if down else nearness.shape[1]) - 1)
-    _steps(nearness, line, down, step)
+    for n in range(step.size):
+        if down:
+            here, there = nearness[n, line], nearness[n + 1, line]
+        else:
+            here, there = nearness[line, n], nearness[line, n + 1]
+        step[n] = np.float64(there) - here if here > 0 and there > 0 else 0.0
     # Start runs at the steepest steps.
     for n in range(step.size):
         here = nearness[n, line] if down else nearness[line, n]
