@@ -21,7 +21,6 @@ from cyclopts import (
 
 from resample import registry
 from resample.calling import ours_of
-from resample.command.applications import VIEWED
 from resample.command.flags import described
 from resample.messages import one_line, visible
 
@@ -63,7 +62,8 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
             example = f"{_command(error)} {first} {given}"
             return visible(f"{given} is a file; give a command before it, such as {example}")
         near = get_close_matches(given, known, n=1, cutoff=NEAR)
-        homes = [app for app in VIEWED if app in known and given in registry.load("apps", app)]
+        apps = [app for app in registry.names("apps") if app in known]
+        homes = [app for app in apps if given in registry.load("apps", app)]
         if homes:
             programs = " and ".join(f"resample-{app}" for app in homes)
             return visible(f'"{given}" is a command of {programs}')

@@ -6,7 +6,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from resample.cameras.poses import UpAxis
 from resample.cameras.viewpoints import Orbit, Spelled, orbit_of, viewpoint_of
 from resample.colors import from_srgb
 from resample.console import linear_color
-from resample.messages import shortly
+from resample.messages import check_kind, shortly
 from resample.painting.scenes.plans import shape_of
 from resample.profiles.filters import PixelFilter
 from resample.types import Floats, Frame
@@ -139,11 +139,9 @@ def render(
     if {"vmin", "vmax"} <= options.keys():
         options["clim"] = options.pop("vmin"), options.pop("vmax")
     if normals is not None:
-        if not isinstance(found, Cloud):
-            raise ValueError("normals are for a Cloud, a file or positions of a cloud")
-        found = found._replace(normal=np.asarray(normals, np.float32))
-    height, width = shape_of(size)
-    size = width, height
+        check_kind("scene with normals", found, Cloud, "a Cloud, a file or positions of a cloud")
+        found = cast("Cloud", found)._replace(normal=np.asarray(normals, np.float32))
+    width, height = size = shape_of(size)[::-1]
     view: Any = camera
     if not isinstance(view, tuple) and np.ndim(view) == 2 and np.shape(view) != (3, 3):
         if colors is not None:

@@ -131,15 +131,8 @@ def render(
     further = [view_names(text) for text in view or []]
     footage = footage_of(color, depth, filming.fps, labels=warping.unmixed)
     if footage is not None:
-        of_stills: dict[str, object] = {
-            "holes": extras.holes,
-            "coverage": extras.coverage,
-            "export": extras.export,
-        }
-        of_stills |= {"view": view, "show": None if showing.show == "picture" else showing.show}
-        if given := [name for name, value in of_stills.items() if value]:
-            raise ValueError(f"--{given[0]} is for pictures, not for films")
-        render_film(footage, output, look, filming, extras, reader, aim, warping)
+        others = {"show": not showing.is_plain, "view": bool(view)}
+        render_film(footage, output, look, filming, extras, others, reader, aim, warping)
         return
     check_extras(extras, eye)
     check_targets(output, *extras.paths())

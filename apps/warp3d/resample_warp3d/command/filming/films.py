@@ -120,9 +120,15 @@ class FilmTarget:
 
 def render_film(
     footage: Footage, output: Path, options: WriteOptions, filming: FilmInput, extras: Extras,
-    reader: DepthReader, aim: Aim, warping: DepthWarping,
+    others: Mapping[str, bool], reader: DepthReader, aim: Aim, warping: DepthWarping,
 ) -> None:  # fmt: skip
-    """Write a film from another viewpoint, and its depth if requested."""
+    """Write a film from another viewpoint, and its depth if requested.
+
+    `others`: whether further options that are for pictures are given.
+    """
+    for name in ("holes", "coverage", "export", *others):
+        if others.get(name, getattr(extras, name, None)):
+            raise ValueError(f"--{name} is for pictures, not for films")
     depths = depths_of(extras.depth_output, output, reader.meaning)
     if depths is not None:
         footage.check_apart(depths.folder)
