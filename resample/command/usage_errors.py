@@ -39,7 +39,7 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     # Inputs of the command that name a file that is not there; the last may be the output.
     inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:]
     for name in inputs if {"-o", "--output"} & {*words} else inputs[:1]:
-        is_path = not set(name) & set(":*?=,") and Path(name).suffix[1:].isalnum()
+        is_path = not set(name) & set(":*?[=,") and Path(name).suffix[1:].isalnum()
         if is_mistaken and is_path and not Path(name).exists():
             error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), name)
     if isinstance(error, FileNotFoundError):

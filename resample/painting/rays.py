@@ -308,12 +308,14 @@ def _tiles_of(
     """
     whole, ends = np.array([-(-size[1] // tile), -(-size[0] // tile)]), []
     for medium in media:
-        if medium.bricks.empty.all() and not len(medium.mesh.face):
+        if len(medium.mesh.face):
+            return 0, 0, int(whole[0]), int(whole[1])
+        if medium.bricks.empty.all():
             ends.append((0, 0, 0, 0))
             continue
         x, y, z = (_corners_seen(medium) @ view.rotation.T + view.translation).T
         away = z if view.perspective else np.ones_like(z)
-        if len(medium.mesh.face) or away.min() <= max(view.near, NEAREST):
+        if away.min() <= max(view.near, NEAREST):
             return 0, 0, int(whole[0]), int(whole[1])
         place = view.focal[:, None] * np.stack([x, y]) / away + view.principal[:, None]
         low = np.floor((place.min(axis=1) - margin - 1) / tile).clip(0, whole)

@@ -76,7 +76,7 @@ def test_a_first_hit_needs_a_finite_value(iso: float | None) -> None:
 
 
 def test_an_iso_value_is_for_first_hits() -> None:
-    with pytest.raises(ValueError, match="no other projection has one"):
+    with pytest.raises(ValueError, match="which no other projection has"):
         Resampler(iso=1.0)
 
 

@@ -102,7 +102,7 @@ def test_opacity_and_sums_say_themselves_where_nothing_is():
 @pytest.mark.parametrize(
     ("choices", "message"),
     [
-        ({"fill": "black"}, "fill is a number or 'premultiplied', not 'black'"),
+        ({"fill": "blue"}, "fill is a number, 'black', 'white' or 'premultiplied', not 'blue'"),
         ({"fill": 300}, "fill 300 is no uint8; give a value of that type"),
         ({"nodata": -1}, "nodata -1 is no uint8; give a value of that type"),
         ({"nodata": 0.5}, "nodata 0.5 is no uint8; give a value of that type"),

@@ -144,7 +144,7 @@ def test_a_window_spreads_fractions():
 @pytest.mark.parametrize(
     ("window", "transfer", "complaint"),
     [
-        ("40", "gray", "give 2 numbers as a,b"),
+        ("40", "gray", "give a center and a width, 40,400, or a range"),
         ("40/0", "gray", "its width must be above 0, as in 40,400"),
         ("40/-3", "gray", "its width must be above 0"),
         ("nan/3", "gray", "its width must be above 0"),

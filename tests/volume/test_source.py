@@ -44,10 +44,16 @@ def test_the_longest_suffix_wins(tmp_path):
 
 
 def test_an_unknown_suffix_lists_the_known(tmp_path):
-    (tmp_path / "a.xyz").write_text("")
+    (tmp_path / "a.odd").write_text("")
     with pytest.raises(
-        ValueError, match=r"a.xyz has no known suffix; known are \.bmp \.ccp4 .*\.raw"
+        ValueError, match=r"a.odd has no known suffix; known are \.bmp \.ccp4 .*\.raw"
     ):
+        open_volume(tmp_path / "a.odd")
+
+
+def test_a_file_of_another_application_names_it(tmp_path):
+    (tmp_path / "a.xyz").write_text("")
+    with pytest.raises(ValueError, match="a.xyz holds no volume: resample-points reads such files"):
         open_volume(tmp_path / "a.xyz")
 
 

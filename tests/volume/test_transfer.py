@@ -201,10 +201,7 @@ def test_points_may_be_given_in_words() -> None:
         ("40/redd/0,90/white/1", "40/redd/0: color must be '#rrggbb', a color's name"),
         ("40/red/0,30/white/1", "must be finite and not descend"),
         ("40/red/1.2", "opacity: must be between 0 and 1"),
-        (
-            "bonne",
-            "unknown transfer function 'bonne'; known: bone, .*paper-lobster; .*colormap.*json",
-        ),
+        ("bonne", "'bonne'; did you mean 'bone'. known: bone, .*paper-lobster; .*colormap.*json"),
         ("viridis:low=2", "viridis:low=2: low must be between 0 and 1"),
         ("viridis:opacity=-1", "opacity must be between 0 and 1"),
         ("viridis:opacity=x", r"opacity must be a number \(got 'x'\)"),
