@@ -175,7 +175,7 @@ KINDS: list[tuple[str, str, str, Outcome, Callable[[Path], Known], str]] = [
      partial(_picture, np.repeat(MILLIMETERS[..., None], 3, 2), MILLIMETERS), ""),
     ("PNG", "depth", "with opacity", "obeyed",
      partial(_picture, np.stack([MILLIMETERS] * 2, 2), MILLIMETERS), ""),
-    ("PNG", "depth", "colors", "refused", _differing, "give the picture first, then its depth, or a channel"),
+    ("PNG", "depth", "colors", "refused", _differing, "give the picture first, then its depth"),
 ]  # fmt: skip
 FILES = [Variant(*one) for one in KINDS]
 
