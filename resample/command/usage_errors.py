@@ -36,39 +36,24 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     """
     is_mistaken = isinstance(error, ValueError | CycloptsError)
     is_mistaken = is_mistaken and not isinstance(error, UnknownCommandError)
-    # Inputs of the command that name a file that is not there; the last may be the output.
     inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:]
-    for name in inputs if {"-o", "--output"} & {*words} else inputs[:1]:
-        is_path = not set(name) & set(":*?[=,") and Path(name).suffix[1:].isalnum()
-        if is_mistaken and is_path and not Path(name).exists():
-            error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), name)
+    missing = _missing_input(inputs, has_output=bool({"-o", "--output"} & {*words}))
+    if is_mistaken and missing:
+        error = FileNotFoundError(ENOENT, GONE.removeprefix(": "), missing)
     if isinstance(error, FileNotFoundError):
         return one_line(error) + _remedy(error)
     numbers = [word for word in inputs if re.fullmatch(r"\d[\dx.,%]*", word)]
     if isinstance(error, ValueError) and numbers and not Path(numbers[0]).exists():
         return f"{one_line(error)}; {numbers[0]} is taken for a file: options have names, as --size"
     if isinstance(error, IsADirectoryError):
-        # Name a file of a folder that was given instead of a file.
+        # Name a file of the folder.
+        first = ""
         with suppress(OSError, TypeError):
             there = sorted(path for path in Path(error.filename).iterdir() if path.is_file())
             first = f", such as {visible(str(there[0]))}" if there else " (it holds none)"
-            return one_line(error) + first
-        return one_line(error)
+        return one_line(error) + first
     if isinstance(error, UnknownCommandError) and error.unused_tokens and error.app:
-        # Cyclopts would import all commands for its message; some may not be installed.
-        given, known = error.unused_tokens[0], [n for n in error.app._commands if n[0] != "-"]
-        if Path(given).exists():
-            first = "view" if "view" in known else known[0]
-            example = f"{_command(error)} {first} {given}"
-            return visible(f"{given} is a file; give a command before it, such as {example}")
-        near = get_close_matches(given, known, n=1, cutoff=NEAR)
-        apps = [app for app in registry.names("apps") if app in known]
-        homes = [app for app in apps if given in registry.load("apps", app)]
-        if homes:
-            programs = " and ".join(f"resample-{app}" for app in homes)
-            return visible(f'"{given}" is a command of {programs}')
-        remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
-        return visible(f'Unknown command "{given}". {remedy}')
+        return visible(_of_unknown_command(error, error.unused_tokens[0], error.app))
     if isinstance(error, UnknownOptionError):
         given = (error.token.keyword or error.token.value).partition("=")[0]
         names = [name for argument in error.argument_collection for name in argument.names]
@@ -103,11 +88,33 @@ def explained(error: BaseException, words: Sequence[str] = ()) -> str:
     return one_line(error)
 
 
-def _missing_input(words: Sequence[str]) -> str:
-    """Return the first input of a command if it names a file that is not there; else nothing."""
-    inputs = list(takewhile(lambda word: not word.startswith("-"), words))[1:2]
-    is_path = inputs and not set(inputs[0]) & set(":*?=,") and Path(inputs[0]).suffix[1:].isalnum()
-    return inputs[0] if is_path and not Path(inputs[0]).exists() else ""
+def _of_unknown_command(error: UnknownCommandError, given: str, app: App) -> str:
+    """Describe a command that there is not, by what is like it."""
+    # Cyclopts would import all commands for its message; some may not be installed.
+    known = [name for name in app._commands if name[0] != "-"]
+    if Path(given).exists():
+        first = "view" if "view" in known else known[0]
+        example = f"{_command(error)} {first} {given}"
+        return f"{given} is a file; give a command before it, such as {example}"
+    apps = [name for name in registry.names("apps") if name in known]
+    if homes := [name for name in apps if given in registry.load("apps", name)]:
+        programs = " and ".join(f"resample-{name}" for name in homes)
+        return f'"{given}" is a command of {programs}'
+    near = get_close_matches(given, known, n=1, cutoff=NEAR)
+    remedy = f'Did you mean "{near[0]}"?' if near else f"Commands are {', '.join(known)}."
+    return f'Unknown command "{given}". {remedy}'
+
+
+def _missing_input(inputs: Sequence[str], *, has_output: bool) -> str:
+    """Return the first input that names a file that is not there, or nothing.
+
+    Without an option for the output, the last input may be the output.
+    """
+    for name in inputs if has_output else inputs[:1]:
+        is_path = not set(name) & set(":*?[=,") and Path(name).suffix[1:].isalnum()
+        if is_path and not Path(name).exists():
+            return name
+    return ""
 
 
 def with_own_pip(text: str) -> str:

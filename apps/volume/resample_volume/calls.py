@@ -124,8 +124,7 @@ def render(
     >>> render(-ball, projection="maximum", spacing=(1, 1, 2), background="white", size=32)
     Frame(32 × 32 px, 56.2 % covered, depth from 63.1)
     """
-    options: dict[str, Any] = {**given}
-    shape = shape_of(size)
+    options, shape = dict[str, Any](given), shape_of(size)
     if isinstance(appearance, int | float):  # isosurface(volume, 0.5)
         appearance, options = "auto", {"iso": appearance, **options}
     if "axis" in options:
@@ -143,16 +142,7 @@ def render(
         camera = viewpoint(camera)
     view = viewpoint_of(camera)
     fit: Fitted = "most" if camera is None else "visible"
-    pairs: list[tuple[Any, Appearance | str]] = [(volume, appearance)]
-    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
-        is_pair = [
-            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
-            for one in volume
-        ]
-        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
-            if appearance != "auto" or not all(is_pair):
-                raise ValueError(PAIRS)
-            pairs = list(volume)
+    pairs = _pairs(volume, appearance)
     if not options:
         media = []
         for one, each in pairs:
@@ -160,8 +150,7 @@ def render(
             whole = each if isinstance(each, Appearance) else Appearance(each)
             media.append((without_padding(scene, survey(scene)), whole))
         paint = resampler or resampler_for(media[0][1])
-        wanted = "a Resampler, or None for the one that suits the look"
-        check_kind("resampler", paint, Resampler, wanted)
+        check_kind("resampler", paint, Resampler, "a Resampler, or None for the look's own")
         return pictured(media, view, shape, paint, fit, progress=progress)[0]
     from resample_volume.command.inputs import changed, opened, with_objects
     from resample_volume.command.rendering import annotated_picture
@@ -253,6 +242,20 @@ def _is_ramp(given: Any) -> bool:
     """Whether an opacity is one of PyVista: a list, or the name of a ramp."""
     ramps = ("sigmoid", "linear_r", "geom")
     return isinstance(given, list | tuple | np.ndarray) or str(given).startswith(ramps)
+
+
+def _pairs(volume: Any, appearance: Appearance | str) -> list[tuple[Any, Appearance | str]]:
+    """Return volumes with their looks, also for a single one."""
+    if isinstance(volume, list | tuple) and not isinstance(volume, Volume):
+        is_pair = [
+            isinstance(one, tuple) and len(one) == 2 and isinstance(one[1], str | Appearance)
+            for one in volume
+        ]
+        if any(is_pair) or any(isinstance(one, Volume) or np.ndim(one) == 3 for one in volume):
+            if appearance != "auto" or not all(is_pair):
+                raise ValueError(PAIRS)
+            return list(volume)
+    return [(volume, appearance)]
 
 
 def _faded(look: Appearance, given: Any) -> Appearance:

@@ -194,8 +194,7 @@ def refine(
     nearness, confidence = _repaired(task, chosen, nearness, small)
     if name != "auto" or findings.is_measured:
         nearness, confidence = _filled(task, nearness, confidence)
-    how = None if small is None else small.how
-    image = image._replace(nearness=nearness)
+    image, how = image._replace(nearness=nearness), None if small is None else small.how
     return Refined(image, confidence, findings, chosen, quantum, how, noise)
 
 
