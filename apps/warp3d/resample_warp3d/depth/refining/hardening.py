@@ -91,7 +91,7 @@ def grown(
 
     Votes come from four times as far, and then from twice as far. `mixed`: as `hardened` takes it.
     """
-    snap = RECIPES["snap"]
+    snap = RECIPES["snap"]._replace(bent=0.0 if mixed is None else 0.03)
     first = snap._replace(around=max(snap.around, off - INSIDE))
     found, agreed = hardened(task._replace(recipe=first), nearness, max(REACH, 4 * off), mixed)
     found, again = hardened(task._replace(recipe=snap), found, max(REACH, 2 * off))
