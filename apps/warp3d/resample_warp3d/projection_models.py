@@ -263,9 +263,9 @@ class Passage:
     def _project_ends(self, sheet: Sheet, torn: Floats) -> None:
         """Move corners where surfaces turn away to the surfaces' outline in the target.
 
-        As `limbs.project_ends`, with finite differences instead of derivatives.
+        As `corners.project_ends`, with finite differences instead of derivatives.
         """
-        from resample_warp3d.sheet.kernels.limbs import INSET, INSET_BY_NEARNESS, INSET_PX
+        from resample_warp3d.sheet.kernels.corners import INSET, INSET_BY_NEARNESS, INSET_PX
 
         if not len(sheet.ends):
             return

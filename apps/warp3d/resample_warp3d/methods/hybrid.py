@@ -141,7 +141,7 @@ def whole_frame(
 def project(sheet: Sheet, matrix: Doubles, epipole: Doubles) -> "SheetScreen":
     """Sheet on the screen of a target."""
     from resample_warp3d.sheet.kernels import screen
-    from resample_warp3d.sheet.kernels.limbs import project_ends
+    from resample_warp3d.sheet.kernels.corners import project_ends
 
     height, width = sheet.torn.shape
     vertices = np.empty((3, height + 1, width + 1), np.float32)

@@ -59,7 +59,6 @@ class SheetCache:
 def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     """Make the sheet of a prepared source."""
     from resample_warp3d.sheet.kernels import corners
-    from resample_warp3d.sheet.kernels.limbs import Silhouettes, mark_ends
 
     nearness, links = source.nearness, source.links
     height, width = nearness.shape
@@ -69,11 +68,11 @@ def sheet_of(source: Source, *, is_label: bool = False) -> Sheet:
     index = np.empty((height, width), np.int32)
     corner = np.empty((corners.number_torn(nearness, vertex, index), 4, 3), np.float32)
     roundness = np.empty((len(corner), 4, 2), np.float32)
-    silhouettes = Silhouettes(edge, error_of(source))
-    corners.fill_torn(nearness, links, silhouettes, index, corner, roundness)
+    error = error_of(source)
+    corners.fill_torn(nearness, links, edge, error, index, corner, roundness)
     ends = np.argwhere(roundness.any(axis=2)).astype(np.int32, order="C")
     marked = np.empty_like(links)
-    mark_ends(nearness, links, silhouettes.error, marked)
+    corners.mark_ends(nearness, links, error, marked)
     place = corner_places(source.place)
     if place.size:
         bend(corner, place)
