@@ -19,14 +19,17 @@ from resample.command.settings import (
 from resample.console import say
 from resample.lazy import installed_version
 from resample_warp3d.command.choices import (
+    Batch,
     Depth,
     DepthWarping,
+    Estimating,
     Extras,
+    FilmFormat,
+    FilmInput,
     Joint,
     Showing,
     Travel,
 )
-from resample_warp3d.command.filming.choices import Batch, Estimating, FilmFormat, FilmInput
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.source import SourceCamera
 from resample_warp3d.command.target import Aim, TargetCamera
@@ -107,9 +110,8 @@ def render(
     from resample.command.session import Session
     from resample.files import formats, saving
     from resample.files.writing import check_targets, write_json
-    from resample_warp3d.command.export import write_geometry
-    from resample_warp3d.command.filming.films import render_film
-    from resample_warp3d.command.filming.footage import footage_of
+    from resample_warp3d.command.films import render_film
+    from resample_warp3d.command.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views, view_names
     from resample_warp3d.command.rendering import (
         check_memory,
@@ -119,7 +121,7 @@ def render(
         prepared,
         report,
     )
-    from resample_warp3d.command.writing import check_extras, made_of, write_extras
+    from resample_warp3d.command.writing import check_extras, made_of, write_extras, write_geometry
 
     aim.check()
     showing.check(unmixed=warping.unmixed)
@@ -218,8 +220,8 @@ def stereo(
     coverage
         Also write the share of each pixel that is covered (.png, .tif, .exr).
     """
-    from resample_warp3d.command.filming.depth_model import opened
-    from resample_warp3d.command.filming.stereo_job import StereoJob, write_stereo
+    from resample_warp3d.command.footage import opened
+    from resample_warp3d.command.stereo_job import StereoJob, write_stereo
 
     extras = Extras(holes=holes, coverage=coverage)
     parallax.check(meaning, eye)
@@ -284,15 +286,14 @@ def animate(
     from resample.command.workers import at_work, check_sharing
     from resample.console import film_background
     from resample.files.animations import check_film
-    from resample_warp3d.command.animation import Range, check_path, poses_of
+    from resample_warp3d.command.animation import Range, check_path, poses_of, write_flight
     from resample_warp3d.command.depths import (
         appearing,
         depths_of,
         frames_of,
         shots_with_depth,
     )
-    from resample_warp3d.command.filming.flights import write_flight
-    from resample_warp3d.command.filming.footage import footage_of
+    from resample_warp3d.command.footage import footage_of
     from resample_warp3d.command.inputs import DepthReader, read_views
     from resample_warp3d.command.rendering import check_memory, film_of
 

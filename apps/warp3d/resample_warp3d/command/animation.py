@@ -1,18 +1,39 @@
-"""Camera paths near a depth image, frame by frame."""
+"""A camera that moves in a picture or film with depth, frame by frame."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from resample.cameras.files import left_out, read_poses
 from resample.colors import Background, as_levels
-from resample.command.films import is_file_of_path
+from resample.command.films import is_file_of_path, write_shared
+from resample.command.session import Session
+from resample.command.settings import Sharing
+from resample.command.workers import at_work
 from resample.console import say
 from resample.files.animations import Levels, Shots, check_count, fingerprint
+from resample.lazy import installed_version
 from resample.types import Doubles, Floats
-from resample_warp3d.projection_models import CameraModel
+from resample_warp3d.command.choices import DepthWarping, FilmInput, Joint, Travel
+from resample_warp3d.command.depths import DepthFrames, appearing
+from resample_warp3d.command.films import DepthRanges, FilmSources, ranges_of, with_depth
+from resample_warp3d.command.footage import Footage, footage_of
+from resample_warp3d.command.inputs import DepthReader, read_views
+from resample_warp3d.command.rendering import (
+    CameraFilm,
+    check_memory,
+    film_of,
+    joined,
+    joining_of,
+    on_screen,
+)
+from resample_warp3d.command.target import TargetCamera
+from resample_warp3d.projection_models import CameraModel, stepped
 from resample_warp3d.types import Warped
 
 PATHS = ("sway", "orbit", "dolly")
@@ -130,39 +151,129 @@ def camera_words(camera: CameraModel) -> list[str]:
     return [type(camera).__name__, *known]
 
 
-def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
-    """Return a warped picture (H, W, 3) as a screen shows it, 0..1."""
-    channels = warped.image.shape[2] - has_alpha
-    if channels not in (1, 3):
-        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
-    from resample.measuring.compare import shown
-
-    image = warped.image
-    if not has_alpha:
-        coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
-        image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
-    return shown(image, background)
-
-
-def stepped(move: Sequence[float], turn: Sequence[float] = (0.0, 0.0, 0.0)) -> Doubles:
-    """Return the pose (4, 4) of a camera after a move and a turn, in its previous axes.
-
-    `move`: to the right, down and forward, scene units. `turn`: to the right, up and clockwise,
-    degrees; in this order, each about the camera's new axes.
-    """
-    yaw, pitch, roll = np.radians(np.asarray(turn, np.float64))
-    axes = _about(1, yaw) @ _about(0, pitch) @ _about(2, roll)  # columns: the new axes in the old
-    pose = np.eye(4)
-    pose[:3, :3] = axes.T
-    pose[:3, 3] = -axes.T @ np.asarray(move, np.float64)
-    return pose
+def frames_of(
+    files: tuple[DepthReader, str, str],
+    warping: DepthWarping,
+    shape: tuple[int, int],
+    background: Background,
+    poses: Sequence[Doubles],
+    camera: CameraModel,
+    threads: int,
+) -> Callable[[int], Levels]:
+    """Return the function that makes frames without depth; raises as `read_views` does."""
+    warping = warping.model_copy(update={"threads": threads})
+    film = film_of(Session(), read_views(*files), shape, warping, background)
+    return shots(poses, camera, film.frame, film.job).frame
 
 
-def _about(axis: int, angle: float) -> Doubles:
-    """Return the rotation (3, 3) about a camera's axis; 0 is x."""
-    cosine, sine = math.cos(angle), math.sin(angle)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    turned = np.eye(3)
-    turned[[first, second], [first, second]] = cosine
-    turned[first, second], turned[second, first] = -sine, sine
-    return turned
+def shots_with_depth(
+    poses: Sequence[Doubles], camera: CameraModel, film: CameraFilm, depths: DepthFrames | None
+) -> Shots:
+    """Return the frames of a path, as `shots` does, that also write depth if requested."""
+    if depths is None:
+        return shots(poses, camera, film.frame, film.job)
+
+    def frame(n: int) -> Levels:
+        seen = film.render(camera.moved(poses[n]))
+        depths.write(n, seen.depth)
+        return as_levels(film.screen(seen))
+
+    made = shots(poses, camera, film.frame, {**film.job, "depth": depths.job})
+    return made._replace(frame=frame, has_more=depths.holds)
+
+
+class FlightSettings(NamedTuple):
+    """What the frames of a flight through a film depend on besides the film."""
+
+    reader: DepthReader
+    ranges: DepthRanges
+    warping: DepthWarping
+    shape: tuple[int, int]  # height and width, px
+    background: Background
+    poses: Sequence[Doubles]
+    camera: CameraModel
+
+
+class FilmFlight:
+    """Renderer of the frames of a flight through a film; a longer flight shows the film again."""
+
+    def __init__(self, settings: FlightSettings, footage: Footage) -> None:
+        read = with_depth(footage, settings.reader, settings.ranges)
+        self._settings, self._session, self._count = settings, Session(), len(footage)
+        self._sources = FilmSources(self._session, footage, read, settings.ranges, settings.warping)
+
+    def frame(self, n: int) -> tuple[Levels, Warped]:
+        """Return a frame as a screen shows it, and its warp."""
+        given = self._settings
+        taken, sources = self._sources.prepared(n % self._count)
+        camera, joining = given.camera.moved(given.poses[n]), joining_of(taken, Joint.usual())
+        seen = joined(self._session, sources, camera, given.shape, given.warping, joining).warped
+        has_alpha = taken.picture.kind.has_alpha
+        shown = on_screen(seen, has_alpha=has_alpha, background=given.background)
+        return as_levels(shown), seen
+
+
+def frames_elsewhere(
+    settings: FlightSettings, color: str, depth: str, threads: int
+) -> Callable[[int], Levels]:
+    """Return the function that makes frames without depth, for workers."""
+    footage = footage_of(color, depth)
+    if footage is None:
+        raise ValueError(f"{color} is not a film any more")
+    warping = settings.warping.model_copy(update={"threads": threads})
+    flight = FilmFlight(settings._replace(warping=warping), footage)
+    return lambda n: flight.frame(n)[0]
+
+
+def flight_shots(settings: FlightSettings, footage: Footage, depths: DepthFrames | None) -> Shots:
+    """Return the frames of a flight, that also write depth if requested."""
+    flight = FilmFlight(settings, footage)
+
+    def frame(n: int) -> Levels:
+        levels, seen = flight.frame(n)
+        if depths is not None:
+            depths.write(n, seen.depth)
+        return levels
+
+    eye, meaning = settings.reader.eye, settings.reader.meaning
+    job = {
+        "source": footage.fingerprint,
+        "camera": [eye.model_dump(), meaning.model_dump()],
+        "size": list(settings.shape),
+        "choices": settings.warping.model_dump(exclude={"threads"}),
+        "background": list(settings.background),
+        "version": installed_version(),
+        "path": fingerprint(np.stack(settings.poses)),
+        "intrinsics": camera_words(settings.camera),
+        "ranges": None if settings.ranges.ends is None else [*map(list, settings.ranges.ends)],
+        **({} if depths is None else {"depth": depths.job}),
+    }
+    shots = Shots(len(settings.poses), frame, job)
+    return shots if depths is None else shots._replace(has_more=depths.holds)
+
+
+def write_flight(
+    footage: Footage, reader: DepthReader, warping: DepthWarping, depths: DepthFrames | None,
+    output: Path, travel: Travel, target: TargetCamera, filming: FilmInput, behind: Background,
+    sharing: Sharing, *, resume: bool,
+) -> None:  # fmt: skip
+    """Write a film of a camera that moves in a film."""
+    footage.check_apart(output)
+    if footage.frames.has_tracks:
+        say(f"{footage.color}: sound and subtitles are not copied to a film that plays it anew")
+    if depths is not None:
+        footage.check_apart(depths.folder)
+    ranges = ranges_of(Session(), footage, reader, filming)
+    taken = with_depth(footage, reader, ranges)(0)
+    shape = target.shape(taken.shape)
+    check_memory(taken.views, shape, output, sharing.workers or 0)
+    camera = target.camera_model(taken.camera, taken.shape, reader.eye.convention)
+    distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
+    frames = len(footage) if travel.frames is None else travel.frames
+    poses = poses_of(travel.path, frames, travel.amount, camera.world_to_camera, distance)
+    settings = FlightSettings(reader, ranges, warping, shape, behind, poses, camera)
+    shots = flight_shots(settings, footage, depths)
+    again = partial(frames_elsewhere, settings, footage.color, footage.depth)
+    fps = filming.fps or len(footage) / sum(footage.frames.seconds)
+    with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
+        write_shared(output, shots, again, crew, fps=fps, resume=resume)

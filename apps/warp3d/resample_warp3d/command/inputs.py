@@ -43,7 +43,6 @@ from resample_warp3d.depth.refining.conditioning import (
 from resample_warp3d.depth.refining.inspecting import is_sharpened
 from resample_warp3d.depth.refining.resizing import fitted
 from resample_warp3d.projection_models import CameraModel, taken_by
-from resample_warp3d.registering import registered
 from resample_warp3d.types import DepthImage
 
 NUMBERS = (".npy", ".npz", ".pfm", ".bin")  # suffixes of arrays
@@ -191,6 +190,8 @@ def view_of(
     if meaning.confidence is not None:
         nearness = confident(nearness, meaning.confidence, meaning.least_confidence)
     if meaning.depth_intrinsics is not None:
+        from resample_warp3d.warping import registered
+
         _check_known(nearness, depth)
         nearness = registered(nearness, depth_camera, camera, shape)
     image = _depth_image(picture, names, nearness, reader.is_soft)

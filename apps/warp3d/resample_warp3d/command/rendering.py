@@ -17,7 +17,6 @@ from resample.console import say
 from resample.files.animations import fingerprint
 from resample.lazy import installed_version
 from resample.types import Floats
-from resample_warp3d.command.animation import on_screen
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs, bytes_of_source
 from resample_warp3d.depth.preparation import sourced
@@ -283,6 +282,20 @@ def film_of(
         "version": installed_version(),
     }
     return CameraFilm(viewed, screen, job)
+
+
+def on_screen(warped: Warped, *, has_alpha: bool, background: Background) -> Floats:
+    """Return a warped picture (H, W, 3) as a screen shows it, 0..1."""
+    channels = warped.image.shape[2] - has_alpha
+    if channels not in (1, 3):
+        raise ValueError(f"a picture of {channels} channels; gray and RGB ones can be shown")
+    from resample.measuring.compare import shown
+
+    image = warped.image
+    if not has_alpha:
+        coverage = np.clip(warped.coverage, 0.0, 1.0)[..., None]
+        image = np.concatenate([image, coverage], axis=2, dtype=np.float32)
+    return shown(image, background)
 
 
 def joining_of(taken: Inputs, joint: Joint, *, unmixed: bool = False) -> "Joining | None":

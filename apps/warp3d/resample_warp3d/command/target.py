@@ -185,7 +185,7 @@ class Aim(TargetCamera):
 
     def step(self) -> "Doubles":
         """Return the pose of the moved and turned camera, relative to the initial one."""
-        from resample_warp3d.command.animation import stepped
+        from resample_warp3d.projection_models import stepped
 
         move = [0.0, 0.0, 0.0] if self.move is None else numbers_in("move", self.move, 3)
         turn = [0.0, 0.0, 0.0] if self.turn is None else numbers_in("turn", self.turn, 3)

@@ -28,12 +28,12 @@ from resample.files.saving import tell_empty, write_picture
 from resample.files.sequences import FILMS, READ
 from resample.files.writing import check_targets, replacing
 from resample.messages import one_line
-from resample_warp3d.command.choices import Extras
-from resample_warp3d.command.filming.choices import Batch, FilmFormat, FilmInput
-from resample_warp3d.command.filming.depth_model import DepthModel
-from resample_warp3d.command.filming.films import FilmTarget, stereo_film
-from resample_warp3d.command.filming.footage import (
+from resample_warp3d.command.choices import Batch, Extras, FilmFormat, FilmInput
+from resample_warp3d.command.depths import names_folder
+from resample_warp3d.command.films import FilmTarget, stereo_film
+from resample_warp3d.command.footage import (
     WHOLE,
+    DepthModel,
     EstimatedSeries,
     Footage,
     files_in,
@@ -47,12 +47,10 @@ from resample_warp3d.command.inputs import (
     read_views,
     rectified_of,
 )
-from resample_warp3d.command.layouts import marks_of
-from resample_warp3d.command.numbered import names_folder
 from resample_warp3d.command.parallax import PairDepth, Parallax, StereoWarping
 from resample_warp3d.command.rendering import check_memory, mention_holes, prepared
 from resample_warp3d.command.source import SourceCamera
-from resample_warp3d.command.stereo import StereoRendering
+from resample_warp3d.command.stereo import StereoRendering, marks_of
 from resample_warp3d.command.writing import check_extras, write_extras
 from resample_warp3d.depth.files import read_depth
 
