@@ -379,10 +379,13 @@ def render(
             sure = trusted(rendered, source, equation)
     near = rendered.nearness
     depth = np.divide(1.0, near, out=np.full(shape, np.inf, np.float32), where=near > 0)
+    # A surface that the source saw at a grazing angle counts as magnified, too.
+    shared = np.maximum(rendered.magnification, np.float32(1))  # pixels that share one sample
+    trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))
+    confidence = np.asarray(rendered.coverage * trust / shared, np.float32) * sure
     return Warped(
-        rendered.image, rendered.coverage, depth, holes, rendered.magnification,
-        confidence_of(rendered) * sure,
-    )  # fmt: skip
+        rendered.image, rendered.coverage, depth, holes, rendered.magnification, confidence
+    )
 
 
 def is_usable(equation: Equation) -> bool:
@@ -392,18 +395,6 @@ def is_usable(equation: Equation) -> bool:
         return False
     largest = np.abs(matrix).max()
     return bool(largest > 0.0 and abs(np.linalg.det(matrix / largest)) > 1e-15)
-
-
-def confidence_of(rendered: Rendered) -> Floats:
-    """Return how well samples support each pixel, 0..1.
-
-    The coverage, divided by the number of pixels that share one sample, and halved where a gap was
-    filled. A surface that the source saw at a grazing angle counts as magnified, too. The trust of
-    refined depth, from `filling.trusted`, is a further factor.
-    """
-    shared = np.maximum(rendered.magnification, np.float32(1))
-    trust = np.where(rendered.bridged, np.float32(0.5), np.float32(1))
-    return np.asarray(rendered.coverage * trust / shared, np.float32)
 
 
 def painted_beyond(
@@ -416,12 +407,23 @@ def painted_beyond(
             " parallel rays use the method hybrid"
         )
     look: PassageMethod = method if pixel is None else partial(filtered, method, pixel)
-    if not isinstance(passage.target, Equirectangular):
+    target = passage.target
+    if not isinstance(target, Equirectangular):
         return look(source, passage, shape)
     check_panorama(shape)
-    whole = _halves(look, source, passage, shape)
+    # Paint the panorama in two halves, so that no cell is cut by the seam.
+    height, width = shape
+    first, half = width // 4, width // 2
+    whole, shifted = empty(shape, source.color.shape[2]), np.eye(3)
+    shifted[0, 2] = MARGIN - first
+    for turned in (0, 1):
+        way = Passage(passage.source, target.turned(turned * math.pi), shape)
+        part = look(source, way.in_frame(shifted), (height, half + 2 * MARGIN))
+        columns = (np.arange(first, first + half) + turned * half) % width
+        for into, each in zip(whole, part, strict=True):
+            into[:, columns] = each[:, MARGIN:-MARGIN]
     reaches = poles_rows(passage, method.sheet(source))
-    most = MOST_ROWS if not isinstance(passage.target, StereoPanorama) else 0.5 - MERGED[1] / 180.0
+    most = MOST_ROWS if not isinstance(target, StereoPanorama) else 0.5 - MERGED[1] / 180.0
     for reach, is_upper in zip(reaches, (True, False), strict=True):
         wanted = max(LEAST_ROWS, REACHES * reach)
         rows = max(1, min(wanted, int(most * shape[0])))
@@ -430,11 +432,7 @@ def painted_beyond(
 
 
 def holes_beyond(rendered: Rendered, source: Source, passage: Passage) -> NDArray[np.uint8]:
-    """Classify each pixel, (H, W) values of `Hole`.
-
-    A hole is assumed to be as far as the farther of its two sides in its row, an empty row as far
-    as the farthest point of the nearest row that is not empty.
-    """
+    """Classify each pixel, (H, W) values of `Hole`, as `sheet.filling.explained` does."""
     shape = rendered.coverage.shape[0], rendered.coverage.shape[1]
     holes = np.zeros(shape, np.uint8)
     is_empty = np.logical_not(rendered.coverage > 0)
@@ -482,25 +480,6 @@ def _last_known(nearness: Floats) -> Floats:
     width = nearness.shape[1]
     at = np.where(np.isfinite(nearness), np.arange(width), 0)
     return np.take_along_axis(nearness, np.maximum.accumulate(at, axis=1), axis=1)
-
-
-def _halves(look: PassageMethod, source: Source, passage: Passage, shape: Shape) -> Rendered:
-    """Paint a panorama in two halves, so that no cell is cut by the seam."""
-    height, width = shape
-    first, half = width // 4, width // 2
-    whole = empty(shape, source.color.shape[2])
-    target = passage.target
-    for turned in (0, 1):
-        if not isinstance(target, Equirectangular):
-            raise TypeError("only panoramas are turned")
-        way = Passage(passage.source, target.turned(turned * math.pi), shape)
-        shifted = np.eye(3)
-        shifted[0, 2] = MARGIN - first
-        part = look(source, way.in_frame(shifted), (height, half + 2 * MARGIN))
-        columns = (np.arange(first, first + half) + turned * half) % width
-        for into, each in zip(whole, part, strict=True):
-            into[:, columns] = each[:, MARGIN:-MARGIN]
-    return whole
 
 
 def _cap(method: Hybrid, source: Source, passage: Passage, whole: Rendered, rows: int) -> None:

@@ -1,11 +1,10 @@
 """A camera that moves in a picture or film with depth, frame by frame."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -62,14 +61,11 @@ class Range:
 
 @dataclass(frozen=True)
 class NearbyPath:
-    """A closed path near a camera that keeps looking at the median distance.
-
-    `amount`: its size, relative to the near distance; None: the path's in `AMOUNTS`.
-    """
+    """A closed path near a camera that keeps looking at the median distance."""
 
     path: str = "sway"
     frames: int = FRAMES
-    amount: float | None = None
+    amount: float | None = None  # relative to the near distance; None: the path's in `AMOUNTS`
 
     def __post_init__(self) -> None:
         if self.path not in PATHS:
@@ -131,18 +127,22 @@ def poses_of(
 
 
 def shots(
-    poses: Sequence[Doubles],
-    camera: CameraModel,
-    render: Callable[[CameraModel], Floats],
-    job: Mapping[str, object],
-) -> Shots:
-    """Return the frames of a path."""
+    poses: Sequence[Doubles], camera: CameraModel, film: CameraFilm,
+    depths: DepthFrames | None = None,
+) -> Shots:  # fmt: skip
+    """Return the frames of a path, whose depth is also written if requested."""
+    render, screen, job = film
 
     def frame(n: int) -> Levels:
-        return as_levels(render(camera.moved(poses[n])))
+        seen = render(camera.moved(poses[n]))
+        if depths is not None:
+            depths.write(n, seen.depth)
+        return as_levels(screen(seen))
 
-    path, intrinsics = fingerprint(np.stack(poses)), camera_words(camera)
-    return Shots(len(poses), frame, {**job, "path": path, "intrinsics": intrinsics})
+    job = {**job, "path": fingerprint(np.stack(poses)), "intrinsics": camera_words(camera)}
+    if depths is None:
+        return Shots(len(poses), frame, job)
+    return Shots(len(poses), frame, {**job, "depth": depths.job}, has_more=depths.holds)
 
 
 def camera_words(camera: CameraModel) -> list[str]:
@@ -163,93 +163,39 @@ def frames_of(
     """Return the function that makes frames without depth; raises as `read_views` does."""
     warping = warping.model_copy(update={"threads": threads})
     film = film_of(Session(), read_views(*files), shape, warping, background)
-    return shots(poses, camera, film.frame, film.job).frame
+    return shots(poses, camera, film).frame
 
 
-def shots_with_depth(
-    poses: Sequence[Doubles], camera: CameraModel, film: CameraFilm, depths: DepthFrames | None
-) -> Shots:
-    """Return the frames of a path, as `shots` does, that also write depth if requested."""
-    if depths is None:
-        return shots(poses, camera, film.frame, film.job)
+def flight_frames(
+    footage: Footage, reader: DepthReader, ranges: DepthRanges, warping: DepthWarping,
+    shape: tuple[int, int], background: Background, poses: Sequence[Doubles], camera: CameraModel,
+) -> Callable[[int], tuple[Levels, Warped]]:  # fmt: skip
+    """Return the function that makes a frame of a flight, which shows the film again and again."""
+    session = Session()
+    sources = FilmSources(session, footage, with_depth(footage, reader, ranges), ranges, warping)
 
-    def frame(n: int) -> Levels:
-        seen = film.render(camera.moved(poses[n]))
-        depths.write(n, seen.depth)
-        return as_levels(film.screen(seen))
-
-    made = shots(poses, camera, film.frame, {**film.job, "depth": depths.job})
-    return made._replace(frame=frame, has_more=depths.holds)
-
-
-class FlightSettings(NamedTuple):
-    """What the frames of a flight through a film depend on besides the film."""
-
-    reader: DepthReader
-    ranges: DepthRanges
-    warping: DepthWarping
-    shape: tuple[int, int]  # height and width, px
-    background: Background
-    poses: Sequence[Doubles]
-    camera: CameraModel
-
-
-class FilmFlight:
-    """Renderer of the frames of a flight through a film; a longer flight shows the film again."""
-
-    def __init__(self, settings: FlightSettings, footage: Footage) -> None:
-        read = with_depth(footage, settings.reader, settings.ranges)
-        self._settings, self._session, self._count = settings, Session(), len(footage)
-        self._sources = FilmSources(self._session, footage, read, settings.ranges, settings.warping)
-
-    def frame(self, n: int) -> tuple[Levels, Warped]:
-        """Return a frame as a screen shows it, and its warp."""
-        given = self._settings
-        taken, sources = self._sources.prepared(n % self._count)
-        camera, joining = given.camera.moved(given.poses[n]), joining_of(taken, Joint.usual())
-        seen = joined(self._session, sources, camera, given.shape, given.warping, joining).warped
+    def frame(n: int) -> tuple[Levels, Warped]:
+        taken, ready = sources.prepared(n % len(footage))
+        moved, joining = camera.moved(poses[n]), joining_of(taken, Joint.usual())
+        seen = joined(session, ready, moved, shape, warping, joining).warped
         has_alpha = taken.picture.kind.has_alpha
-        shown = on_screen(seen, has_alpha=has_alpha, background=given.background)
-        return as_levels(shown), seen
+        return as_levels(on_screen(seen, has_alpha=has_alpha, background=background)), seen
+
+    return frame
 
 
 def frames_elsewhere(
-    settings: FlightSettings, color: str, depth: str, threads: int
-) -> Callable[[int], Levels]:
+    color: str, depth: str, reader: DepthReader, ranges: DepthRanges, warping: DepthWarping,
+    shape: tuple[int, int], background: Background, poses: Sequence[Doubles], camera: CameraModel,
+    threads: int,
+) -> Callable[[int], Levels]:  # fmt: skip
     """Return the function that makes frames without depth, for workers."""
     footage = footage_of(color, depth)
     if footage is None:
         raise ValueError(f"{color} is not a film any more")
-    warping = settings.warping.model_copy(update={"threads": threads})
-    flight = FilmFlight(settings._replace(warping=warping), footage)
-    return lambda n: flight.frame(n)[0]
-
-
-def flight_shots(settings: FlightSettings, footage: Footage, depths: DepthFrames | None) -> Shots:
-    """Return the frames of a flight, that also write depth if requested."""
-    flight = FilmFlight(settings, footage)
-
-    def frame(n: int) -> Levels:
-        levels, seen = flight.frame(n)
-        if depths is not None:
-            depths.write(n, seen.depth)
-        return levels
-
-    eye, meaning = settings.reader.eye, settings.reader.meaning
-    job = {
-        "source": footage.fingerprint,
-        "camera": [eye.model_dump(), meaning.model_dump()],
-        "size": list(settings.shape),
-        "choices": settings.warping.model_dump(exclude={"threads"}),
-        "background": list(settings.background),
-        "version": installed_version(),
-        "path": fingerprint(np.stack(settings.poses)),
-        "intrinsics": camera_words(settings.camera),
-        "ranges": None if settings.ranges.ends is None else [*map(list, settings.ranges.ends)],
-        **({} if depths is None else {"depth": depths.job}),
-    }
-    shots = Shots(len(settings.poses), frame, job)
-    return shots if depths is None else shots._replace(has_more=depths.holds)
+    warping = warping.model_copy(update={"threads": threads})
+    frame = flight_frames(footage, reader, ranges, warping, shape, background, poses, camera)
+    return lambda n: frame(n)[0]
 
 
 def write_flight(
@@ -271,9 +217,30 @@ def write_flight(
     distance = Range.of(np.concatenate([view.image.nearness.ravel() for view in taken.views]))
     frames = len(footage) if travel.frames is None else travel.frames
     poses = poses_of(travel.path, frames, travel.amount, camera.world_to_camera, distance)
-    settings = FlightSettings(reader, ranges, warping, shape, behind, poses, camera)
-    shots = flight_shots(settings, footage, depths)
-    again = partial(frames_elsewhere, settings, footage.color, footage.depth)
+    settings = reader, ranges, warping, shape, behind, poses, camera
+    make = flight_frames(footage, *settings)
+
+    def frame(n: int) -> Levels:
+        levels, seen = make(n)
+        if depths is not None:
+            depths.write(n, seen.depth)
+        return levels
+
+    job: dict[str, object] = {
+        "source": footage.fingerprint,
+        "camera": [reader.eye.model_dump(), reader.meaning.model_dump()],
+        "size": list(shape),
+        "choices": warping.model_dump(exclude={"threads"}),
+        "background": list(behind),
+        "version": installed_version(),
+        "path": fingerprint(np.stack(poses)),
+        "intrinsics": camera_words(camera),
+        "ranges": None if ranges.ends is None else [*map(list, ranges.ends)],
+        **({} if depths is None else {"depth": depths.job}),
+    }
+    shots = Shots(len(poses), frame, job)
+    shots = shots if depths is None else shots._replace(has_more=depths.holds)
+    again = partial(frames_elsewhere, footage.color, footage.depth, *settings)
     fps = filming.fps or len(footage) / sum(footage.frames.seconds)
     with appearing(depths, resume=resume), at_work(sharing, warping.threads) as crew:
         write_shared(output, shots, again, crew, fps=fps, resume=resume)

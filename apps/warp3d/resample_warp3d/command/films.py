@@ -76,10 +76,7 @@ class DepthRanges(NamedTuple):
 def ranges_of(
     session: Session, footage: Footage, reader: DepthReader, filming: FilmInput
 ) -> DepthRanges:
-    """Find the range of relative depth for each picture of a film, and report it.
-
-    Without alignment there is one range for all pictures, to avoid pumping.
-    """
+    """Find and report the range of relative depth for each picture; unaligned, one for all."""
     if not reader.meaning.is_relative:
         return DepthRanges(None)
     each: list[Ends] = []
@@ -115,14 +112,11 @@ def ranges_of(
 
 
 def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> ReadInputs:
-    """Return the function that reads a picture of a film with its depth; warns of doubt once.
-
-    Whether small maps are soft, and how they are enlarged, is decided by a shot's first picture.
-    """
+    """Return the function that reads a picture of a film with its depth; warns of doubt once."""
     if reader.meaning.confidence is not None:
         raise ValueError("--confidence is of one picture; leave it out for films")
 
-    softness: dict[int, bool] = {}  # by first picture
+    softness: dict[int, bool] = {}  # of small maps, by a shot's first picture
 
     def read(n: int) -> Inputs:
         first, names = ranges.first_of(n), footage.names(n)
@@ -138,8 +132,7 @@ def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> Re
         taken = inputs_of(own, footage.pictures[n], footage.depths[n], names)
         softness.setdefault(first, False)
         if n == 0:
-            for view in taken.views[:1]:
-                mention_doubt(own, view, names[1])
+            mention_doubt(own, taken.views[0], names[1])
         return taken
 
     return read
@@ -156,10 +149,7 @@ def rectified(footage: Footage, scale: float | None) -> ReadInputs:
 
 @dataclass
 class FilmSources:
-    """Pictures of a film as sources.
-
-    The refinement chosen for a shot's first picture is used for all of the shot.
-    """
+    """Pictures of a film as sources; a shot's first picture chooses the refinement for all."""
 
     session: Session
     footage: Footage
@@ -176,10 +166,7 @@ class FilmSources:
     _steps: list[float | None] = field(default_factory=list, init=False)
 
     def inputs(self, n: int) -> Inputs:
-        """Read a picture; refuse one of another size than the first that was read.
-
-        Relative depth is kept steady, for which all pictures of the shot before it are read, too.
-        """
+        """Read a picture, and those of the shot before it, by which relative depth is steadied."""
         extent = self.ranges.extent
         if extent is None:
             return self._checked(n)
@@ -187,22 +174,20 @@ class FilmSources:
         if self._last is not None and start <= self._last[0] <= n:
             start, taken = self._last[0] + 1, self._last[1]
         for each in range(start, n + 1):
-            taken = self._kept_steady(each, extent)
+            taken = self._checked(each)
+            if each in self.ranges.starts:
+                self._steady = [SteadyDepth(extent) for _ in taken.views]
+                self._steps = [view.step for view in taken.views]
+            views = []
+            for view, steady, step in zip(taken.views, self._steady, self._steps, strict=True):
+                nearness = steady.added(view.image.color, view.image.nearness)
+                image = view.image._replace(nearness=nearness)
+                views.append(view._replace(image=image, step=step))
+            taken = taken._replace(views=views)
             self._last = each, taken
         if taken is None:
             raise IndexError(n)
         return taken
-
-    def _kept_steady(self, n: int, extent: float) -> Inputs:
-        taken = self._checked(n)
-        if n in self.ranges.starts:
-            self._steady = [SteadyDepth(extent) for _ in taken.views]
-            self._steps = [view.step for view in taken.views]
-        views = []
-        for view, steady, step in zip(taken.views, self._steady, self._steps, strict=True):
-            nearness = steady.added(view.image.color, view.image.nearness)
-            views.append(view._replace(image=view.image._replace(nearness=nearness), step=step))
-        return taken._replace(views=views)
 
     def _checked(self, n: int) -> Inputs:
         taken = self.read(n)
@@ -231,36 +216,14 @@ class FilmSources:
 
 @dataclass(frozen=True)
 class FilmTarget:
-    """Where a film is written to.
+    """Where a film is written to, which is not the film that it is made of."""
 
-    Parameters
-    ----------
-    path
-        Film, animation or TIFF; folder for numbered .png files; or a name with a star for the
-        frame's number, such as `moved/*.exr`.
-    footage
-        The film it is made of.
-    options
-        How pictures are written.
-    coding
-        How films are encoded.
-    marks
-        What players have to know of two eyes.
-    resume
-        Whether an interrupted run is continued; None: nothing of one is kept.
-
-    Raises
-    ------
-    ValueError, OSError
-        The target is none of these, or would replace the film it is made of.
-    """
-
-    path: Path
-    footage: Footage
+    path: Path  # film, animation or TIFF; folder for numbered .png files; or a name with a star
+    footage: Footage  # film that it is made of
     options: WriteOptions
     coding: FilmCoding = PLAIN
     marks: StereoMarks = UNMARKED
-    resume: bool | None = None
+    resume: bool | None = None  # whether a run is continued; None: nothing of one is kept
 
     @cached_property
     def files(self) -> NumberedFiles | None:
@@ -288,11 +251,7 @@ class FilmTarget:
         check_output(Path(self.files.name), self.options)
 
     def write(self, pictures: Callable[[int], Iterable[Picture]], job: Mapping[str, Any]) -> None:
-        """Write the pictures that a function gives from a number on.
-
-        Films and folders can be resumed, the former if the job is the same; of other files nothing
-        is left if a picture cannot be made.
-        """
+        """Write the pictures that a function gives from a number on, or go on with the same job."""
         if self.files is None and not self._is_film:
             write_frames(self.path, pictures(0), self.footage.frames, self.options)
             return
@@ -313,10 +272,7 @@ def render_film(
     footage: Footage, output: Path, options: WriteOptions, filming: FilmInput, extras: Extras,
     others: Mapping[str, bool], reader: DepthReader, aim: Aim, warping: DepthWarping,
 ) -> None:  # fmt: skip
-    """Write a film from another viewpoint, and its depth if requested.
-
-    `others`: whether further options that are for pictures are given.
-    """
+    """Write a film from another viewpoint; `others`: which options for pictures are given."""
     for name in ("holes", "coverage", "export", *others):
         if others.get(name, getattr(extras, name, None)):
             raise ValueError(f"--{name} is for pictures, not for films")
@@ -357,11 +313,7 @@ def stereo_film(
     session: Session, target: FilmTarget, filming: FilmInput, reader: DepthReader | None,
     stereo: StereoRendering, disparity_scale: float | None, job: Mapping[str, Any],
 ) -> None:  # fmt: skip
-    """Write a film for two eyes.
-
-    `reader`: of depth; None: disparity of a rectified pair, in `disparity_scale` values per px.
-    `job`: JSON values that the pictures depend on, to continue an interrupted run.
-    """
+    """Write a film for two eyes; without a reader depth is the disparity of a rectified pair."""
     target.check()
     footage, ranges = target.footage, DepthRanges(None)
     if reader is None:

@@ -91,10 +91,26 @@ class DepthModel:
         """Return the depth of pictures of one size, in the network's numbers and at its size."""
         import cv2
 
-        mean, spread = self._levels
-        small = [self._reduced(picture) for picture in pictures]
-        array = np.stack([(each - mean) / spread for each in small]).transpose(0, 3, 1, 2)
-        form, count = self.session.get_inputs()[0], len(pictures)
+        (mean, spread), form, count = self._levels, self.session.get_inputs()[0], len(pictures)
+        about = self.session.get_modelmeta().custom_metadata_map
+        shorter = self.choice.model_size or int(about.get("size", SHORTER))
+        small = []  # at the network's size
+        for picture in pictures:
+            channels = slice(3) if picture.data.shape[2] > 2 else [0, 0, 0]
+            color = np.ascontiguousarray(picture.data[..., channels], np.float32)
+            height, width = color.shape[:2]
+            scale = shorter / min(height, width)
+            rows, columns = (
+                given
+                if isinstance(given, int)
+                else max(1, round(side * scale / MULTIPLE)) * MULTIPLE
+                for given, side in zip(form.shape[2:], (height, width), strict=True)
+            )
+            way = cv2.INTER_AREA if rows * columns < height * width else cv2.INTER_CUBIC
+            light = cv2.resize(color, (columns, rows), interpolation=way)
+            shown = np.asarray(to_srgb(np.clip(light, 0.0, 1.0)), np.float32)
+            small.append((shown - mean) / spread)
+        array = np.stack(small).transpose(0, 3, 1, 2)
         if isinstance(form.shape[0], int) and form.shape[0] > count:
             array = np.concatenate([array, np.repeat(array[-1:], form.shape[0] - count, axis=0)])
         kind = np.float16 if form.type == "tensor(float16)" else np.float32
@@ -109,24 +125,6 @@ class DepthModel:
         if abs(size[0] / width - 1.0) < SQUEEZED:
             return list(maps)
         return [cv2.resize(each, size, interpolation=cv2.INTER_LINEAR) for each in maps]
-
-    def _reduced(self, picture: Picture) -> Floats:
-        """Return the levels (h, w, 3) of a picture at the network's size, 0..1."""
-        import cv2
-
-        color = picture.data[..., :3] if picture.data.shape[2] > 2 else picture.data[..., [0, 0, 0]]
-        height, width = color.shape[:2]
-        about = self.session.get_modelmeta().custom_metadata_map
-        shorter = self.choice.model_size or int(about.get("size", SHORTER))
-        form, scale = self.session.get_inputs()[0].shape, shorter / min(height, width)
-        rows, columns = (
-            given if isinstance(given, int) else max(1, round(side * scale / MULTIPLE)) * MULTIPLE
-            for given, side in zip(form[2:], (height, width), strict=True)
-        )
-        way = cv2.INTER_AREA if rows * columns < height * width else cv2.INTER_CUBIC
-        color = np.ascontiguousarray(color, np.float32)
-        light = cv2.resize(color, (columns, rows), interpolation=way)
-        return np.asarray(to_srgb(np.clip(light, 0.0, 1.0)), np.float32)
 
 
 def opened(choice: Estimating, threads: int | None) -> DepthModel | None:
@@ -344,7 +342,12 @@ def footage_of(
 
     def opened() -> FrameSeries[Picture]:
         if files is None:
-            return DecodedSeries(taken, _as_stored if labels else lambda picture: picture)
+            if not labels:
+                return DecodedSeries(taken, lambda picture: picture)
+            by = np.float32(255.0)
+            return DecodedSeries(
+                taken, lambda p: p._replace(data=np.asarray(_levels_of(p) / by, np.float32))
+            )
         chosen = files[taken.first : taken.first + len(taken.seconds)]
         return FileSeries(chosen, read_names if labels else read_picture)
 
@@ -373,7 +376,7 @@ def footage_of(
 def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
     grays = frames_of(Path(depth))
     if grays is not None:
-        return DecodedSeries(grays, _gray_levels)
+        return DecodedSeries(grays, lambda picture: _levels_of(picture, 1)[..., 0])
     files = files_in(depth, lambda _: True)
     if files:
         return FileSeries(files, read_depth)
@@ -390,10 +393,7 @@ def _depths_of(color: str, depth: str) -> FrameSeries[Raw]:
 
 
 def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
-    """Return the files of a folder or pattern, in the order of the numbers in their names.
-
-    Result: None if it is neither. Hidden files are left out.
-    """
+    """Return the files, but hidden ones, of a folder or pattern by the numbers in their names."""
     path = Path(name)
     if path.is_dir():
         found: Iterator[Path] = path.iterdir()
@@ -409,23 +409,10 @@ def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
     )
 
 
-def _files_of(series: FrameSeries[object], name: str) -> list[Path]:
-    if isinstance(series, FileSeries):
-        return list(series.files)
-    path = Path(name)
-    return [path if path.is_file() else Path(name.rpartition(":")[0])]
-
-
 def _name_of(series: FrameSeries[object], n: int, name: str) -> str:
     return str(series.files[n]) if isinstance(series, FileSeries) else name
 
 
-def _as_stored(picture: Picture) -> Picture:
-    """Return a picture of a film with its levels as they are stored, 0..1."""
-    stored = levels(picture.data, "uint8", has_alpha=False, is_light=True)
-    return picture._replace(data=np.asarray(stored / np.float32(255.0), np.float32))
-
-
-def _gray_levels(picture: Picture) -> Raw:
-    """Return the gray levels 0..255 (H, W) of a film's picture."""
-    return levels(picture.data[..., :1], "uint8", has_alpha=False, is_light=True)[..., 0]
+def _levels_of(picture: Picture, channels: int | None = None) -> Raw:
+    """Return the levels 0..255 of a film's picture as they are stored."""
+    return levels(picture.data[..., :channels], "uint8", has_alpha=False, is_light=True)

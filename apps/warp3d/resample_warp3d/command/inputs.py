@@ -75,10 +75,7 @@ class DepthInput(NamedTuple):
     def refined(
         self, name: str, noise: float | None = None, like: RefinementChoice | None = None
     ) -> Refined:
-        """Refine the depth by the option `name`; what another camera did not see is filled.
-
-        Enlarged depth is always refined. `like`: choice of an earlier picture of the shot.
-        """
+        """Refine the depth by the option `name`, or `like` an earlier picture of the shot."""
         how = partial(
             refine, self.image, noise=noise, step=self.step, is_measured=self.is_registered,
             like=like,
@@ -220,16 +217,9 @@ def _plain_encoding(reader: DepthReader, kinds: tuple[str, ...]) -> DepthEncodin
 
 def inputs_of(reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str]) -> Inputs:
     """Make the inputs of one picture and the raw numbers of its depth; panoramas are split."""
-    if reader.eye.source_projection == "equirectangular":
-        return _taken_around(reader, picture, raw, names)
-    view = view_of(reader, picture, raw, names, None)
-    return Inputs([view], picture, reader.eye.camera_model(view.shape), view.shape)
-
-
-def _taken_around(
-    reader: DepthReader, picture: Picture, raw: Raw, names: tuple[str, str]
-) -> Inputs:
-    """Make the inputs of a panorama: its faces."""
+    if reader.eye.source_projection != "equirectangular":
+        view = view_of(reader, picture, raw, names, None)
+        return Inputs([view], picture, reader.eye.camera_model(view.shape), view.shape)
     from resample_warp3d.views.panoramas import faces
 
     shape = picture.data.shape[0], picture.data.shape[1]

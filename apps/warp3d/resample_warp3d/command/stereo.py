@@ -26,7 +26,7 @@ from resample.types import Doubles, Floats
 from resample_warp3d.command.choices import DepthWarping, Joint
 from resample_warp3d.command.inputs import DepthInput, Inputs
 from resample_warp3d.command.parallax import HALF, Parallax
-from resample_warp3d.command.rendering import Prepared, joined, joining_of, shifted
+from resample_warp3d.command.rendering import Prepared, joined, joining_of, rendered
 from resample_warp3d.command.writing import warped_picture
 from resample_warp3d.depth.equation import of_rectified
 from resample_warp3d.projection_models import CameraModel, StereoPanorama, stepped
@@ -85,8 +85,8 @@ class Eyes(NamedTuple):
         """Largest parallax, px."""
         return self.gain * max(self.near - self.zero, self.zero - self.far)
 
-    @classmethod
-    def of_pair(cls, taken: Sequence[Inputs]) -> "Eyes":
+    @staticmethod
+    def of_pair(taken: Sequence[Inputs]) -> "Eyes":
         """Return the eyes of a rectified pair; say if its disparities hardly move anything."""
         most = max(float(inputs.views[0].image.nearness.max(initial=0.0)) for inputs in taken)
         if most < SEEN:
@@ -94,10 +94,10 @@ class Eyes(NamedTuple):
                 f"the eyes see the same picture: disparities are at most {most:.2g} px; depth of "
                 "other kinds needs --depth-kind, such as relative or z"
             )
-        return cls(1.0, 0.0, near=most)
+        return Eyes(1.0, 0.0, near=most)
 
-    @classmethod
-    def of(cls, taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
+    @staticmethod
+    def of(taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
         """Choose eyes for a flat picture, or some of a film, and report them."""
         first = taken[0].views[0]
         known = np.concatenate([_known(inputs.views[0], 1.0) for inputs in taken])
@@ -113,7 +113,7 @@ class Eyes(NamedTuple):
             gain = COMFORT * width / max(near - zero, zero - far, 1e-12)
         else:
             gain = focal * choice.eye_distance
-        found = cls(gain, zero, gain / focal, far, near)
+        found = Eyes(gain, zero, gain / focal, far, near)
         viewed = 0.5 * width / math.tan(0.5 * SEEN_WIDTH)  # px
         before, behind = gain * (near - zero), gain * (far - zero)
         low, high = (math.degrees(math.atan(each / viewed)) for each in (behind, before))
@@ -126,30 +126,25 @@ class Eyes(NamedTuple):
         )
         return found
 
-    @classmethod
-    def around(cls, taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
+    @staticmethod
+    def around(taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
         """Choose parallel eyes for pictures of directions, and report them."""
-        known = np.concatenate([_known(v, _lengths(v)) for inputs in taken for v in inputs.views])
+        views, lengths = [view for inputs in taken for view in inputs.views], []
+        for view in views:
+            place = view.image.place if view.image.place.size else pixel_centers(view.shape)
+            flat = directions(view.pinhole, place)
+            lengths.append(np.sqrt(1.0 + (flat * flat).sum(axis=2)))  # of rays, over depth
+        known = np.concatenate([_known(*each) for each in zip(views, lengths, strict=True)])
         far, near = np.quantile(known, [STRAY, 1.0 - STRAY])
         usual = COMFORT_AROUND / max(near - far, 0.5 * near)
         apart = usual if choice.eye_distance is None else choice.eye_distance
         least, most = (math.degrees(apart * each) for each in (far, near))
         say(f"the eyes are {apart:.3g} apart: parallax from {least:.2f} to {most:.2f} degrees")
-        return cls(0.0, 0.0, float(apart))
-
-
-def _lengths(view: DepthInput) -> Doubles:
-    """Ray length over depth of a view's samples."""
-    place = view.image.place if view.image.place.size else pixel_centers(view.shape)
-    flat = directions(view.pinhole, place)
-    return np.asarray(np.sqrt(1.0 + (flat * flat).sum(axis=2)))
+        return Eyes(0.0, 0.0, float(apart))
 
 
 def scaled(nearness: Doubles, ends: tuple[float, float], scale: float) -> Doubles:
-    """Return nearness with more relief of what is near: shares of its range to the power 2^scale.
-
-    `ends`: nearness of the farthest and of the nearest things; 0 is unknown and stays.
-    """
+    """Return nearness with more relief of what is near: shares of its range to the 2^scale."""
     if scale == 0.0:
         return nearness
     far, near = ends
@@ -211,10 +206,8 @@ class StereoRendering:
         the new one, None if nothing is new. `taken`: with its depth staged, as the sources are.
         """
         layout = self.parallax.layout or "one"
-        if self.is_around:
-            seen, warped = self._around(session, taken, sources, eyes)
-        else:
-            seen, warped = self._flat(session, taken, sources, eyes)
+        look = self._around if self.is_around else self._flat
+        seen, warped = look(session, taken, sources, eyes)
         if layout.endswith("rgbd"):
             nearness = sources[0].source.nearness
             share = (nearness - eyes.far) / max(eyes.near - eyes.far, 1e-12)
@@ -226,19 +219,6 @@ class StereoRendering:
         else:
             whole = together(seen[0], seen[1], layout)
         return whole, seen, warped
-
-    @property
-    def _places(self) -> list[float]:
-        """Positions of flat pictures, of which one, two or a quilt are made."""
-        (left, right), layout = self.positions, self.parallax.layout or "one"
-        if layout.endswith("rgbd"):
-            return [0.0]
-        if layout == "one":
-            return [left if self.parallax.eyes == "left" else right]
-        if layout != "quilt":
-            return [left, right]
-        columns, rows = map(int, self.parallax.quilt.split("x"))
-        return list(self.fraction * np.linspace(-0.5, 0.5, columns * rows))
 
     def staged(self, taken: Inputs, eyes: Eyes) -> Inputs:
         """Return a flat picture with its depth as the options scale it, and fade it at borders."""
@@ -279,13 +259,24 @@ class StereoRendering:
     ) -> tuple[list[Picture], Warped | None]:
         """Render flat pictures; the source's own is copied, unless it has a lens."""
         view, kind, method = taken.views[0], taken.picture.kind, self.warping.built()
+        layout, places = self.parallax.layout or "one", list(self.positions)
+        if layout.endswith("rgbd"):
+            places = [0.0]
+        elif layout == "one":
+            places = places[:1] if self.parallax.eyes == "left" else places[1:]
+        elif layout == "quilt":
+            columns, rows = map(int, self.parallax.quilt.split("x"))
+            places = list(self.fraction * np.linspace(-0.5, 0.5, columns * rows))
         seen: list[Picture] = []
         warped = None
-        for position in self._places:
+        for position in places:
             picture = view.picture
             if position != 0.0 or view.image.place.size:
                 equation = of_rectified(position, eyes.gain, eyes.zero)
-                warped = shifted(session, sources[0], equation, taken.shape, self.warping, method)
+                warped = rendered(
+                    session, sources[0], equation, taken.shape, self.warping, method,
+                    with_depth=False,
+                )  # fmt: skip
                 picture = warped_picture(warped, kind, filled=self.warping.fill)
             seen.append(self._cropped(picture, eyes))
         return seen, warped
@@ -307,10 +298,7 @@ class StereoRendering:
         return [warped_picture(each, kind, filled=filled) for each in made], new
 
     def _targets(self, taken: Inputs, eyes: Eyes, layout: str, width: int) -> list[CameraModel]:
-        """Return the cameras of the left and of the right eye.
-
-        A panorama is the head's, between both eyes.
-        """
+        """Return the cameras of both eyes; a panorama is the head's, between them."""
         pose, (left, right) = taken.camera.world_to_camera, self.positions
         if layout not in HALF:
             half = 0.5 * (right - left) * eyes.apart

@@ -190,7 +190,7 @@ class DepthPainter:
             camera = target.camera_model(taken.camera, taken.shape, eye.convention)
             way = poses_of(str(file), frames, None, camera.world_to_camera, Range(1.0, 1.0))
         film = film_of(Session(), taken, size[::-1], warping, background)
-        write_film(path, shots(way, camera, film.frame, film.job), RATE, progress=progress)
+        write_film(path, shots(way, camera, film), RATE, progress=progress)
 
     def taken(self, settings: Settings) -> Inputs:
         """Return the files, read and prepared; raises as `save` does."""

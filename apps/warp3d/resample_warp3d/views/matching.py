@@ -1,7 +1,7 @@
 """Match several sources: colors by gain and bias, depths by a scale each, poses by both."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import combinations, permutations
 from typing import NamedTuple
 
@@ -94,9 +94,26 @@ def match_colors(views: Sequence[Warped], colors: str = "gain") -> Match:
     match = Match(np.ones((count, channels)), np.zeros((count, channels)))
     if colors == "none" or count < 2:
         return match
-    pairs = list(_pairs(views))
+    # Average blocks of pixels that two views share, colors (N, C) of both, and mark usable ones.
+    top, pairs = np.max([view.image.max(axis=(0, 1)) for view in views], axis=0), []
+    for first, second in combinations(range(count), 2):
+        one, other = views[first], views[second]
+        shared = (one.coverage >= WHOLE) & (other.coverage >= WHOLE)
+        far, near = (choose(one.depth, other.depth) for choose in (np.maximum, np.minimum))
+        shared &= near >= np.where(shared, far, 0) * (1.0 - SAME)
+        clear = shared[..., None] & (one.image < BRIGHT * top) & (other.image < BRIGHT * top)
+        color = _means(one, clear), _means(other, clear)
+        usable = (_blocks(clear) >= FULL) & (np.minimum(*color) > DARK * top)
+        pairs.append((first, second, color, usable))
     for channel in range(channels):
-        gain, bias = _of_channel(pairs, count, channel, has_bias=colors == "gain-bias")
+        linked = [
+            (first, second, [each[use[:, channel], channel, None] for each in color])
+            for first, second, color, use in pairs
+            if use[:, channel].sum() >= FEWEST_BLOCKS
+        ]
+        if not linked:
+            continue
+        gain, bias = _of_channel(linked, count, has_bias=colors == "gain-bias")
         if max(np.abs(np.log(gain)).max(), np.abs(bias).max()) > UNNOTICED_GAIN:
             match.gain[:, channel], match.bias[:, channel] = gain, bias
     return match
@@ -114,27 +131,30 @@ def balanced(views: Sequence[Warped], match: Match) -> list[Warped]:
     return made
 
 
-class SharedPoints(NamedTuple):
-    """Blocks of pixels that two views share."""
+def _of_channel(
+    linked: Sequence[tuple[int, int, list[Doubles]]], count: int, *, has_bias: bool
+) -> tuple[Doubles, Doubles]:
+    """Gain (V,) and bias (V,) of a channel, by colors (N, 1) that two views share.
 
-    first: int
-    second: int
-    color: tuple[Doubles, Doubles]  # (N, C) of both
-    usable: NDArray[np.bool_]  # (N, C)
-
-
-def _pairs(views: Sequence[Warped]) -> Iterator[SharedPoints]:
-    top = np.max([view.image.max(axis=(0, 1)) for view in views], axis=0)
-    for first, second in combinations(range(len(views)), 2):
+    Gains alone are found by their logarithms. With biases, views without common surfaces, also by
+    way of others, each keep a mean of their own: the errors of one half get less as it gets darker.
+    """
+    rows, right, views = [], [], np.eye(count)
+    for first, second, (color, beside) in linked:
         one, other = views[first], views[second]
-        shared = (one.coverage >= WHOLE) & (other.coverage >= WHOLE)
-        far, near = (choose(one.depth, other.depth) for choose in (np.maximum, np.minimum))
-        shared &= near >= np.where(shared, far, 0) * (1.0 - SAME)
-        clear = shared[..., None] & (one.image < BRIGHT * top) & (other.image < BRIGHT * top)
-        whole = _blocks(clear) >= FULL
-        color = _means(one, clear), _means(other, clear)
-        usable = whole & (np.minimum(*color) > DARK * top)
-        yield SharedPoints(first, second, color, usable)
+        right.append(np.zeros(len(color)) if has_bias else np.log(beside / color)[:, 0])
+        gains = color * one - beside * other if has_bias else one - other + 0.0 * color
+        rows.append(np.c_[gains, (one - other) * has_bias + 0.0 * color])
+    between = np.zeros((count, count))
+    between[tuple(np.transpose([(first, second) for first, second, _ in linked]))] = 1.0
+    parts, part = connected_components(between, directed=False)
+    sums = np.kron(np.eye(2), part == np.arange(parts)[:, None])
+    start = np.repeat([float(has_bias), 0.0], count)
+    found = solved(np.concatenate(rows), np.concatenate(right), sums, start)
+    gain = found[:count] if has_bias else np.exp(found[:count])
+    gain = np.clip(gain, 1.0 / MOST, MOST)
+    level = np.exp(sums[:parts, :count] @ np.log(gain) / sums[:parts, :count].sum(axis=1))[part]
+    return gain / level, found[count:] / level
 
 
 def _means(view: Warped, where: NDArray[np.bool_]) -> Doubles:
@@ -150,37 +170,6 @@ def _blocks(values: NDArray[np.generic]) -> Doubles:
     cut = values[: height // size * size, : width // size * size].astype(np.float64)
     shape = height // size, size, width // size, size, channels
     return np.asarray(cut.reshape(shape).mean(axis=(1, 3)).reshape(-1, channels), np.float64)
-
-
-def _of_channel(
-    pairs: Sequence[SharedPoints], count: int, channel: int, *, has_bias: bool
-) -> tuple[Doubles, Doubles]:
-    """Gain (V,) and bias (V,) of a channel.
-
-    Gains alone are found by their logarithms. With biases, views without common surfaces, also by
-    way of others, each keep a mean of their own: the errors of one half get less as it gets darker.
-    """
-    linked = [(pair, pair.usable[:, channel]) for pair in pairs]
-    linked = [(pair, use) for pair, use in linked if use.sum() >= FEWEST_BLOCKS]
-    if not linked:
-        return np.ones(count), np.zeros(count)
-    rows, right, views = [], [], np.eye(count)
-    for pair, use in linked:
-        first, second = (color[use, channel, None] for color in pair.color)
-        one, other = views[pair.first], views[pair.second]
-        right.append(np.zeros(len(first)) if has_bias else np.log(second / first)[:, 0])
-        gains = first * one - second * other if has_bias else one - other + 0.0 * first
-        rows.append(np.c_[gains, (one - other) * has_bias + 0.0 * first])
-    between = np.zeros((count, count))
-    between[tuple(np.transpose([(pair.first, pair.second) for pair, _ in linked]))] = 1.0
-    parts, part = connected_components(between, directed=False)
-    sums = np.kron(np.eye(2), part == np.arange(parts)[:, None])
-    start = np.repeat([float(has_bias), 0.0], count)
-    found = solved(np.concatenate(rows), np.concatenate(right), sums, start)
-    gain = found[:count] if has_bias else np.exp(found[:count])
-    gain = np.clip(gain, 1.0 / MOST, MOST)
-    level = np.exp(sums[:parts, :count] @ np.log(gain) / sums[:parts, :count].sum(axis=1))[part]
-    return gain / level, found[count:] / level
 
 
 def check_depths(depths: str) -> None:
@@ -300,15 +289,20 @@ def refined_poses(
     blurred less and less (Steinbruecker, Sturm, Cremers 2011). No view is known to be right, so
     their mean stays. All stay unless points that are not fitted agree better afterwards.
     """
+    import cv2
     from scipy.spatial.transform import Rotation
 
     views = [_sampled(s, m) for s, m in zip(sources, matrices, strict=True)]
     depth = np.median(np.concatenate([view.points[0][:, 2] for view in views]))
     unit = np.repeat([depth, 1.0], 3)
     given = [np.asarray(pose, np.float64) for pose in poses]
-    found, moved, soft = given, np.zeros((len(views), 6)), []
+    found, moved, soft = given, np.zeros((len(views), 6)), list[list[Floats]]()
     for blur in BLURS:
-        soft = [_blurred(view.bright, blur) for view in views]
+        soft = []  # blurred colors, and their slopes
+        for view in views:
+            color = cv2.GaussianBlur(view.bright, (0, 0), blur) if blur else view.bright
+            down, across = np.gradient(np.asarray(color))
+            soft.append([np.asarray(color), across, down])
         for _ in range(STEPS):
             pairs = _compared(views, soft, found, 0)
             if not pairs:
@@ -342,15 +336,6 @@ def _sampled(source: Source, matrix: Doubles) -> Sampled:
     )
     near = np.where(source.nearness > 0, source.nearness, np.float32(np.nan))
     return Sampled(matrix, np.asarray(bright, np.float32), near, source.slope, chosen, points)
-
-
-def _blurred(values: Floats, sigma: float) -> list[Floats]:
-    """Blur a map; also return its slopes."""
-    import cv2
-
-    soft = np.asarray(cv2.GaussianBlur(values, (0, 0), sigma)) if sigma else values
-    down, across = np.gradient(soft)
-    return [soft, across, down]
 
 
 def _compared(
