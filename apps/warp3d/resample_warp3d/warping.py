@@ -483,11 +483,7 @@ def _last_known(nearness: Floats) -> Floats:
 
 
 def _cap(method: Hybrid, source: Source, passage: Passage, whole: Rendered, rows: int) -> None:
-    """Fill rows beside a pole (negative: the lower one) from a picture of the pole.
-
-    Cells there are too distorted, and one of them contains the pole. Each pixel is the mean over
-    its square, whatever the filter.
-    """
+    """Fill rows beside a pole (negative: the lower one) from a picture of the pole."""
     height, width = whole.coverage.shape
     focal = FINE * height / math.pi
     half = math.ceil(focal * math.tan((abs(rows) + 1) * math.pi / height)) + 2

@@ -22,10 +22,7 @@ KEPT = ".depths"  # folder of finished files, until the film is complete
 
 @dataclass(frozen=True)
 class NumberedFiles:
-    """Files of a film; a star in the name stands for the frame's number.
-
-    They are written to a hidden folder and appear when the film is complete.
-    """
+    """Files of a film, which appear when it is complete; a star stands for the frame's number."""
 
     pattern: Path
     kept: str
@@ -103,10 +100,7 @@ def names_folder(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class DepthFrames:
-    """Depth files of a film; a star in the name stands for the frame's number.
-
-    They are written to a hidden folder and appear when the film is complete.
-    """
+    """Depth files of a film; a star in the name stands for the frame's number."""
 
     pattern: Path
     scale: float | None = None

@@ -138,15 +138,6 @@ def with_depth(footage: Footage, reader: DepthReader, ranges: DepthRanges) -> Re
     return read
 
 
-def rectified(footage: Footage, scale: float | None) -> ReadInputs:
-    """Return the function that reads one picture of a rectified pair's film with its disparity."""
-
-    def read(n: int) -> Inputs:
-        return rectified_of(footage.pictures[n], footage.depths[n], footage.names(n), scale)
-
-    return read
-
-
 @dataclass
 class FilmSources:
     """Pictures of a film as sources; a shot's first picture chooses the refinement for all."""
@@ -316,13 +307,17 @@ def stereo_film(
     """Write a film for two eyes; without a reader depth is the disparity of a rectified pair."""
     target.check()
     footage, ranges = target.footage, DepthRanges(None)
-    if reader is None:
-        read = rectified(footage, disparity_scale)
-    else:
+    if reader is not None:
         if reader.meaning.is_relative and not stereo.is_around:
             footage = footage.without_bars()
         ranges = ranges_of(session, footage, reader, filming)
         read = with_depth(footage, reader, ranges)
+    else:
+
+        def read(n: int) -> Inputs:
+            names = footage.names(n)
+            return rectified_of(footage.pictures[n], footage.depths[n], names, disparity_scale)
+
     film = FilmSources(session, footage, read, ranges, stereo.warping)
     surveyed = [film.read(n) for n in footage.surveyed()]
     bars = np.ones(surveyed[0].shape, bool)

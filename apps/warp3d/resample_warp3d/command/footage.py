@@ -303,7 +303,12 @@ class Footage:
 
     def names(self, n: int) -> tuple[str, str]:
         """Name of a picture and of its depth."""
-        return _name_of(self.pictures, n, self.color), _name_of(self.depths, n, self.depth)
+        both = (self.pictures, self.color), (self.depths, self.depth)
+        color, depth = (
+            str(series.files[n]) if isinstance(series, FileSeries) else name
+            for series, name in both
+        )
+        return color, depth
 
     @cached_property
     def fingerprint(self) -> str:
@@ -407,10 +412,6 @@ def files_in(name: str, is_wanted: Callable[[Path], bool]) -> list[Path] | None:
     return sorted(
         parts, key=lambda file: [(int(p) if p.isdecimal() else -1, p) for p in parts[file]]
     )
-
-
-def _name_of(series: FrameSeries[object], n: int, name: str) -> str:
-    return str(series.files[n]) if isinstance(series, FileSeries) else name
 
 
 def _levels_of(picture: Picture, channels: int | None = None) -> Raw:

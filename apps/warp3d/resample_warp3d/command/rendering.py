@@ -73,10 +73,7 @@ def prepared(
     choice: DepthWarping,
     chosen: Sequence[RefinementChoice] | None = None,
 ) -> list[Prepared]:
-    """Prepare sources for warping.
-
-    `chosen`: what was chosen for each in a shot's first picture; None: as `choice` says.
-    """
+    """Prepare sources, as options say, or as was chosen for a shot's first picture."""
     # Differences of labels have no meaning.
     is_auto, made = choice.refine == "auto", []
     name = "none" if is_auto and choice.unmixed else choice.refine

@@ -129,18 +129,20 @@ class Eyes(NamedTuple):
     @staticmethod
     def around(taken: Sequence[Inputs], choice: Parallax) -> "Eyes":
         """Choose parallel eyes for pictures of directions, and report them."""
-        views, lengths = [view for inputs in taken for view in inputs.views], []
-        for view in views:
-            place = view.image.place if view.image.place.size else pixel_centers(view.shape)
-            flat = directions(view.pinhole, place)
-            lengths.append(np.sqrt(1.0 + (flat * flat).sum(axis=2)))  # of rays, over depth
-        known = np.concatenate([_known(*each) for each in zip(views, lengths, strict=True)])
+        known = np.concatenate([_known(v, _lengths(v)) for inputs in taken for v in inputs.views])
         far, near = np.quantile(known, [STRAY, 1.0 - STRAY])
         usual = COMFORT_AROUND / max(near - far, 0.5 * near)
         apart = usual if choice.eye_distance is None else choice.eye_distance
         least, most = (math.degrees(apart * each) for each in (far, near))
         say(f"the eyes are {apart:.3g} apart: parallax from {least:.2f} to {most:.2f} degrees")
         return Eyes(0.0, 0.0, float(apart))
+
+
+def _lengths(view: DepthInput) -> Doubles:
+    """Ray length over depth of a view's samples."""
+    place = view.image.place if view.image.place.size else pixel_centers(view.shape)
+    flat = directions(view.pinhole, place)
+    return np.asarray(np.sqrt(1.0 + (flat * flat).sum(axis=2)))
 
 
 def scaled(nearness: Doubles, ends: tuple[float, float], scale: float) -> Doubles:
@@ -213,7 +215,12 @@ class StereoRendering:
             share = (nearness - eyes.far) / max(eyes.near - eyes.far, 1e-12)
             seen.append(self._cropped(shade(share, seen[0]), eyes))
         if layout == "quilt":
-            whole = tiled(seen, int(self.parallax.quilt.partition("x")[0]))
+            columns = int(self.parallax.quilt.partition("x")[0])
+            rows = [
+                np.concatenate([each.data for each in seen[start : start + columns]], axis=1)
+                for start in range(0, len(seen), columns)
+            ]
+            whole = seen[0]._replace(data=np.concatenate(rows[::-1], axis=0))
         elif layout == "one":
             whole = seen[0 if self.parallax.eyes == "left" else -1]
         else:
@@ -335,15 +342,6 @@ def marks_of(layout: str | None, *, is_panorama: bool) -> StereoMarks:
         return marks
     short = {"left-right": "_LR", "top-bottom": "_TB"}.get(marks.mode or "", "")
     return marks._replace(around="360", name=f"_360{short}")
-
-
-def tiled(views: Sequence[Picture], columns: int) -> Picture:
-    """Combine views of a quilt, from the lower left one to the upper right one."""
-    rows = [
-        np.concatenate([each.data for each in views[start : start + columns]], axis=1)
-        for start in range(0, len(views), columns)
-    ]
-    return views[0]._replace(data=np.concatenate(rows[::-1], axis=0))
 
 
 def shade(share: Floats, like: Picture) -> Picture:

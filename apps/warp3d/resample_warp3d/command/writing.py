@@ -60,10 +60,7 @@ def _colored(light: Floats) -> Picture:
 
 
 def warped_picture(warped: Warped, kind: Kind, *, filled: bool) -> Picture:
-    """Return a warped picture with its coverage as opacity, unless it has alpha.
-
-    A `filled` picture has no coverage to show.
-    """
+    """Return a picture with its coverage as opacity, unless it has alpha or is `filled`."""
     image = np.asarray(warped.image, np.float32)
     if kind.has_alpha or filled:
         return Picture(image, kind)
@@ -108,10 +105,7 @@ def check_holes(path: Path) -> None:
 
 
 def write_holes(path: Path, holes: NDArray[np.uint8]) -> None:
-    """Write the causes of holes as a palette PNG with the numbers of `Hole`.
-
-    Covered pixels are transparent; the other colors are `HOLE_COLORS`.
-    """
+    """Write the causes of holes as a palette PNG with the numbers of `Hole`."""
     from PIL import Image
 
     check_holes(path)
@@ -188,10 +182,7 @@ def write_geometry(path: Path, source: Source, camera: Camera, shape: Shape = "m
 
 
 def mesh(source: Source, camera: Camera, *, textured: bool = False) -> "trimesh.Trimesh":
-    """Triangles between linked samples, front sides to the camera.
-
-    Their colors are sRGB, of the vertices or, `textured`, of a texture.
-    """
+    """Triangles between linked samples, front sides to the camera, in sRGB or textured."""
     import trimesh
 
     triangle = triangles(source)

@@ -142,11 +142,7 @@ def bridged(rendered: Rendered) -> Rendered:
 
 
 def explained(rendered: Rendered, source: Source, equation: Equation) -> NDArray[np.uint8]:
-    """Classify each pixel, (H, W) values of `Hole`.
-
-    A hole is assumed to be as far as the farther of its neighbours in its row; an empty row as far
-    as the farthest point of the nearest row that is not empty.
-    """
+    """Classify each pixel, (H, W) values of `Hole`; a hole is as far as its farther side."""
     from resample_warp3d.sheet.kernels.bridging import explain_holes
 
     holes = np.empty(rendered.coverage.shape, np.uint8)

@@ -91,10 +91,7 @@ def feather(shown: Mask) -> Floats:
 
 
 def angle_share(view: Warped, source: Camera, target: CameraModel) -> Floats:
-    """Return a view's weight 0..1 by the angle between its rays and the target's.
-
-    An error of a source's depth displaces its colors in proportion to that angle.
-    """
+    """Return a view's weight 0..1 by the angle between its rays and the target's."""
     relative = target.world_to_camera @ np.linalg.inv(source.world_to_camera)
     eye = relative[:3, 3]
     shape = view.coverage.shape[0], view.coverage.shape[1]
@@ -180,11 +177,7 @@ def merge(
 def _surface(
     views: Sequence[Warped], nearness: Floats, shares: Sequence[Floats], blend: Blend
 ) -> tuple[NDArray[np.bool_], list[Floats]]:
-    """Find the nearest surface of several views (V, H, W).
-
-    Returns where each shows it, and its image, coverage, nearness, magnification and confidence,
-    (H, W[, C]); all 0 where there is none.
-    """
+    """Find the nearest surface of views (V, H, W): where each shows it, and its mean."""
     solid = np.stack([view.coverage >= SOLID for view in views])
     front = np.where(solid, nearness, 0).max(axis=0)
     is_front = (nearness >= front * (1.0 - SAME)) & (nearness > 0)
@@ -237,7 +230,11 @@ def outvoted(
         for m, source in enumerate(sources):
             if m == n or source.place.size:
                 continue
-            balance += vote(source, *led_back(equations[m], point, nearness.flat[asked]))
+            way, near = equations[m], nearness.flat[asked]
+            if isinstance(way, Passage):
+                balance += vote(source, *way.back(point, near))
+            else:
+                balance += vote(source, *warp_places(inverse(way), point, near))
         out = np.zeros(view.coverage.shape, np.bool_)
         out.flat[asked[balance <= 0]] = True
         cleared = {}
@@ -248,13 +245,6 @@ def outvoted(
                 cleared[name] = np.where(out, np.float32(0), getattr(view, name))
         kept.append(view._replace(**cleared))
     return kept
-
-
-def led_back(way: Way, place: Doubles, nearness: Doubles) -> tuple[Doubles, Doubles]:
-    """Map a target's places (N, 2) px to the source, with their nearness there."""
-    if isinstance(way, Passage):
-        return way.back(place, nearness)
-    return warp_places(inverse(way), place, nearness)
 
 
 def vote(source: Source, place: Doubles, nearness: Doubles) -> NDArray[np.int64]:
