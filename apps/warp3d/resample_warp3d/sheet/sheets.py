@@ -35,6 +35,7 @@ AROUND = 10  # samples around the made-up ones used for their colors
 CLASSES = 6  # of far sides by nearness, so that near ones do not hide farther ones
 
 Mask = NDArray[np.bool_]
+FarSides = tuple[Floats, Floats, Mask, Mask, NDArray[np.int64]]  # of `_one_class`
 NEIGHBOURS = ((RIGHT, 0, 1), (DOWN, 1, 0), (LEFT, 0, -1), (UP, -1, 0))
 
 
@@ -166,11 +167,7 @@ def background(source: Source, reach: float = REACH) -> Source | None:
     far = far_sides(source)
     if not far.any():
         return None
-    # Split far sides into classes by nearness.
-    limits = np.quantile(source.nearness[far], np.linspace(0, 1, CLASSES + 1)[1:-1])
-    member = np.searchsorted(limits, source.nearness, side="right")
-    parts = [far & (member == n) for n in range(CLASSES)]
-    classes = [_one_class(source, part, reach * max(far.shape)) for part in parts if part.any()]
+    classes = _classes(source, far, reach * max(far.shape))
     away = np.stack([np.where(behind, distance, np.inf) for distance, _, behind, *_ in classes])
     first, hidden = away.argmin(axis=0), np.isfinite(away).any(axis=0)
     if not hidden.any():
@@ -226,9 +223,15 @@ def far_sides(source: Source) -> Mask:
     return found
 
 
-def _one_class(
-    source: Source, far: Mask, most: float
-) -> tuple[Floats, Floats, Mask, Mask, NDArray[np.int64]]:
+def _classes(source: Source, far: Mask, most: float) -> list[FarSides]:
+    """Split far sides into classes by nearness."""
+    limits = np.quantile(source.nearness[far], np.linspace(0, 1, CLASSES + 1)[1:-1])
+    member = np.searchsorted(limits, source.nearness, side="right")
+    chosen = [far & (member == n) for n in range(CLASSES)]
+    return [_one_class(source, each, most) for each in chosen if each.any()]
+
+
+def _one_class(source: Source, far: Mask, most: float) -> FarSides:
     """Extrapolate the far sides of one class behind their silhouettes.
 
     Returns (H, W) each: the distance to the nearest sample at a silhouette; the nearness of its
