@@ -321,9 +321,8 @@ def render(
     source
         Result of `preparation.prepare`; one serves any number of targets.
     equation
-        Result of `equation.between` or `equation.of_rectified`; or of
-        `wide.passages.mapping_between`, whose targets may have a lens, be panoramas or parallel,
-        for the method hybrid.
+        Result of `equation.between` or `equation.of_rectified`; or of `mapping_between`, whose
+        targets may have a lens, be panoramas or parallel, for the method hybrid.
     shape
         Height and width of the target, px.
     method, threads, filter
